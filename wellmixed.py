@@ -1,0 +1,70 @@
+"""The front door: one command whose parts live in the rooms and are loaded only when they are asked for."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+# name -> (module, attribute, the line that `--help` shows)
+COMMANDS = {
+    "simulate": ("mechsim.cli", "simulate", "Run the mechanics: cubes in an agitated tank."),
+    "calibrate": ("calibration.cli", "calibrate", "Measure the reaction rates in mechanics runs."),
+    "predict": ("kinetics.cli", "predict", "Predict the assembly as a Markov chain."),
+    "passage": ("kinetics.cli", "passage", "Time until the first copy of a species appears."),
+    "validate": ("calibration.cli", "validate", "Compare prediction and mechanics the rates never saw."),
+    "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
+    "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
+    "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
+}
+
+
+class LazyCommand(click.Command):
+    """A command known by its help line; its room is imported when it runs or shows its own help."""
+
+    def __init__(self, name: str, module: str, attribute: str, help_line: str):
+        super().__init__(name, help=help_line, add_help_option=False)
+        self.source = (module, attribute)
+
+    def load(self) -> click.Command:
+        """Import the real command."""
+        module, attribute = self.source
+        return getattr(importlib.import_module(module), attribute)
+
+    def make_context(self, info_name, args, parent=None, **extra):
+        """Hand over to the real command."""
+        return self.load().make_context(info_name, args, parent=parent, **extra)
+
+
+class FrontDoor(click.Group):
+    """Turns a user's mistake into one message and exit code 2, and Ctrl-C into exit code 130."""
+
+    def invoke(self, ctx: click.Context):
+        """Run the chosen command."""
+        try:
+            with ctx:
+                return super().invoke(ctx)
+        except (ValueError, OSError) as error:
+            if ctx.params.get("debug"):
+                raise
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(2)
+        except KeyboardInterrupt:
+            click.echo("Interrupted: what was finished is kept; the same command goes on from there.", err=True)
+            ctx.exit(130)
+
+
+@click.group(cls=FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option("0.1.0", prog_name="wellmixed")
+@click.option("--debug", is_flag=True, help="Show the whole traceback of an error.")
+def main(debug: bool) -> None:
+    """Kinetics and Markov modelling of self-assembly, calibrated on rigid-body mechanics."""
+    del debug
+
+
+for _name, (_module, _attribute, _help) in COMMANDS.items():
+    main.add_command(LazyCommand(_name, _module, _attribute, _help))
+
+if __name__ == "__main__":
+    sys.exit(main())
