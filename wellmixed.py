@@ -51,7 +51,9 @@ class FrontDoor(click.Group):
             click.echo(f"Error: {error}", err=True)
             ctx.exit(2)
         except KeyboardInterrupt:
-            click.echo("Interrupted: what was finished is kept; the same command goes on from there.", err=True)
+            click.echo(
+                "Interrupted: what was finished is kept; the same command goes on from there.", err=True
+            )
             ctx.exit(130)
 
 
