@@ -1,0 +1,79 @@
+"""Arrays from outside: checked once for shape, kind and range, then set read-only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+def integers(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: int | None = None) -> Ints:
+    """A read-only int64 copy of `values`.
+
+    shape : expected lengths, None where any length will do
+    minimum : smallest value allowed
+    Whole floats are taken; fractions, NaN and numbers beyond 2**63 - 1 are refused.
+    """
+    given = _numeric(name, values, shape)
+    if given.dtype.kind == "f":
+        bad = given[~(np.isfinite(given) & (given == np.rint(given)))]
+        if bad.size:
+            raise ValueError(f"{name} must be whole numbers; {bad.flat[0]} is not one")
+    # 2**63 as a float is just too large for an int64, and numpy would wrap it without a word.
+    if given.size and given.dtype.kind != "i" and (given.max() >= 2.0**63 or given.min() < -(2.0**63)):
+        raise ValueError(f"{name} holds {given.flat[np.abs(given).argmax()]}; the largest count is 2**63 - 1")
+    checked = given.astype(np.int64)
+    if minimum is not None and checked.size and checked.min() < minimum:
+        raise ValueError(f"{name} holds {checked.min()}; expected at least {minimum}")
+    return read_only(checked)
+
+
+def reals(
+    name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: float | None = None
+) -> Floats:
+    """A read-only float64 copy of `values`, all finite and none below `minimum`."""
+    checked = _numeric(name, values, shape).astype(np.float64)
+    bad = checked[~np.isfinite(checked)]
+    if bad.size:
+        raise ValueError(f"{name} holds {bad.flat[0]}; expected finite numbers")
+    if minimum is not None and checked.size and checked.min() < minimum:
+        raise ValueError(f"{name} holds {checked.min()}; expected at least {minimum:g}")
+    return read_only(checked)
+
+
+def rising_times(times: ArrayLike, strictly: bool = True) -> Floats:
+    """A read-only (T,) array of finite times >= 0 in rising order."""
+    checked = reals("times", times, (None,), minimum=0)
+    steps = np.diff(checked)
+    if np.any(steps <= 0 if strictly else steps < 0):
+        where = int(np.argmax(steps <= 0 if strictly else steps < 0))
+        raise ValueError(f"times must rise; {checked[where + 1]:g} comes after {checked[where]:g}")
+    return checked
+
+
+def read_only(array: Any) -> Any:
+    """The same array, closed for writing."""
+    array.setflags(write=False)
+    return array
+
+
+def _numeric(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
+    try:
+        given = np.array(values)
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{name} is not an array of numbers: {error}") from None
+    if given.size == 0:
+        given = given.astype(np.int64)
+    if given.dtype.kind not in "iufb":
+        raise ValueError(f"{name} must be numbers; {str(values)[:80]} came")
+    fits = given.ndim == len(shape) and all(
+        want in (None, length) for want, length in zip(shape, given.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise ValueError(f"{name} has shape {given.shape}; expected ({wanted})")
+    return given
