@@ -1,0 +1,219 @@
+"""Structures: rigid groups of cubes on the cubic lattice, compared up to rotation and translation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, IntArray, compose, scheme_of, turned
+
+Position = tuple[int, int, int]
+
+# Plain tuples: looking up single numbers in NumPy arrays costs ten times as much.
+NORMALS: tuple[Position, ...] = tuple((int(x), int(y), int(z)) for x, y, z in FACE_NORMALS)
+_MATRICES = ROTATIONS.reshape(-1, 9).tolist()
+_COMPOSE = compose.tolist()
+_TURNED = turned.tolist()
+_FACE_TOWARDS = [[row.index(direction) for direction in range(6)] for row in _TURNED]
+# The four rotations that turn direction d_b (of b's lattice) into d_a: one a twist about it.
+_TURNING = [
+    [[r for r in range(24) if _TURNED[r][towards_b] == towards_a] for towards_b in range(6)] for towards_a in range(6)
+]
+
+
+class Placement(NamedTuple):
+    """A lattice put into another: position -> rotation @ position + translation."""
+
+    rotation: int
+    translation: Position
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Cubes that hold together; cubes that touch are bonded.
+
+    positions : lattice places, all different, connected through faces
+    rotations : index into ROTATIONS, from the cube's own frame to the structure's
+    letters : the state of each cube
+    """
+
+    positions: tuple[Position, ...]
+    rotations: tuple[int, ...]
+    letters: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.positions)
+        if n == 0 or len(self.rotations) != n or len(self.letters) != n:
+            raise ValueError(
+                f"a structure needs at least one cube and as many rotations and letters as positions; got {n} "
+                f"positions, {len(self.rotations)} rotations, {len(self.letters)} letters"
+            )
+        if len(self.places) != n:
+            twice = next(p for p in self.positions if self.positions.count(p) > 1)
+            raise ValueError(f"two cubes overlap at {twice}; every cube needs its own lattice place")
+        if not all(0 <= r < 24 for r in self.rotations):
+            raise ValueError(f"rotations are {self.rotations}; each must be an index from 0 to 23")
+        if len(self._reach(0)) != n:
+            raise ValueError(f"the cubes at {self.positions} do not all hang together through faces")
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __str__(self) -> str:
+        """`b(0,0,0) c(0,0,1)`: letters and places, for messages."""
+        cubes = zip(self.letters, self.positions, strict=True)
+        return " ".join(f"{letter}({x},{y},{z})" for letter, (x, y, z) in cubes)
+
+    @cached_property
+    def places(self) -> dict[Position, int]:
+        """Lattice place -> cube."""
+        return {position: cube for cube, position in enumerate(self.positions)}
+
+    @cached_property
+    def _adjacent(self) -> tuple[tuple[int, ...], ...]:
+        at = self.places.get
+        around = ([at((x + u, y + v, z + w)) for u, v, w in NORMALS] for x, y, z in self.positions)
+        return tuple(tuple(cube for cube in six if cube is not None) for six in around)
+
+    @cached_property
+    def bonds(self) -> tuple[tuple[int, int], ...]:
+        """Pairs (i, j), i < j, of touching cubes, sorted."""
+        return tuple((i, j) for i, six in enumerate(self._adjacent) for j in sorted(six) if i < j)
+
+    def neighbours(self, cube: int) -> tuple[int, ...]:
+        """The cubes bonded to `cube`."""
+        return self._adjacent[cube]
+
+    def cube_at(self, position: Position) -> int | None:
+        """The cube at a lattice place, or None."""
+        return self.places.get(position)
+
+    def faced(self, cube: int, face: int) -> Position:
+        """The lattice place in front of a cube's own face."""
+        return self._beside(cube, _TURNED[self.rotations[cube]][face])
+
+    def face_towards(self, cube: int, position: Position) -> int:
+        """The cube's own face that looks at the lattice place beside it."""
+        x, y, z = self.positions[cube]
+        step = (position[0] - x, position[1] - y, position[2] - z)
+        if step not in NORMALS:
+            raise ValueError(f"{position} is not beside cube {cube} at {(x, y, z)}")
+        return _FACE_TOWARDS[self.rotations[cube]][NORMALS.index(step)]
+
+    def open_faces(self) -> list[tuple[int, int]]:
+        """All (cube, own face) with nothing in front, in order."""
+        return [
+            (cube, face) for cube in range(len(self)) for face in range(6) if self.faced(cube, face) not in self.places
+        ]
+
+    def sides(self, i: int, j: int) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+        """The cubes on i's and on j's side of their bond; None where a loop holds the two together."""
+        if j not in self._adjacent[i]:
+            raise ValueError(f"cubes {i} and {j} do not touch; bonds are {self.bonds}")
+        near = self._reach(i, without=j)
+        if j in near:
+            return None
+        return tuple(sorted(near)), tuple(cube for cube in range(len(self)) if cube not in near)
+
+    def part(self, members: Sequence[int]) -> Structure:
+        """Some of the cubes, where they are."""
+        return Structure(
+            tuple(self.positions[cube] for cube in members),
+            tuple(self.rotations[cube] for cube in members),
+            tuple(self.letters[cube] for cube in members),
+        )
+
+    def moved(self, placement: Placement) -> Structure:
+        """The same structure in the lattice it is placed into."""
+        turn = _COMPOSE[placement.rotation]
+        places = tuple(_place(placement, position) for position in self.positions)
+        return Structure(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
+
+    def with_letters(self, letters: Sequence[str]) -> Structure:
+        """The same cubes in other states."""
+        return Structure(self.positions, self.rotations, tuple(letters))
+
+    def canonical(self, scheme: str) -> Structure:
+        """The one representative of all structures that look the same under a face scheme.
+
+        The smallest, over the 24 rotations, of the sorted list of (position, reduced rotation, letter),
+        with the bounding box at the origin. Mirror images are different structures.
+        """
+        return _canonical(self, scheme)[0]
+
+    def symmetry_number(self, scheme: str) -> int:
+        """How many of the 24 rotations map the structure onto itself, as far as the scheme can see."""
+        return _canonical(self, scheme)[1]
+
+    def _beside(self, cube: int, direction: int) -> Position:
+        (x, y, z), (u, v, w) = self.positions[cube], NORMALS[direction]
+        return x + u, y + v, z + w
+
+    def _reach(self, start: int, without: int = -1) -> set[int]:
+        """The cubes that hang together with `start`, its own bond to `without` not counted."""
+        reached = {start}
+        fresh = [cube for cube in self._adjacent[start] if cube != without]
+        while fresh:
+            cube = fresh.pop()
+            if cube not in reached:
+                reached.add(cube)
+                fresh.extend(self._adjacent[cube])
+        return reached
+
+
+def placements(
+    a: Structure, i: int, face_i: int, b: Structure, j: int, face_j: int
+) -> tuple[Placement, Placement, Placement, Placement]:
+    """The four ways (one a twist) to put b into a's lattice so that face_j of b's cube j meets face_i of a's cube i."""
+    towards_b = _TURNED[a.rotations[i]][face_i] ^ 1  # j's face looks back at i
+    target = a.faced(i, face_i)
+    first, second, third, fourth = (
+        _put(b.positions[j], rotation, target) for rotation in _TURNING[towards_b][_TURNED[b.rotations[j]][face_j]]
+    )
+    return first, second, third, fourth
+
+
+def _put(position: Position, rotation: int, target: Position) -> Placement:
+    """The placement with that rotation that takes `position` to `target`."""
+    x, y, z = _place(Placement(rotation, (0, 0, 0)), position)
+    return Placement(rotation, (target[0] - x, target[1] - y, target[2] - z))
+
+
+def _place(placement: Placement, position: Position) -> Position:
+    a, b, c, d, e, f, g, h, k = _MATRICES[placement.rotation]
+    (x, y, z), (u, v, w) = position, placement.translation
+    return a * x + b * y + c * z + u, d * x + e * y + f * z + v, g * x + h * y + k * z + w
+
+
+@lru_cache(maxsize=8)
+def _reduced_compose(scheme: str) -> IntArray:
+    """[r, s]: what is seen of a cube's rotation s after the whole structure is turned by r."""
+    return scheme_of(scheme).reduced[compose]
+
+
+@lru_cache(maxsize=1 << 14)
+def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
+    """Canonical form and symmetry number. All 24 turned copies at once, every cube coded as one integer."""
+    places = ROTATIONS @ np.array(structure.positions).T  # (24, 3, n)
+    places -= places.min(axis=2, keepdims=True)
+    span = int(places.max()) + 1
+    alphabet = sorted(set(structure.letters))
+    letters = np.array([alphabet.index(letter) for letter in structure.letters])
+    seen = _reduced_compose(scheme)[:, structure.rotations]  # (24, n)
+    codes = (places[:, 0] * span + places[:, 1]) * span + places[:, 2]
+    codes = (codes * 24 + seen) * len(alphabet) + letters
+    codes.sort(axis=1)
+    copies = codes.tolist()
+    smallest = min(copies)
+    cubes = []
+    for code in smallest:
+        rest, letter = divmod(code, len(alphabet))
+        rest, rotation = divmod(rest, 24)
+        rest, z = divmod(rest, span)
+        cubes.append(((*divmod(rest, span), z), rotation, alphabet[letter]))
+    positions, rotations, names = zip(*cubes, strict=True)
+    return Structure(positions, rotations, names), copies.count(smallest)
