@@ -32,9 +32,7 @@ def integers(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimu
     return read_only(checked)
 
 
-def reals(
-    name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: float | None = None
-) -> Floats:
+def reals(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: float | None = None) -> Floats:
     """A read-only float64 copy of `values`, all finite and none below `minimum`."""
     checked = _numeric(name, values, shape).astype(np.float64)
     bad = checked[~np.isfinite(checked)]

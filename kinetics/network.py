@@ -67,9 +67,7 @@ class Network:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         if self.combinations not in COMBINATIONS:
-            raise ValueError(
-                f"combinations = {self.combinations!r}; expected one of {', '.join(COMBINATIONS)}"
-            )
+            raise ValueError(f"combinations = {self.combinations!r}; expected one of {', '.join(COMBINATIONS)}")
         self._check_no_overdraft()
         object.__setattr__(self, "conserved", self._checked_laws())
 
@@ -154,26 +152,19 @@ class Network:
         return f"{self._side(self.reactants[r])} -> {self._side(products)}"
 
     def _side(self, copies: Ints) -> str:
-        terms = [
-            name if n == 1 else f"{n} {name}" for n, name in zip(copies, self.species, strict=True) if n
-        ]
+        terms = [name if n == 1 else f"{n} {name}" for n, name in zip(copies, self.species, strict=True) if n]
         return " + ".join(terms) or "0"
 
     def _headline(self) -> str:
         laws = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        return (
-            f"{len(self.species)} species, {len(self.channels)} channels; "
-            f"{self.combinations} combinations{laws}"
-        )
+        return f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations{laws}"
 
     def __str__(self) -> str:
         return f"{self._headline()}\n{text_table(('channel', 'reaction', 'N', 'k (1/tu)'), self.rows())}"
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{title}</th>" for title in ("channel", "reaction", "N", "k (1/tu)"))
-        body = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows()
-        )
+        body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows())
         return f"<p>{html.escape(self._headline())}</p><table><tr>{head}</tr>{body}</table>"
 
 
@@ -204,7 +195,7 @@ def _names(what: str, names: Sequence[str]) -> tuple[str, ...]:
         raise ValueError(f"{what} must be non-empty names; {checked} came")
     doubled = {name for name in checked if checked.count(name) > 1}
     if doubled:
-        raise ValueError(f"{what} has {sorted(doubled)[0]!r} twice; every name must differ")
+        raise ValueError(f"{what} has {min(doubled)!r} twice; every name must differ")
     return checked
 
 

@@ -37,7 +37,7 @@ class JumpPath:
     times: Floats
     channels: Ints
     end: float
-    open_channels: NDArray[np.bool_] | None = None
+    open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
@@ -49,10 +49,8 @@ class JumpPath:
             raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
         if self.times.size and self.times[-1] > self.end:
             raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
-        if self.open_channels is None:
-            is_open = np.ones(n_channels, dtype=bool)
-        else:
-            is_open = np.array(self.open_channels)
+        given = np.ones(n_channels, dtype=bool) if self.open_channels is None else self.open_channels
+        is_open = np.array(given)
         if is_open.shape != (n_channels,) or is_open.dtype != bool:
             raise ValueError(f"open_channels must be {n_channels} truth values, one a channel")
         object.__setattr__(self, "open_channels", read_only(is_open))
@@ -85,8 +83,8 @@ class JumpPath:
         restarts = np.flatnonzero(self.channels == RESTART) + 1
         last = np.zeros(self.channels.size + 1, dtype=np.int64)
         last[restarts] = restarts
-        gained = total - np.where((np.maximum.accumulate(last) > 0)[:, None], total[np.maximum.accumulate(last)], 0)
-        return read_only(self.initial + gained)
+        last = np.maximum.accumulate(last)  # row 0, without any gain, where there was none yet
+        return read_only(self.initial + total - total[last])
 
     def at(self, times: ArrayLike) -> Ints:
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kinetics.arrays import Floats
-from kinetics.config import Settings, find, read_toml, validated
+from kinetics.config import MAX_BYTES, Settings, find, read_toml, validated
 from kinetics.network import Network
 
 SHIPPED = Path(__file__).parent / "rate_tables"
@@ -73,17 +72,23 @@ class Rates(Settings):
         import tomli_w
 
         target = Path(path)
-        text = tomli_w.dumps(self.model_dump(exclude_none=True))
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
+            content = tomli_w.dumps(self.model_dump(exclude_none=True)).encode()
+        except TypeError as error:
+            raise ValueError(f"the evidence of {target} does not fit into TOML: {error}") from None
+        if len(content) > MAX_BYTES:
+            raise ValueError(
+                f"{target} would have {len(content)} bytes; at most {MAX_BYTES} can be read back; shorten the evidence"
+            )
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+        try:
+            with temporary.open("wb") as file:
+                file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
-            Path(temporary).replace(target)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
 
     def apply(self, network: Network) -> Network:
         """`network` with this file's rates, ways and combinations.

@@ -1,0 +1,56 @@
+"""Chemical kinetics as Markov chains: reaction networks, their rates, and what they predict.
+
+The names below are imported when they are first used, so that `import kinetics` stays light.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinetics.methods import Direct, Transient, sample_path, simulate, solve
+    from kinetics.methods.passage import Passage, first_passage
+    from kinetics.network import Network
+    from kinetics.paths import RESTART, Ensemble, JumpPath
+    from kinetics.prediction import Prediction, predict
+    from kinetics.rates import ChannelRate, Convention, Rates
+    from kinetics.states import StateSpace, reachable
+
+_HOMES = {
+    "kinetics.methods": ("Direct", "Transient", "sample_path", "simulate", "solve"),
+    "kinetics.methods.passage": ("Passage", "first_passage"),
+    "kinetics.network": ("Network",),
+    "kinetics.paths": ("RESTART", "Ensemble", "JumpPath"),
+    "kinetics.prediction": ("Prediction", "predict"),
+    "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
+    "kinetics.states": ("StateSpace", "reachable"),
+}
+
+__all__ = [
+    "RESTART",
+    "ChannelRate",
+    "Convention",
+    "Direct",
+    "Ensemble",
+    "JumpPath",
+    "Network",
+    "Passage",
+    "Prediction",
+    "Rates",
+    "StateSpace",
+    "Transient",
+    "first_passage",
+    "predict",
+    "reachable",
+    "sample_path",
+    "simulate",
+    "solve",
+]
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(importlib.import_module(module), name)
+    raise AttributeError(f"module 'kinetics' has no attribute {name!r}")
