@@ -1,0 +1,36 @@
+"""What an effect is: settings a scene lists, and the hooks they become in a running world."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from kinetics.config import Settings
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+
+class Action:
+    """An effect at work in one world; override only the hooks it needs. Hooks not overridden are never called."""
+
+    def before_step(self) -> None:
+        """Act on velocities before the engine moves the bodies."""
+
+    def after_step(self) -> None:
+        """Look at what the step did: contacts, new poses."""
+
+    def after_reset(self) -> None:
+        """Forget the past: the cubes have just been placed anew."""
+
+
+class Effect(Settings):
+    """One physical influence, as a scene describes it. Without it in the scene its physics is absent.
+
+    A new effect is one file with a subclass whose `effect` field is its name, and one line in `effects.EFFECTS`.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ()  # names of effects it cannot act without
+
+    def attach(self, world: World) -> Action:
+        """Build what the effect needs in this world."""
+        raise NotImplementedError

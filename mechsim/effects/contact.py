@@ -1,0 +1,30 @@
+"""Contact between cubes: they push each other, with restitution and friction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from mechsim.effects.base import Action, Effect
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+
+class Contact(Effect):
+    """Collisions of cubes with each other. Without this effect cubes pass through one another (walls still hold them).
+
+    restitution : ratio of speeds after and before a collision, 0 to 0.9 (the engine gains energy near 1)
+    friction : Coulomb's coefficient
+    Both hold between any two surfaces, the walls' included.
+    """
+
+    effect: Literal["contact"] = "contact"
+    restitution: float = Field(default=0.3, ge=0, le=0.9)
+    friction: float = Field(default=0.3, ge=0)
+
+    def attach(self, world: World) -> Action:
+        """Let cubes collide; the engine multiplies the values of the two surfaces, so each gets the square root."""
+        world.surface(self.restitution**0.5, self.friction**0.5, collide=True)
+        return Action()

@@ -1,0 +1,76 @@
+"""Quadratic drag of the fluid on the external faces of the cubes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field
+
+from kinetics.assembly import FACE_NORMALS
+from mechsim.effects.base import Action, Effect
+from mechsim.kernels.motion import drag
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+# Centres of the eight sub-cubes, in half edges from the cube's centre: +-1/2 on each axis.
+_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+class Drag(Effect):
+    """f = 1/2 Cd rho A |u - v| (u - v) at each drag point (paper, eq. 4), one semi-implicit step a body.
+
+    coefficient : Cd, 1.05 for a cube
+    fluid_density : rho, 1 in the paper's units
+    points : "sub-cubes" - the eight of the paper, each of area (edge/2)^2 times the uncovered share of its three faces;
+        "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
+    """
+
+    effect: Literal["drag"] = "drag"
+    coefficient: float = Field(default=1.05, gt=0)
+    fluid_density: float = Field(default=1.0, gt=0)
+    points: Literal["sub-cubes", "sub-faces"] = "sub-cubes"
+
+    def attach(self, world: World) -> Action:
+        """Lay out the drag points of every cube."""
+        return _Dragging(self, world)
+
+
+def drag_points(points: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places (P, 3) in edges from the cube's centre, and each face's share (P, 6) of a point's area of (edge/2)^2."""
+    if points == "sub-cubes":
+        # Each corner shows one quarter of three faces; one third of its area belongs to each.
+        share = (np.einsum("pk,fk->pf", _CORNERS, FACE_NORMALS) > 0) / 3.0
+        return _CORNERS / 2.0, share
+    corner, face = np.nonzero(np.einsum("pk,fk->pf", _CORNERS, FACE_NORMALS) > 0)
+    place = _CORNERS[corner] / 2.0
+    normal = FACE_NORMALS[face]
+    place = np.where(normal != 0, normal / 2.0, place)
+    return place, np.eye(6)[face]
+
+
+class _Dragging(Action):
+    def __init__(self, settings: Drag, world: World):
+        self.world = world
+        self.coefficient = 0.5 * settings.coefficient * settings.fluid_density
+        self.place, self.share = drag_points(settings.points)
+        n = world.bodies.n_cubes
+        self.points = np.zeros((n, len(self.place), 3))
+        self.areas = np.zeros((n, len(self.place)))
+        world.fluid = np.zeros((n, len(self.place), 3))
+        world.on_change(self.lay_out)
+
+    def lay_out(self, slot: int) -> None:
+        """Points and uncovered areas of the cubes of a new body."""
+        bodies = self.world.bodies
+        for cube in bodies.members[slot]:
+            self.points[cube] = bodies.offset[cube] + bodies.edge * self.place @ bodies.turn[cube].T
+            self.areas[cube] = self.share @ bodies.uncovered[cube] * (bodies.edge / 2) ** 2
+
+    def before_step(self) -> None:
+        b, w = self.world.bodies, self.world
+        drag(
+            b.live, b.first, b.flat, self.points, self.areas, w.fluid,
+            b.orientation, b.velocity, b.spin, b.mass, b.inertia, self.coefficient, w.step_size,
+        )  # fmt: skip

@@ -1,0 +1,27 @@
+"""Walls of the tank."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from mechsim.effects.base import Action, Effect
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+
+class Walls(Effect):
+    """Six fixed boxes around the tank; thick, so that a fast cube is pushed back rather than passed through.
+
+    thickness : of a wall, length
+    """
+
+    effect: Literal["walls"] = "walls"
+    thickness: float = Field(default=0.5, gt=0)
+
+    def attach(self, world: World) -> Action:
+        """Build the six boxes; from now on a cube outside the tank is an escape."""
+        world.build_walls(self.thickness)
+        return Action()

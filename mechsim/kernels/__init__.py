@@ -1,0 +1,1 @@
+"""Compiled loops: arrays in, arrays out; they import numpy and numba only."""

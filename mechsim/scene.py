@@ -1,0 +1,107 @@
+"""A scene: the tank, the cubes, and the effects it calls for. Read from TOML, frozen, named by a fingerprint."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from kinetics.config import Settings, find, read_toml, validated
+from mechsim.effects import AnyEffect
+
+SCENES = Path(__file__).parent / "scenes"
+Length = Annotated[float, Field(gt=0)]
+
+
+class Units(Settings):
+    """The only units a scene may be written in: the paper's length and time, density relative to the fluid's."""
+
+    length: Literal["paper"] = "paper"
+    time: Literal["tu"] = "tu"
+    density: Literal["fluid"] = "fluid"
+
+
+class Tank(Settings):
+    """Inside of the tank. size : (x, y, z), length; the origin is its centre."""
+
+    size: tuple[Length, Length, Length]
+
+
+class Cubes(Settings):
+    """The cubes. edge : length; density : relative to the fluid (1: neutrally buoyant)."""
+
+    edge: Length
+    density: float = Field(default=1.0, gt=0)
+
+
+class Numerics(Settings):
+    """How finely the engine computes. step : tu; solver_iterations : of the engine's contact solver."""
+
+    step: float = Field(gt=0)
+    solver_iterations: int = Field(default=50, ge=1, le=1000)
+
+
+class Guard(Settings):
+    """When a run is stopped with a named reason, because its state can no longer be trusted.
+
+    max_speed : of a body, length / tu; max_turn : rotation in one step, rad (the engine caps it at pi/4)
+    """
+
+    max_speed: float = Field(default=40.0, gt=0)
+    max_turn: float = Field(default=0.7, gt=0, le=0.785)
+
+
+class Scene(Settings):
+    """Everything a mechanics run depends on, except who starts in the tank, for how long, and the seed."""
+
+    name: str = Field(min_length=1, max_length=80)
+    rules: str
+    units: Units = Units()
+    tank: Tank
+    cubes: Cubes
+    numerics: Numerics
+    guard: Guard = Guard()
+    effects: tuple[AnyEffect, ...]
+
+    @model_validator(mode="after")
+    def _effects_agree(self) -> Scene:
+        names = [e.effect for e in self.effects]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"effect {twice[0]!r} is listed twice")
+        for effect in self.effects:
+            for need in effect.needs:
+                if need not in names:
+                    raise ValueError(f"effect {effect.effect!r} needs effect {need!r}, which the scene does not list")
+        return self
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Scene:
+        """A shipped scene by name (`line4`), or the user's own TOML file."""
+        path = find(name_or_path, SCENES, "scene")
+        return validated(cls, read_toml(path), path.name)
+
+    def effect(self, name: str) -> Any | None:
+        """Settings of a listed effect, or None."""
+        return next((e for e in self.effects if e.effect == name), None)
+
+    def without(self, *names: str) -> Scene:
+        """The same scene without these effects: their physics is absent."""
+        return self.model_copy(update={"effects": tuple(e for e in self.effects if e.effect not in names)})
+
+    def changed(self, effect: str, **settings: Any) -> Scene:
+        """The same scene with other settings of one effect, validated anew."""
+        data = self.model_dump(mode="json")
+        for item in data["effects"]:
+            if item["effect"] == effect:
+                item.update(settings)
+        return validated(Scene, data, f"scene {self.name}")
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the scene's content (not of its file)."""
+        text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
