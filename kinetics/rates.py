@@ -54,11 +54,13 @@ class Rates(Settings):
     """Rates of all channels of one network.
 
     channels : channel name -> ChannelRate
+    network : fingerprint of the network they were measured for, where it was recorded
     evidence : free table: where the rates come from (scene, seeds, cost, versions, notes)
     """
 
     convention: Convention
     channels: dict[str, ChannelRate] = Field(min_length=1)
+    network: str | None = None
     evidence: dict[str, Any] = Field(default_factory=dict)
 
     @classmethod
@@ -93,7 +95,7 @@ class Rates(Settings):
     def apply(self, network: Network) -> Network:
         """`network` with this file's rates, ways and combinations.
 
-        A ValueError where the channels are not the same ones, whatever their order.
+        A ValueError where the channels are not the same ones (in whatever order), or the fingerprints differ.
         """
         missing = [name for name in network.channels if name not in self.channels]
         extra = [name for name in self.channels if name not in network.channels]
@@ -104,6 +106,11 @@ class Rates(Settings):
                 if names
             ]
             raise ValueError(f"these rates are for another network ({'; '.join(parts)})")
+        if self.network not in (None, network.fingerprint):
+            raise ValueError(
+                f"these rates are for another network: its channels have the same names, but its fingerprint is "
+                f"{self.network[:12]}, not {network.fingerprint[:12]}"
+            )
         ordered = [self.channels[name] for name in network.channels]
         return Network(
             network.species,
