@@ -1,39 +1,25 @@
 """What can stick to what: faces, structures, rule books, and the networks they make."""
 
-from __future__ import annotations
-
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-    from kinetics.assembly.rules import LivelockError, RuleBook, View
-    from kinetics.assembly.structure import Placement, Structure, placements
-
-_MODULES = {
-    "faces": ("FACE_NORMALS", "ROTATIONS", "SCHEMES", "FaceScheme", "compose", "inverse"),
-    "rules": ("LivelockError", "RuleBook", "View"),
-    "structure": ("Placement", "Structure", "placements"),
-}
-_HOME = {name: module for module, names in _MODULES.items() for name in names}
+# Not lazy: `derive` is the function here and a module below, so the function has to be bound last.
+from kinetics.assembly.derive import Derivation, derive
+from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
+from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, View
+from kinetics.assembly.structure import Placement, Structure, placements
 
 __all__ = [
     "FACE_NORMALS",
     "ROTATIONS",
     "SCHEMES",
+    "Derivation",
     "FaceScheme",
     "LivelockError",
     "Placement",
     "RuleBook",
+    "Semantics",
     "Structure",
     "View",
     "compose",
+    "derive",
     "inverse",
     "placements",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"kinetics.assembly.{_HOME[name]}"), name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -109,9 +109,6 @@ class BookFile(Settings):
     internal: tuple[Internal, ...] = ()
 
 
-RuleType = TypeVar("RuleType", bound=Rule)
-
-
 def first_that_fits(rules: Sequence[Rule], reading: dict[str, Any]) -> str | None:
     """What the first rule that fits a cube's reading (condition -> what it reads) makes of it."""
     for rule in rules:
@@ -129,7 +126,7 @@ def _fits(rule: Rule, reading: dict[str, Any]) -> bool:
     return True
 
 
-def in_order(rules: tuple[RuleType, ...], conflict: str) -> tuple[RuleType, ...]:
+def in_order(rules: tuple[Rule, ...], conflict: str) -> tuple[Rule, ...]:
     """The rules in the order in which they are tried; contradictory ones are refused."""
     if conflict == "first":
         return rules

@@ -20,6 +20,7 @@ from kinetics.assembly.conditions import (
     Combination,
     Dissociation,
     Internal,
+    Rule,
     Semantics,
     first_that_fits,
     in_order,
@@ -61,13 +62,19 @@ class RuleBook:
     combine: tuple[Combination, ...] = ()
     dissociate: tuple[Dissociation, ...] = ()
     internal: tuple[Internal, ...] = ()
+    _tried: dict[str, tuple[Rule, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _allowed: dict[tuple[View, View], bool] = field(default_factory=dict, init=False, repr=False, compare=False)
     _answers: dict[Any, str | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self._check_names()
-        for kind in ("combine", "dissociate", "internal"):
-            object.__setattr__(self, kind, in_order(getattr(self, kind), self.semantics.conflict))
+        kinds: dict[str, tuple[Rule, ...]] = {
+            "combine": self.combine,
+            "dissociate": self.dissociate,
+            "internal": self.internal,
+        }
+        for kind, rules in kinds.items():
+            self._tried[kind] = in_order(rules, self.semantics.conflict)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> RuleBook:
@@ -193,7 +200,7 @@ class RuleBook:
         """The letter that the rules of a kind give to a cube with this reading; None where no rule fits."""
         key = (kind, *reading.values())
         if key not in self._answers:
-            self._answers[key] = first_that_fits(getattr(self, kind), reading)
+            self._answers[key] = first_that_fits(self._tried[kind], reading)
         return self._answers[key]
 
     def _check_names(self) -> None:
