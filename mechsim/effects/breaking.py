@@ -12,7 +12,7 @@ from mechsim.effects.base import Action, Effect
 from mechsim.kernels.loads import bond_loads
 
 if TYPE_CHECKING:
-    from mechsim.world import Touch, World
+    from mechsim.world import World
 
 
 class Breaking(Effect):
@@ -56,7 +56,7 @@ class _Breaking(Action):
     def after_step(self) -> None:
         bodies = self.world.bodies
         hits: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
-        for touch in self.world.touches():
+        for touch in self.world.engine.touches():
             for slot, sign in ((touch.a, 1.0), (touch.b, -1.0)):
                 if slot >= 0 and len(bodies.members[slot]) > 1:
                     hits.setdefault(slot, []).append((touch.place, sign * touch.impulse))

@@ -25,6 +25,6 @@ class Contact(Effect):
     friction: float = Field(default=0.3, ge=0)
 
     def attach(self, world: World) -> Action:
-        """Let cubes collide; the engine multiplies the values of the two surfaces, so each gets the square root."""
-        world.surface(self.restitution**0.5, self.friction**0.5, collide=True)
+        """Let cubes collide."""
+        world.engine.set_surface(self.restitution, self.friction)
         return Action()

@@ -23,5 +23,6 @@ class Walls(Effect):
 
     def attach(self, world: World) -> Action:
         """Build the six boxes; from now on a cube outside the tank is an escape."""
-        world.build_walls(self.thickness)
+        world.engine.build_walls(world.half, self.thickness)
+        world.limit = world.half
         return Action()

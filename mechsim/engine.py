@@ -1,0 +1,204 @@
+"""The only door to PyBullet: rigid boxes, their contacts, one step at a time.
+
+What this module rests on, each held by a test: velocities are set and no forces used, so the velocity after a step minus the one set is
+exactly the contact impulse over the mass; a body without any contact point flew freely, so only touched bodies and compounds need to be
+read back; compounds get their own principal inertia (the engine would take their bounding box's); damping is switched off (0.04 by
+default); contact points are taken unfiltered (a filtered list flips normals but not friction directions); ids are reused at once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+from mechsim.bodies import Bodies, Shape, quaternion_of
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """PyBullet's C code prints its build time when it is imported; a command's output is its own."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+with _quiet():
+    import pybullet
+
+CUBES, WALLS = 1, 2  # collision groups
+
+
+class Touch(NamedTuple):
+    """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the opposite)."""
+
+    a: int
+    b: int
+    place: np.ndarray
+    impulse: np.ndarray
+
+
+class Engine:
+    """The engine's side of a table of bodies: one engine body a filled slot, kept in step with `bodies`.
+
+    step : tu; iterations : of the contact solver
+    """
+
+    def __init__(self, bodies: Bodies, step: float, iterations: int):
+        self.bodies, self.step_size = bodies, step
+        self._body: dict[int, int] = {}  # slot -> engine id
+        self._slot: dict[int, int] = {}  # engine id -> slot
+        self._shapes: dict[tuple[tuple[int, int, int], ...], int] = {}
+        self._walls: list[int] = []
+        self._contacts: Sequence[tuple] = ()
+        self._surface = {"restitution": 0.0, "lateralFriction": 0.0}
+        self._collides_with = WALLS
+        self.client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=step,
+            numSubSteps=0,  # with sub-steps the contact forces would be those of the last one only
+            numSolverIterations=iterations,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+
+    def close(self) -> None:
+        """Free the engine's memory."""
+        pybullet.disconnect(self.client)
+
+    def set_surface(self, restitution: float, friction: float) -> None:
+        """Let cubes collide with each other; the coefficients between any two surfaces, walls included.
+
+        The engine multiplies the values of two surfaces, so each gets the square root.
+        """
+        self._surface = {"restitution": restitution**0.5, "lateralFriction": friction**0.5}
+        self._collides_with = WALLS | CUBES
+        for wall in self._walls:
+            pybullet.changeDynamics(wall, -1, **self._surface, physicsClientId=self.client)
+
+    def build_walls(self, half: np.ndarray, thickness: float) -> None:
+        """Six fixed boxes around the space -half..half."""
+        for axis in range(3):
+            extents = (half + thickness).tolist()
+            extents[axis] = thickness / 2
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=extents, physicsClientId=self.client
+            )
+            for sign in (-1, 1):
+                place = [0.0, 0.0, 0.0]
+                place[axis] = sign * (half[axis] + thickness / 2)
+                wall = pybullet.createMultiBody(0, shape, basePosition=place, physicsClientId=self.client)
+                pybullet.setCollisionFilterGroupMask(wall, -1, WALLS, CUBES, physicsClientId=self.client)
+                pybullet.changeDynamics(wall, -1, **self._surface, physicsClientId=self.client)
+                self._walls.append(wall)
+
+    def create(self, slot: int) -> None:
+        """Make the engine's body for a slot that has just been filled."""
+        b = self.bodies
+        body = pybullet.createMultiBody(
+            float(b.mass[slot]), self._shape(b.held(slot).positions), physicsClientId=self.client
+        )
+        pybullet.changeDynamics(
+            body, -1,
+            linearDamping=0.0, angularDamping=0.0, rollingFriction=0.0, spinningFriction=0.0,
+            localInertiaDiagonal=b.inertia[slot].tolist(),
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self.client, **self._surface,
+        )  # fmt: skip
+        pybullet.setCollisionFilterGroupMask(body, -1, CUBES, self._collides_with, physicsClientId=self.client)
+        self._body[slot], self._slot[body] = body, slot
+
+    def remove(self, slot: int) -> None:
+        """Take a slot's body out. The engine gives its id to the next body, so nothing may remember it."""
+        body = self._body.pop(slot)
+        del self._slot[body]
+        pybullet.removeBody(body, physicsClientId=self.client)
+        self._contacts = [point for point in self._contacts if body not in point[1:3]]
+
+    def put(self, slot: int) -> None:
+        """Tell the engine a slot's pose and motion."""
+        b, body = self.bodies, self._body[slot]
+        pybullet.resetBasePositionAndOrientation(
+            body, b.position[slot].tolist(), b.orientation[slot].tolist(), self.client
+        )
+        pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
+
+    def step(self) -> None:
+        """Set all velocities, then let the engine find contacts, exchange impulses and move the bodies."""
+        b, body, client = self.bodies, self._body, self.client
+        reset = pybullet.resetBaseVelocity
+        for slot, v, w in zip(b.live.tolist(), b.velocity[b.live].tolist(), b.spin[b.live].tolist(), strict=True):
+            reset(body[slot], v, w, client)
+        pybullet.stepSimulation(client)
+        self._contacts = pybullet.getContactPoints(physicsClientId=client)
+
+    def near_contacts(self) -> set[int]:
+        """Slots with a contact point (touching, or within 0.02) in the last step: the only ones it may have pushed."""
+        slot = self._slot
+        return {slot[i] for point in self._contacts for i in point[1:3] if i in slot}
+
+    def read(self, slots: Iterable[int]) -> None:
+        """Take the poses and motions of these slots from the engine."""
+        b, client = self.bodies, self.client
+        pose, motion = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
+        for slot in slots:
+            body = self._body[slot]
+            b.position[slot], b.orientation[slot] = pose(body, client)
+            b.velocity[slot], b.spin[slot] = motion(body, client)
+
+    def touches(self) -> list[Touch]:
+        """Contact points of the last step that carried an impulse, in the engine's order (the same in every rerun)."""
+        found = []
+        for _, a, b, _, _, _, place, normal, _, push, rub, along, rub2, along2, *_ in self._contacts:
+            if push != 0.0:
+                force = push * np.array(normal) + rub * np.array(along) + rub2 * np.array(along2)
+                touch = Touch(self._slot.get(a, -1), self._slot.get(b, -1), np.array(place), force * self.step_size)
+                found.append(touch)
+        return found
+
+    def picture(self, width: int, height: int, view: list[float], projection: list[float]) -> np.ndarray:
+        """RGBA image (height, width, 4) by the engine's software renderer; shadows would cost sixteen times the time."""
+        image = pybullet.getCameraImage(
+            width, height, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self.client
+        )
+        return np.asarray(image[2], np.uint8).reshape(height, width, 4)
+
+    def paint(self, slot: int, rgba: tuple[float, float, float, float]) -> None:
+        """Colour of a body in pictures."""
+        pybullet.changeVisualShape(self._body[slot], -1, rgbaColor=rgba, physicsClientId=self.client)
+
+    def hide_walls(self) -> None:
+        """Make the walls see-through in pictures."""
+        for wall in self._walls:
+            pybullet.changeVisualShape(wall, -1, rgbaColor=(0, 0, 0, 0), physicsClientId=self.client)
+
+    def _shape(self, positions: tuple[tuple[int, int, int], ...]) -> int:
+        """Collision shape of cubes at these lattice places; cached, for each new compound shape leaks 9 kB."""
+        known = self._shapes.get(positions)
+        if known is None:
+            half = [self.bodies.edge / 2] * 3
+            if len(positions) == 1:
+                known = pybullet.createCollisionShape(
+                    pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
+                )
+            else:
+                shape, k = Shape.of(positions), len(positions)
+                known = pybullet.createCollisionShapeArray(
+                    shapeTypes=[pybullet.GEOM_BOX] * k,
+                    halfExtents=[half] * k,
+                    collisionFramePositions=(shape.offset * self.bodies.edge).tolist(),
+                    collisionFrameOrientations=[quaternion_of(shape.frame.T).tolist()] * k,
+                    physicsClientId=self.client,
+                )
+            if known < 0:
+                raise RuntimeError(f"the engine refused a collision shape of {len(positions)} cubes")
+            self._shapes[positions] = known
+        return known
