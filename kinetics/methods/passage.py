@@ -1,0 +1,232 @@
+"""First passage: the time until there first are so many copies of a species."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.arrays import Floats, reals
+from kinetics.methods.direct import whole_number
+from kinetics.methods.uniformisation import EPSILON, MAX_STEPS, Absorption, DiscreteChain
+from kinetics.network import Network
+from kinetics.states import MAX_STATES, reachable
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
+TRUST = 1e-10  # relative error above which elimination without subtractions takes over from sparse LU
+MAX_DENSE = 2000  # states that elimination takes on: its cost grows with their cube
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """Law of the first passage time from one state, tu.
+
+    target : what is waited for, in words
+    mean, sd : of the time; mean inf and sd nan where the target may never be reached
+    probability : of ever reaching the target
+    error : estimate of the relative error of mean, sd and probability
+    n_states : states on the way
+    chain : the uniformised chain on the way; its last state is the target
+    """
+
+    target: str
+    mean: float
+    sd: float
+    probability: float
+    error: float
+    n_states: int
+    chain: DiscreteChain = field(repr=False)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the target is reached sooner or later from wherever the chain may go."""
+        return bool(np.isfinite(self.mean))
+
+    @cached_property
+    def _absorption(self) -> Absorption:
+        return Absorption(self.chain)
+
+    def cdf(self, times: ArrayLike) -> Floats:
+        """Probability (...) that the target has been reached by `times` (...), tu."""
+        return self._law(times)[0]
+
+    def survival(self, times: ArrayLike) -> Floats:
+        """Probability (...) that it has not; summed on its own, so right also where it is tiny."""
+        return self._law(times)[1]
+
+    def _law(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        asked = np.asarray(times, dtype=float)
+        flat = reals("times", asked.ravel(), (None,), minimum=0)
+        self._check_steps(flat.max(initial=0.0))
+        pairs = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 2)
+        return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
+
+    def _check_steps(self, time: float) -> None:
+        steps = self.chain.steps_until(time, TOLERANCE)
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"the distribution of the time until {self.target} needs {steps:.3g} steps at {time:g} tu, at most "
+                f"{MAX_STEPS}; mean and sd are exact without them, and a time much longer than the single waits is "
+                f"nearly exponential"
+            )
+
+    def quantile(self, q: ArrayLike) -> Floats:
+        """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
+        asked = np.asarray(q, dtype=float)
+        if np.any(~((asked >= 0) & (asked < 1))):
+            raise ValueError(f"q = {q}; expected probabilities from 0 to below 1")
+        return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
+
+    def _quantile(self, q: float) -> float:
+        """Inverts the cdf by bisection, down to the last bit."""
+        if q >= self.probability:
+            return float("inf")
+        late = 1.0 / self.chain.rate
+        while self.cdf(late) < q:
+            late *= 2.0
+        early = 0.0
+        while True:
+            middle = 0.5 * (early + late)
+            if not early < middle < late:
+                return late if q > 0 else 0.0
+            early, late = (middle, late) if self.cdf(middle) < q else (early, middle)
+
+    def __str__(self) -> str:
+        if self.is_certain:
+            return f"time until {self.target}: mean {self.mean:.4g} tu, sd {self.sd:.4g} tu"
+        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
+
+    def plot(self, ax: Any) -> Any:
+        """Distribution function up to the 99 % quantile, with the mean; returns `ax`."""
+        from kinetics import plots
+
+        last = self._quantile(0.99 * self.probability) or 1.0
+        times = np.linspace(0.0, last, 201)
+        return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
+
+
+def first_passage(
+    network: Network,
+    initial: ArrayLike,
+    species: str,
+    copies: int = 1,
+    max_states: int = MAX_STATES,
+) -> Passage:
+    """Time from `initial` until there first are at least `copies` of a species.
+
+    Mean and variance from linear equations on the states before the target (Norris 1997, ch. 3), the distribution by
+    uniformisation. Where the chain may miss the target for good, the mean is inf and `probability` below 1.
+    """
+    index = network.index(species)
+    wanted = whole_number("copies", copies, 0)
+    target = f"{wanted} {species}"
+    space = reachable(network, initial, stop=lambda states: states[:, index] >= wanted, max_states=max_states)
+    lumped = _lump(space.generator(), space.is_stopped)
+    chain = DiscreteChain.of(lumped)
+    n = lumped.shape[0] - 1
+    if space.is_stopped[0]:
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0, chain)
+    leads_there = _leads_to_last(lumped)
+    if not leads_there[0]:
+        return Passage(target, np.inf, np.nan, 0.0, 0.0, n, chain)
+    way = np.flatnonzero(leads_there)
+    jumps = lumped[way][:, way].tocoo()
+    off = jumps.row != jumps.col
+    rows, columns, rates = jumps.row[off], jumps.col[off], jumps.data[off]
+    hits = lumped[way][:, [n]].toarray().ravel()
+    losses = np.asarray(lumped[way][:, np.flatnonzero(~leads_there)].sum(axis=1)).ravel()
+    equations = _Equations(rows, columns, rates, hits + losses)
+    if not leads_there.all():
+        reached = equations.solve(hits)
+        return Passage(target, np.inf, np.nan, float(reached[0]), equations.error, n, chain)
+    mean = equations.solve(np.ones(n))
+    # Variance of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels.
+    onward = mean - 1.0 / equations.exits
+    spread = np.bincount(rows, rates * (mean[columns] - onward[rows]) ** 2, minlength=n) + hits * onward**2
+    variance = equations.solve(1.0 / equations.exits + spread)
+    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, equations.error, n, chain)
+
+
+class _Equations:
+    """Solves exits_i x_i - sum_j rates_ij x_j = w_i, for w >= 0, on states that all find a way out.
+
+    Sparse LU first. The inverse of this matrix is positive, so its norm is known from the solution for w = 1, and with
+    it the error; where that is too large (a strong drift away from the target) elimination without subtractions
+    (Grassmann, Taksar & Heyman 1985) gives every digit.
+    """
+
+    def __init__(
+        self, rows: NDArray[np.int_], columns: NDArray[np.int_], rates: Floats, leaving: Floats
+    ) -> None:
+        from scipy.sparse import csc_array, dia_array
+        from scipy.sparse.linalg import splu
+
+        n = leaving.size
+        self.exits = np.bincount(rows, rates, minlength=n) + leaving
+        matrix = csc_array((rates, (rows, columns)), shape=(n, n))
+        try:
+            self.solve = splu(csc_array(dia_array((self.exits[None, :], [0]), shape=(n, n)) - matrix)).solve
+            longest = self.solve(np.ones(n)).max()
+            self.error = 2.0 * self.exits.max() * longest * EPSILON if longest > 0 else np.inf
+        except RuntimeError:  # singular to working precision
+            self.error = np.inf
+        if self.error > TRUST and n <= MAX_DENSE:
+            self.solve = _Elimination(matrix.toarray(), leaving).solve
+            self.error = 4.0 * n * EPSILON
+        if self.error > 1e-3:
+            raise ValueError(
+                f"the target is too remote: with {n} states on the way, more than {MAX_DENSE}, the mean time cannot be "
+                f"solved for to three digits; start nearer to the target, or from fewer copies"
+            )
+
+
+class _Elimination:
+    """State reduction: states are taken out one by one from the last, and every operation adds positive numbers."""
+
+    def __init__(self, rates: Floats, leaving: Floats) -> None:
+        n = leaving.size
+        self.rates, self.exits = rates, np.empty(n)
+        leaving = leaving.copy()
+        for k in range(n - 1, -1, -1):
+            self.exits[k] = rates[k, :k].sum() + leaving[k]
+            rates[:k, k] /= self.exits[k]
+            rates[:k, :k] += np.outer(rates[:k, k], rates[k, :k])
+            leaving[:k] += rates[:k, k] * leaving[k]
+
+    def solve(self, weights: Floats) -> Floats:
+        """x (n,) for right-hand sides `weights` (n,) >= 0."""
+        x = np.array(weights, dtype=float)
+        for k in range(x.size - 1, 0, -1):
+            x[:k] += self.rates[:k, k] * x[k]
+        for k in range(x.size):
+            x[k] = (x[k] + self.rates[k, :k] @ x[:k]) / self.exits[k]
+        return x
+
+
+def _lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:
+    """The generator with all stopped states as one last state; the initial state, unless stopped, stays first."""
+    from scipy.sparse import csr_array
+
+    n = int((~is_stopped).sum())
+    place = np.where(is_stopped, n, np.cumsum(~is_stopped) - 1)
+    entries = generator.tocoo()
+    moving = ~is_stopped[entries.row]
+    rows, columns = place[entries.row[moving]], place[entries.col[moving]]
+    return csr_array((entries.data[moving], (rows, columns)), shape=(n + 1, n + 1))
+
+
+def _leads_to_last(generator: csr_array) -> NDArray[np.bool_]:
+    """Which states (n,) before the last one have some way to it."""
+    from scipy.sparse.csgraph import breadth_first_order
+
+    n = generator.shape[0] - 1
+    found = breadth_first_order((generator.T != 0).astype(float).tocsr(), n, return_predecessors=False)
+    leads = np.zeros(n + 1, dtype=bool)
+    leads[found] = True
+    return leads[:n]
