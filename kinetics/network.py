@@ -139,13 +139,13 @@ class Network:
         """The same network with rate constants (R,) in 1/tu."""
         return replace(self, rate_constants=np.asarray(rate_constants))
 
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """Name, reaction, ways and rate constant of every channel, as text."""
-        rates = [""] * len(self.channels) if self.rate_constants is None else self.rate_constants
-        return [
-            (name, self._reaction(r), f"{ways:g}", rate if isinstance(rate, str) else f"{rate:.4g}")
-            for r, (name, ways, rate) in enumerate(zip(self.channels, self.ways, rates, strict=True))
-        ]
+    def rows(self) -> list[tuple[str, ...]]:
+        """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
+        rows = []
+        for r, name in enumerate(self.channels):
+            rate = () if self.rate_constants is None else (f"{self.rate_constants[r]:.4g}",)
+            rows.append((name, self._reaction(r), f"{self.ways[r]:g}", *rate))
+        return rows
 
     def _reaction(self, r: int) -> str:
         products = self.reactants[r] + self.stoichiometry[r]
@@ -159,13 +159,19 @@ class Network:
         laws = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
         return f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations{laws}"
 
+    def _titles(self) -> tuple[str, ...]:
+        return ("channel", "reaction", "N", "k (1/tu)")[: 3 if self.rate_constants is None else 4]
+
     def __str__(self) -> str:
-        return f"{self._headline()}\n{text_table(('channel', 'reaction', 'N', 'k (1/tu)'), self.rows())}"
+        return f"{self._headline()}\n{text_table(self._titles(), self.rows())}"
 
     def _repr_html_(self) -> str:
-        head = "".join(f"<th>{title}</th>" for title in ("channel", "reaction", "N", "k (1/tu)"))
-        body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows())
-        return f"<p>{html.escape(self._headline())}</p><table><tr>{head}</tr>{body}</table>"
+        lines = [f"<th>{title}</th>" for title in self._titles()]
+        table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in [lines, *self._html_rows()])
+        return f"<p>{html.escape(self._headline())}</p><table>{table}</table>"
+
+    def _html_rows(self) -> list[list[str]]:
+        return [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in self.rows()]
 
 
 def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -160,9 +160,11 @@ class Ensemble:
         """Standard error (T, S) of the mean."""
         return self.sd() / np.sqrt(self.runs)
 
-    def quantile(self, q: ArrayLike) -> Floats:
-        """Quantiles of the counts, shape of q + (T, S)."""
-        return np.quantile(self.counts, q, axis=0)
+    def quantile(self, q: float) -> Floats:
+        """Smallest counts (T, S) with at least a share q of the runs at or below them."""
+        if not 0 <= q <= 1:
+            raise ValueError(f"q = {q}; expected a probability")
+        return np.quantile(self.counts.astype(float), q, axis=0, method="inverted_cdf")
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a run and time: run, time in tu, counts."""
@@ -177,5 +179,5 @@ class Ensemble:
         """Means with the band that holds the middle 95 % of runs; returns `ax`."""
         from kinetics import plots
 
-        low, high = self.quantile([0.025, 0.975])
+        low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)

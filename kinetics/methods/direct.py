@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from math import factorial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +30,8 @@ class Direct:
 
     Choose it by default: for networks of up to some tens of channels no exact method is quicker.
     """
+
+    name: ClassVar[str] = "ssa"
 
     def simulate(
         self,
@@ -68,7 +72,7 @@ class Direct:
         length = max(1, min(runs // workers, 1000))
         cuts = [*range(0, runs, length), runs]
         if workers == 1 or len(cuts) == 2:
-            outcomes = [piece(begin, end) for begin, end in zip(cuts, cuts[1:], strict=False)]
+            outcomes = [piece(begin, end) for begin, end in pairwise(cuts)]
         else:
             with ThreadPoolExecutor(workers) as pool:
                 try:
@@ -80,9 +84,7 @@ class Direct:
             check_outcome(outcome, run)
         return Ensemble(network, grid, out)
 
-    def sample_path(
-        self, network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0
-    ) -> JumpPath:
+    def sample_path(self, network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""
         from kinetics.kernels import ssa
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -80,7 +81,7 @@ class Passage:
         """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
         asked = np.asarray(q, dtype=float)
         if np.any(~((asked >= 0) & (asked < 1))):
-            raise ValueError(f"q = {q}; expected probabilities from 0 to below 1")
+            raise ValueError(f"q = {asked}; expected probabilities from 0 to below 1")
         return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
 
     def _quantile(self, q: float) -> float:
@@ -161,17 +162,17 @@ class _Equations:
     (Grassmann, Taksar & Heyman 1985) gives every digit.
     """
 
-    def __init__(
-        self, rows: NDArray[np.int_], columns: NDArray[np.int_], rates: Floats, leaving: Floats
-    ) -> None:
+    def __init__(self, rows: NDArray[np.int_], columns: NDArray[np.int_], rates: Floats, leaving: Floats) -> None:
         from scipy.sparse import csc_array, dia_array
         from scipy.sparse.linalg import splu
 
         n = leaving.size
         self.exits = np.bincount(rows, rates, minlength=n) + leaving
-        matrix = csc_array((rates, (rows, columns)), shape=(n, n))
+        matrix: Any = csc_array((rates, (rows, columns)), shape=(n, n))
+        diagonal: Any = dia_array((self.exits[None, :], [0]), shape=(n, n))
+        self.solve: Callable[[Floats], Floats]
         try:
-            self.solve = splu(csc_array(dia_array((self.exits[None, :], [0]), shape=(n, n)) - matrix)).solve
+            self.solve = splu(csc_array(diagonal - matrix)).solve
             longest = self.solve(np.ones(n)).max()
             self.error = 2.0 * self.exits.max() * longest * EPSILON if longest > 0 else np.inf
         except RuntimeError:  # singular to working precision
@@ -226,7 +227,8 @@ def _leads_to_last(generator: csr_array) -> NDArray[np.bool_]:
     from scipy.sparse.csgraph import breadth_first_order
 
     n = generator.shape[0] - 1
-    found = breadth_first_order((generator.T != 0).astype(float).tocsr(), n, return_predecessors=False)
+    backwards: Any = abs(generator).T.tocsr()
+    found = breadth_first_order(backwards, n, return_predecessors=False)
     leads = np.zeros(n + 1, dtype=bool)
     leads[found] = True
     return leads[:n]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from scipy.sparse import csr_array
 
+MAX_DENSE = 1000  # states up to which a stiff chain still goes to the matrix exponential
 DENSE_TRUST = 1e-6  # a matrix exponential whose estimated error is larger than this is not handed out
 
 
@@ -109,12 +110,14 @@ class Transient:
     dense_below : with fewer states than this, scipy's matrix exponential; else uniformisation by sparse steps
     max_states : more reachable states are refused
 
-    Uniformisation makes about (largest exit rate) * (last time) steps; the matrix exponential takes stiff chains
-    too, and says by `error` how far it can be trusted.
+    Uniformisation makes about (largest exit rate) * (last time) steps. Where that is too many the matrix exponential
+    takes over, up to 1000 states, and says by `error` how far it can be trusted.
     """
 
+    name: ClassVar[str] = "exact"
+
     tolerance: float = 1e-13
-    dense_below: int = 200
+    dense_below: int = 100
     max_states: int = MAX_STATES
 
     def __post_init__(self) -> None:
@@ -131,38 +134,38 @@ class Transient:
         generator = space.generator()
         start = np.zeros(len(space))
         start[0] = 1.0
-        solution = self._dense if len(space) < self.dense_below else self._sparse
-        probabilities, error = solution(generator, start, grid)
-        return Distribution(space, grid, probabilities, error)
-
-    def _sparse(self, generator: csr_array, start: Floats, times: Floats) -> tuple[Floats, float]:
         chain = DiscreteChain.of(generator)
-        steps = chain.steps_until(times[-1], self.tolerance)
+        steps = chain.steps_until(grid[-1], self.tolerance)
+        if len(space) < self.dense_below or (steps > MAX_STEPS and len(space) <= MAX_DENSE):
+            return Distribution(space, grid, *_by_matrix_exponential(generator, start, grid))
         if steps > MAX_STEPS:
             raise ValueError(
-                f"the chain is too stiff for uniformisation: {steps:.3g} steps until {times[-1]:g} tu, at most "
+                f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
                 f"{MAX_STEPS}; ask for earlier times, start from fewer copies, or sample with the direct method"
             )
-        return mixtures(chain, start, times, self.tolerance), self.tolerance + chain.rounding(steps)
+        error = self.tolerance + chain.rounding(steps)
+        return Distribution(space, grid, mixtures(chain, start, grid, self.tolerance), error)
 
-    def _dense(self, generator: csr_array, start: Floats, times: Floats) -> tuple[Floats, float]:
-        from scipy.linalg import expm
 
-        Q = generator.toarray()
-        size = np.abs(Q).sum(axis=1).max()
-        rows, error, steps = [], 0.0, {}
-        vector, now = start, 0.0
-        for time in times:
-            gap = float(time - now)
-            if gap not in steps:
-                steps[gap] = expm(Q * gap)
-            vector, now = np.maximum(vector @ steps[gap], 0.0), time
-            # Squaring carries rounding on in proportion to |Q| t: on stiff chains the mass drifts by just that.
-            error = EPSILON * (len(start) + size * time) + abs(vector.sum() - 1.0)
-            rows.append(vector)
-        if error > DENSE_TRUST:
-            raise ValueError(
-                f"the chain is too stiff: rates up to {size / 2:.3g} 1/tu over {times[-1]:g} tu leave an error of about "
-                f"{error:.1g}; ask for earlier times or lower the fastest rates"
-            )
-        return np.array(rows), float(error)
+def _by_matrix_exponential(generator: csr_array, start: Floats, times: Floats) -> tuple[Floats, float]:
+    """Probabilities (T, N) from time to time, and the estimate of their error."""
+    from scipy.linalg import expm
+
+    Q = generator.toarray()
+    size = np.abs(Q).sum(axis=1).max()
+    rows, error, steps = [], 0.0, {}
+    vector, now = start, 0.0
+    for time in times:
+        gap = float(time - now)
+        if gap not in steps:
+            steps[gap] = expm(Q * gap)
+        vector, now = np.maximum(vector @ steps[gap], 0.0), time
+        # Squaring carries rounding on in proportion to |Q| t: on stiff chains the mass drifts by just that.
+        error = EPSILON * (len(start) + size * time) + abs(vector.sum() - 1.0)
+        rows.append(vector)
+    if error > DENSE_TRUST:
+        raise ValueError(
+            f"the chain is too stiff: rates up to {size / 2:.3g} 1/tu over {times[-1]:g} tu leave an error of about "
+            f"{error:.1g}; ask for earlier times or lower the fastest rates"
+        )
+    return np.array(rows), float(error)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,11 @@ class DiscreteChain:
     """The uniformised chain of a generator.
 
     rate : q, 1/tu
-    transposed : (N, N) P transposed, so that p P is a product with a row-major matrix
+    transposed : csr_array (N, N), P transposed, so that p P is a product with a row-major matrix
     """
 
     rate: float
-    transposed: csr_array
+    transposed: Any
 
     @classmethod
     def of(cls, generator: csr_array) -> DiscreteChain:

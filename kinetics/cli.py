@@ -1,0 +1,265 @@
+"""Commands that predict: `wellmixed predict`, `passage` and `derive`."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from kinetics.arrays import Floats
+from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS
+from kinetics.network import Network, text_table
+from kinetics.options import NumbersCommand, echo_json, json_option, seed_option
+
+if TYPE_CHECKING:
+    from kinetics.prediction import Prediction
+    from kinetics.rates import Rates
+
+METHODS = {method.name: method for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
+DURATION = 2000.0  # tu, the paper's
+QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
+MAX_ROWS = 11  # of a table for people; --json and --csv give every time
+
+
+def starting_options(command: Any) -> Any:
+    """Book, rates, and what the tank holds at time 0."""
+    for decorate in (
+        click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
+        click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
+        click.option(
+            "--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: table3, or a .toml file."
+        ),
+        click.argument("book"),
+    ):
+        command = decorate(command)
+    return command
+
+
+@click.command(cls=NumbersCommand)
+@starting_options
+@click.option("--duration", type=float, help="Predict from 0 to here, tu.  [default: 2000]")
+@click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
+@click.option("--method", type=click.Choice(list(METHODS)), default="ssa", show_default=True)
+@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Of the ssa method.")
+@click.option("--threads", type=click.IntRange(min=1), help="At most so many.  [default: one a core]")
+@click.option("--draws", type=click.IntRange(min=2), default=200, show_default=True, help="Of the rates.")
+@click.option("--csv", "csv_file", type=click.Path(dir_okay=False), help="Write a table to this file.")
+@click.option("--plot", "plot_file", type=click.Path(dir_okay=False), help="Draw into this PNG, PDF or SVG file.")
+@seed_option
+@json_option
+def predict(
+    book: str,
+    rates_name: str,
+    cubes: int | None,
+    initial: str | None,
+    duration: float | None,
+    times: tuple[float, ...],
+    method: str,
+    runs: int,
+    threads: int | None,
+    draws: int,
+    csv_file: str | None,
+    plot_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Predict how the assembly of BOOK proceeds, as a Markov chain.
+
+    Mean and standard deviation of every species over time; a 95 % interval of the mean where the rates carry the
+    evidence for one. The method `ssa` samples runs, `exact` solves the master equation.
+    """
+    from kinetics.prediction import predict as make
+
+    network, rates, state = _start(book, rates_name, cubes, initial)
+    grid = _grid(duration, times)
+    made = make(network, rates, state, grid, METHODS[method](), runs, seed, draws, threads)
+    if csv_file:
+        made.to_dataframe().to_csv(csv_file, index=False)
+    if plot_file:
+        from kinetics import plots
+
+        plots.save(plot_file, made.plot)
+    if as_json:
+        has_interval = made.low is not None
+        echo_json(
+            {
+                "book": book,
+                "rates": rates_name,
+                "convention": rates.convention.model_dump(),
+                "initial": dict(zip(network.species, state, strict=True)),
+                "method": method,
+                "runs": runs if METHODS[method] in SAMPLING_METHODS else None,
+                "seed": seed,
+                "times": made.times,
+                "species": network.species,
+                "mean": made.mean,
+                "sd": made.sd,
+                "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
+                "standard_error": made.standard_error,
+                "error": made.error,
+                "notes": made.notes,
+                "cpu_seconds": made.cpu_seconds,
+            }
+        )
+    else:
+        click.echo(_prediction_table(made))
+
+
+@click.command()
+@starting_options
+@click.option("--species", required=True, help="What is waited for.")
+@click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many of it.")
+@click.option("--draws", type=click.IntRange(min=2), default=100, show_default=True, help="Of the rates.")
+@click.option("--plot", "plot_file", type=click.Path(dir_okay=False), help="Draw into this PNG, PDF or SVG file.")
+@seed_option
+@json_option
+def passage(
+    book: str,
+    rates_name: str,
+    cubes: int | None,
+    initial: str | None,
+    species: str,
+    copies: int,
+    draws: int,
+    plot_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Time until the first copy (or copies) of a species, exactly: mean, sd, quantiles and curve."""
+    from kinetics.prediction import evidence_notes, predict_passage
+
+    began = time.process_time()
+    network, rates, state = _start(book, rates_name, cubes, initial)
+    law, interval = predict_passage(network, rates, state, species, copies, seed, draws)
+    quantiles = law.quantile(QUANTILES)
+    if plot_file:
+        from kinetics import plots
+
+        plots.save(plot_file, law.plot)
+    if as_json:
+        curve = np.linspace(0.0, float(law.quantile(0.99 * law.probability)), 101)
+        echo_json(
+            {
+                "book": book,
+                "rates": rates_name,
+                "convention": rates.convention.model_dump(),
+                "initial": dict(zip(network.species, state, strict=True)),
+                "species": species,
+                "copies": copies,
+                "mean": law.mean,
+                "sd": law.sd,
+                "probability": law.probability,
+                "certain": law.is_certain,
+                "quantiles": dict(zip(QUANTILES, quantiles.tolist(), strict=True)),
+                "curve": {"times": curve, "cdf": law.cdf(curve)},
+                "interval": {"level": 0.95, "low": interval[0], "high": interval[1]} if interval else None,
+                "error": law.error,
+                "seed": seed,
+                "notes": evidence_notes(rates),
+                "cpu_seconds": time.process_time() - began,
+            }
+        )
+        return
+    click.echo(str(law))
+    if interval:
+        click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
+    click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
+    for note in evidence_notes(rates):
+        click.echo(note)
+
+
+@click.command()
+@click.argument("book")
+@seed_option
+@json_option
+def derive(book: str, seed: int, as_json: bool) -> None:
+    """Show the reaction network that the rules of BOOK give, with the ways counted from geometry.
+
+    Nothing here is random; --seed is taken because every command takes it.
+    """
+    network, _ = _network(book)
+    if not as_json:
+        click.echo(str(network))
+        return
+    titles = ("name", "reaction", "ways")
+    echo_json(
+        {
+            "book": book,
+            "species": network.species,
+            "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],
+            "reactants": network.reactants,
+            "stoichiometry": network.stoichiometry,
+            "ways": network.ways,
+            "conserved": dict(network.conserved),
+            "fingerprint": network.fingerprint,
+            "seed": seed,
+        }
+    )
+
+
+def _network(book_name: str) -> tuple[Network, str]:
+    """The network that a book gives, and the name of its single cube."""
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly import derive as derive_network
+
+    book = RuleBook.load(book_name)
+    derivation = derive_network(book)
+    return derivation.network, derivation.network.species[derivation.species_of(book.monomer())]
+
+
+def _start(book: str, rates_name: str, cubes: int | None, initial: str | None) -> tuple[Network, Rates, np.ndarray]:
+    """Network, rates and the counts at time 0."""
+    from kinetics.rates import Rates
+
+    if (cubes is None) == (initial is None):
+        raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
+    rates = Rates.load(rates_name)
+    network, monomer = _network(book)
+    counts = {monomer: cubes} if cubes is not None else _counts(initial or "")
+    return network, rates, network.state(counts)
+
+
+def _counts(text: str) -> dict[str, int]:
+    """`monomer=20,dimer=20` as counts."""
+    counts: dict[str, int] = {}
+    for part in text.split(","):
+        name, equals, number = part.strip().partition("=")
+        if not equals or not number.strip().isdecimal():
+            raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")
+        if name.strip() in counts:
+            raise ValueError(f"--initial names {name.strip()!r} twice")
+        counts[name.strip()] = int(number)
+    return counts
+
+
+def _grid(duration: float | None, times: tuple[float, ...]) -> Floats:
+    if times and duration is not None:
+        raise ValueError("give either --duration or --times, not both")
+    if times:
+        return np.array(times)
+    end = DURATION if duration is None else duration
+    if not 0 < end < np.inf:
+        raise ValueError(f"--duration {end:g}; expected a positive number of tu")
+    return np.linspace(0.0, end, 101)
+
+
+def _prediction_table(made: Prediction) -> str:
+    """Mean, sd and interval at some of the times, and what to know about them."""
+    step = max(1, -(-(made.times.size - 1) // (MAX_ROWS - 1))) if made.times.size > MAX_ROWS else 1
+    rows = []
+    for i in range(0, made.times.size, step):
+        cells = [f"{made.times[i]:g}"]
+        for s in range(len(made.network.species)):
+            cell = f"{made.mean[i, s]:.4g} ± {made.sd[i, s]:.3g}"
+            if made.low is not None and made.high is not None:
+                cell += f" [{made.low[i, s]:.4g}, {made.high[i, s]:.4g}]"
+            cells.append(cell)
+        rows.append(cells)
+    explained = "mean ± sd of a run" + ("" if made.low is None else " [95 % interval of the mean, from the rates]")
+    precision = f"numerical error of the probabilities below {made.error:.1g}"
+    if METHODS[made.method] in SAMPLING_METHODS:
+        precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
+    head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
+    return "\n".join([text_table(("time (tu)", *made.network.species), rows), head, *made.notes])

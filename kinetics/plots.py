@@ -1,0 +1,66 @@
+"""Drawing onto given axes. Results call these; nothing here computes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# Okabe & Ito (2008): told apart by the colour-blind too
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
+
+
+def colour(i: int) -> str:
+    """Colour of the i-th curve."""
+    return COLOURS[i % len(COLOURS)]
+
+
+def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str]) -> Any:
+    """Counts (T, S) that hold from each time to the next; returns `ax`."""
+    for i, (name, column) in enumerate(zip(names, np.asarray(counts).T, strict=True)):
+        ax.step(times, column, where="post", color=colour(i), label=name)
+    return _finish(ax, "copies")
+
+
+def bands(ax: Any, times: ArrayLike, middle: ArrayLike, low: ArrayLike, high: ArrayLike, names: Sequence[str]) -> Any:
+    """Curves (T, S) with shaded bands, one colour a species; returns `ax`."""
+    columns = zip(names, np.asarray(middle).T, np.asarray(low).T, np.asarray(high).T, strict=True)
+    for i, (name, curve, bottom, top) in enumerate(columns):
+        ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
+        ax.plot(times, curve, color=colour(i), label=name)
+    return _finish(ax, "copies (mean, middle 95 %)")
+
+
+def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:
+    """Dashed limits (T, S) in the colours of `bands`; returns `ax`."""
+    for i, (bottom, top) in enumerate(zip(np.asarray(low).T, np.asarray(high).T, strict=True)):
+        for limit in (bottom, top):
+            ax.plot(times, limit, color=colour(i), linestyle="--", linewidth=0.8)
+    return ax
+
+
+def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, target: str) -> Any:
+    """Distribution function of a passage time, its mean marked where there is one; returns `ax`."""
+    ax.plot(times, probability, color=colour(0), label=f"until {target}")
+    if np.isfinite(mean):
+        ax.axvline(mean, color=colour(1), linestyle="--", label=f"mean {mean:.4g} tu")
+    ax.set_ylim(0, 1)
+    return _finish(ax, "probability of having been reached")
+
+
+def save(path: str, draw: Any) -> None:
+    """Write one figure as PNG, PDF or SVG, by the end of its name. `draw(ax)` fills it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    draw(figure.add_subplot())
+    figure.savefig(path, dpi=150)
+
+
+def _finish(ax: Any, label: str) -> Any:
+    ax.set_xlabel("time (tu)")
+    ax.set_ylabel(label)
+    ax.legend(frameon=False)
+    return ax
