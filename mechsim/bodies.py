@@ -1,4 +1,5 @@
-"""Rigid bodies made of cubes: their geometry, their table of poses, and the exact bookkeeping when they join or part."""
+"""Rigid bodies made of cubes: their geometry, their table of poses, and the exact bookkeeping when they join or
+part."""
 
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ def matrix_of(quaternion: np.ndarray) -> np.ndarray:
 
 
 def quaternion_of(matrix: np.ndarray) -> np.ndarray:
-    """Unit quaternion (x, y, z, w) of a rotation matrix; the largest component is divided by, so none is ever lost."""
+    """Unit quaternion (x, y, z, w) of a rotation matrix; the largest component is divided by, so none is ever
+    lost."""
     m = matrix
     squares = np.array(
         [
@@ -122,7 +124,8 @@ class Bodies:
         return matrix_of(self.orientation[slot]) @ self.shape(slot).frame.T
 
     def fill(self, slot: int, structure: Structure, members: tuple[int, ...], time: float = 0.0) -> None:
-        """Put a structure into a slot: mass, inertia and the cubes' places in it; its pose and motion are the caller's."""
+        """Put a structure into a slot: mass, inertia and the cubes' places in it; its pose and motion are the
+        caller's."""
         self.structure[slot], self.members[slot], self.born[slot] = structure, members, time
         shape = Shape.of(structure.positions)
         cubes = list(members)
@@ -184,7 +187,8 @@ class Bodies:
         return max(placements, key=lambda p: float((ROTATIONS[p.rotation] * turn).sum()))
 
     def joined_motion(self, keeper: int, other: int, structure: Structure) -> tuple[np.ndarray, ...]:
-        """Pose and motion (position, orientation, velocity, spin) of two bodies as one: momenta and centre of mass are kept.
+        """Pose and motion (position, orientation, velocity, spin) of two bodies as one: momenta and centre of mass
+        are kept.
 
         The keeper keeps its orientation; `structure` is the joined structure in the keeper's lattice frame.
         """

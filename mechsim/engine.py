@@ -1,9 +1,12 @@
 """The only door to PyBullet: rigid boxes, their contacts, one step at a time.
 
-What this module rests on, each held by a test: velocities are set and no forces used, so the velocity after a step minus the one set is
-exactly the contact impulse over the mass; a body without any contact point flew freely, so only touched bodies and compounds need to be
-read back; compounds get their own principal inertia (the engine would take their bounding box's); damping is switched off (0.04 by
-default); contact points are taken unfiltered (a filtered list flips normals but not friction directions); ids are reused at once.
+What this module rests on, each held by a test:
+- velocities are set and no forces used, so the velocity after a step minus the one set is the contact impulse over the mass;
+- a body without any contact point flew freely, so only bodies near a contact need to be read back;
+- compounds get their own principal inertia (the engine would take their bounding box's);
+- damping is switched off (0.04 by default);
+- contact points are taken unfiltered (a filtered list flips normals but not friction directions);
+- a removed body's id goes to the next one made.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +27,7 @@ def _quiet() -> Iterator[None]:
     """PyBullet's C code prints its build time when it is imported; a command's output is its own."""
     kept = os.dup(2)
     try:
-        with open(os.devnull, "wb") as nowhere:
+        with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), 2)
         yield
     finally:
@@ -38,7 +42,8 @@ CUBES, WALLS = 1, 2  # collision groups
 
 
 class Touch(NamedTuple):
-    """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the opposite)."""
+    """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the
+    opposite)."""
 
     a: int
     b: int
@@ -89,9 +94,7 @@ class Engine:
         for axis in range(3):
             extents = (half + thickness).tolist()
             extents[axis] = thickness / 2
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_BOX, halfExtents=extents, physicsClientId=self.client
-            )
+            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=extents, physicsClientId=self.client)
             for sign in (-1, 1):
                 place = [0.0, 0.0, 0.0]
                 place[axis] = sign * (half[axis] + thickness / 2)
@@ -141,7 +144,8 @@ class Engine:
         self._contacts = pybullet.getContactPoints(physicsClientId=client)
 
     def near_contacts(self) -> set[int]:
-        """Slots with a contact point (touching, or within 0.02) in the last step: the only ones it may have pushed."""
+        """Slots with a contact point (touching, or within 0.02) in the last step: the only ones it may have
+        pushed."""
         slot = self._slot
         return {slot[i] for point in self._contacts for i in point[1:3] if i in slot}
 
@@ -155,7 +159,8 @@ class Engine:
             b.velocity[slot], b.spin[slot] = motion(body, client)
 
     def touches(self) -> list[Touch]:
-        """Contact points of the last step that carried an impulse, in the engine's order (the same in every rerun)."""
+        """Contact points of the last step that carried an impulse, in the engine's order (the same in every
+        rerun)."""
         found = []
         for _, a, b, _, _, _, place, normal, _, push, rub, along, rub2, along2, *_ in self._contacts:
             if push != 0.0:
@@ -164,21 +169,24 @@ class Engine:
                 found.append(touch)
         return found
 
-    def picture(self, width: int, height: int, view: list[float], projection: list[float]) -> np.ndarray:
-        """RGBA image (height, width, 4) by the engine's software renderer; shadows would cost sixteen times the time."""
+    def picture(self, eye: Sequence[float], width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+        """What a camera at `eye` sees of the origin: RGBA (height, width, 4), and the matrix (4, 4) from world to
+        clip space.
+
+        By the engine's software renderer, which needs no display; shadows would cost sixteen times the time.
+        """
+        view = pybullet.computeViewMatrix(eye, (0, 0, 0), (0, 0, 1))
+        reach = float(np.linalg.norm(eye))
+        lens = pybullet.computeProjectionMatrixFOV(35, width / height, 0.05 * reach, 3 * reach)
         image = pybullet.getCameraImage(
-            width, height, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self.client
+            width, height, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self.client
         )
-        return np.asarray(image[2], np.uint8).reshape(height, width, 4)
+        clip = np.reshape(lens, (4, 4)).T @ np.reshape(view, (4, 4)).T
+        return np.asarray(image[2], np.uint8).reshape(height, width, 4), clip
 
     def paint(self, slot: int, rgba: tuple[float, float, float, float]) -> None:
         """Colour of a body in pictures."""
         pybullet.changeVisualShape(self._body[slot], -1, rgbaColor=rgba, physicsClientId=self.client)
-
-    def hide_walls(self) -> None:
-        """Make the walls see-through in pictures."""
-        for wall in self._walls:
-            pybullet.changeVisualShape(wall, -1, rgbaColor=(0, 0, 0, 0), physicsClientId=self.client)
 
     def _shape(self, positions: tuple[tuple[int, int, int], ...]) -> int:
         """Collision shape of cubes at these lattice places; cached, for each new compound shape leaks 9 kB."""
@@ -186,9 +194,7 @@ class Engine:
         if known is None:
             half = [self.bodies.edge / 2] * 3
             if len(positions) == 1:
-                known = pybullet.createCollisionShape(
-                    pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
-                )
+                known = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
             else:
                 shape, k = Shape.of(positions), len(positions)
                 known = pybullet.createCollisionShapeArray(

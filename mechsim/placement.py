@@ -13,7 +13,8 @@ TRIES = 20_000  # for one body; at the densest of the paper's settings (120 cube
 def scatter(bodies: Bodies, low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> None:
     """Put every body at rest at a uniformly random pose inside the box, none overlapping: random sequential addition.
 
-    Overlap is tested exactly, cube by cube (separating axes); rejecting circumspheres would fail at 120 cubes of edge 0.25.
+    Overlap is tested exactly, cube by cube (separating axes); rejecting circumspheres would fail at 120 cubes of
+    edge 0.25.
     The largest bodies go first, while there is room. Raises ValueError when a body finds no place in 20,000 tries.
     """
     unplaced = np.ones(bodies.n_cubes, bool)
@@ -31,7 +32,8 @@ def scatter(bodies: Bodies, low: np.ndarray, high: np.ndarray, rng: np.random.Ge
         else:
             share = bodies.n_cubes * bodies.edge**3 / float(np.prod(high - low))
             raise ValueError(
-                f"{bodies.n_cubes} cubes of edge {bodies.edge} do not fit at random into the tank of {(high - low).tolist()}: "
+                f"{bodies.n_cubes} cubes of edge {bodies.edge} do not fit at random into the tank "
+                f"{' x '.join(f'{side:g}' for side in high - low)}: "
                 f"they are {share:.0%} of its volume and only {done} of {len(order)} bodies found a place; "
                 "take fewer or smaller cubes, or a larger tank"
             )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -36,8 +38,9 @@ class RunSpec:
 
     composition : how many of each species start in the tank, ready-made
     duration : tu
-    seed, run : the run's random streams are those of SeedSequence(seed, spawn_key=(run,))
-    restart : after every event put the tank back to the composition, places drawn anew, and let the clock run on (paper,
+    seed, run : of the run's random streams; runs that start from different compositions never share a stream
+    restart : after every event put the tank back to the composition, places drawn anew, and let the clock run on
+    (paper,
         section VI-A2)
     poses : record all cubes' poses this often, tu; None: not at all
     """
@@ -93,6 +96,12 @@ class RunSpec:
             "physics": {"wellmixed": PHYSICS, "pybullet": version("pybullet"), "numpy": version("numpy")},
         }
 
+    @property
+    def streams(self) -> np.random.SeedSequence:
+        """Root of the run's random streams, from the seed, the composition and the run's number."""
+        start = json.dumps(self.inputs["composition"], sort_keys=True)
+        return np.random.SeedSequence(self.seed, spawn_key=(zlib.crc32(start.encode()), self.run))
+
     @cached_property
     def key(self) -> str:
         """SHA-256 of the inputs: the run's name."""
@@ -110,8 +119,8 @@ class RunRecord:
     """What happened in one run.
 
     outcome : "completed", or the guard's reason behind "stopped: "; such a run never reaches calibration
-    arrays : initial (S,), times (E,), channels (E,); with poses also pose_times (K,), centres (K, C, 3) and axes
-        (K, C, 3, 3; columns) of all cubes
+    arrays : initial (S,), times (E,), channels (E,); with poses also pose_times (K,), centres (K, C, 3), axes
+        (K, C, 3, 3; columns) and body slots (K, C) of all cubes, the last frame at the run's end
     facts : end (tu), species, channels, open_channels, steps
     cost : cpu_seconds, wall_seconds; not part of the digest
     """
@@ -180,12 +189,12 @@ def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> R
     book, derivation = book_of(spec.scene.rules)
     watch = _Watch(derivation, spec.composition)
     start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
-    steps = round(spec.duration / spec.scene.numerics.step)
+    steps = math.ceil(spec.duration / spec.scene.numerics.step - 1e-9)
     every = None if spec.poses is None else max(1, round(spec.poses / spec.scene.numerics.step))
-    frames: list[tuple[float, np.ndarray, np.ndarray]] = []
+    frames: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
     cpu, wall = time.process_time(), time.perf_counter()
     outcome = COMPLETED
-    with World(spec.scene, book, spec.n_cubes, np.random.SeedSequence(spec.seed, spawn_key=(spec.run,))) as world:
+    with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
         world.listeners.append(watch)
         world.populate(start)
         for step in range(1, steps + 1):
@@ -207,13 +216,15 @@ def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> R
             if progress is not None and step % PROGRESS_STEPS == 0:
                 progress(world.time)
         end = world.time
+        if every is not None:
+            frames.append(world.snapshot())
     arrays = {
         "initial": watch.initial,
         "times": np.array(watch.times, np.float64),
         "channels": np.array(watch.channels, np.int64),
     }
     if every is not None:
-        for name, values in zip(("pose_times", "centres", "axes"), zip(*frames, strict=True), strict=True):
+        for name, values in zip(("pose_times", "centres", "axes", "slots"), zip(*frames, strict=True), strict=True):
             arrays[name] = np.array(values)
     facts = {
         "end": end,

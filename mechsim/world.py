@@ -16,7 +16,8 @@ from mechsim.kernels.motion import TROUBLES, coast, trouble
 from mechsim.placement import scatter
 from mechsim.scene import Scene
 
-RESYNC = 100  # steps after which every body is read back: rounding between our free flight and the engine's cannot build up
+# Steps after which every body is read back: rounding between our free flight and the engine's cannot build up.
+RESYNC = 100
 
 
 class Stopped(Exception):  # noqa: N818 - a named outcome, not a fault of the program
@@ -29,7 +30,8 @@ class World:
     scene, book : what is simulated, and the rules its cubes follow
     seed : of all streams of this world; each part draws from its own, so leaving one out does not change the others
 
-    For effects: `bodies`, `engine`, `fluid` (C, P, 3; velocity of the fluid at the drag points), `time`, `step_count`, `step_size`.
+    For effects: `bodies`, `engine`, `fluid` (C, P, 3; velocity of the fluid at the drag points), `time`,
+    `step_count`, `step_size`.
     """
 
     def __init__(self, scene: Scene, book: RuleBook, n_cubes: int, seed: np.random.SeedSequence):
@@ -44,12 +46,10 @@ class World:
         self.fluid = np.zeros((n_cubes, 0, 3))
         self.listeners: list[Callable[[tuple[Structure, ...], tuple[Structure, ...]], None]] = []
         self._changed: list[Callable[[int], None]] = []
-        self._compounds: list[int] = []
         self._placing = self.stream("placement")
         actions = [effect.attach(self) for effect in scene.effects]
         self._before = [a.before_step for a in actions if _overrides(a, "before_step")]
         self._after = [a.after_step for a in actions if _overrides(a, "after_step")]
-        self._reset = [a.after_reset for a in actions if _overrides(a, "after_reset")]
 
     def __enter__(self) -> World:
         return self
@@ -66,7 +66,8 @@ class World:
         """Call `hook(slot)` whenever a slot has got a new structure."""
         self._changed.append(hook)
 
-    # -- what is in the tank ------------------------------------------------------------------------------------------------------
+    # -- what is in the tank
+    # ------------------------------------------------------------------------------------------------------
 
     def populate(self, structures: Sequence[Structure]) -> None:
         """Place these structures at random, at rest; what still stands as it should is moved, not rebuilt.
@@ -92,13 +93,12 @@ class World:
             self.engine.put(slot)
             b.born[slot] = self.time
         b.locate()
-        for hook in self._reset:
-            hook()
 
     def docking(self, i: int, face: int, j: int, other_face: int) -> tuple[int, int, Structure] | None:
         """How the bodies of cubes i and j would join by these faces: keeper, other, joined structure.
 
-        The heavier body keeps its orientation, the other takes the nearest of the four twists. None where the rules or the lattice
+        The heavier body keeps its orientation, the other takes the nearest of the four twists. None where the rules
+        or the lattice
         refuse.
         """
         b = self.bodies
@@ -121,7 +121,8 @@ class World:
         return not blocked(centre, axes, b.centre, b.axes, skip, b.edge / 2, 0.98, -self.limit, self.limit)
 
     def join(self, keeper: int, other: int, joined: Structure) -> None:
-        """Make one body of two: the keeper's cubes come first in `joined`, in its lattice frame. Momenta are kept exactly."""
+        """Make one body of two: the keeper's cubes come first in `joined`, in its lattice frame. Momenta are kept
+        exactly."""
         b = self.bodies
         before = b.held(keeper), b.held(other)
         motion = b.joined_motion(keeper, other, joined)
@@ -133,7 +134,8 @@ class World:
         self._tell(before, (joined,))
 
     def part(self, slot: int, fragments: Sequence[tuple[Sequence[int], Structure]]) -> None:
-        """Split a body into fragments (indices of its cubes, structure); each goes on as it moved. Momenta are kept exactly."""
+        """Split a body into fragments (indices of its cubes, structure); each goes on as it moved. Momenta are kept
+        exactly."""
         b = self.bodies
         before = b.held(slot)
         motions = [b.fragment_motion(slot, structure) for _, structure in fragments]
@@ -145,11 +147,11 @@ class World:
         self._settle()
         self._tell((before,), tuple(structure for _, structure in fragments))
 
-    def snapshot(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Time, centres (C, 3) and axes (C, 3, 3) of all cubes."""
-        return self.time, self.bodies.centre.copy(), self.bodies.axes.copy()
+    def snapshot(self) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        """Time, and of all cubes the centres (C, 3), axes (C, 3, 3) and body slots (C,)."""
+        return self.time, self.bodies.centre.copy(), self.bodies.axes.copy(), self.bodies.body.copy()
 
-    # -- one step -----------------------------------------------------------------------------------------------------------------
+    # -- one step --------------------------------------------------------------------------------
 
     def step(self) -> None:
         """One step with all effects; raises Stopped when the guard finds that the state cannot be trusted."""
@@ -157,13 +159,13 @@ class World:
         for hook in self._before:
             hook()
         self.engine.step()
-        coast(b.live, b.position, b.orientation, b.velocity, b.spin, self.step_size)
+        coast(b.live, b.position, b.orientation, b.velocity, b.spin, b.inertia, self.step_size)
         self.step_count += 1
         self.time = self.step_count * self.step_size
         if self.step_count % RESYNC == 0:
             self.engine.read(b.live.tolist())
-        else:  # compounds too: the engine turns them gyroscopically
-            self.engine.read(self.engine.near_contacts().union(self._compounds))
+        else:
+            self.engine.read(self.engine.near_contacts())
         self._guard()
         b.locate()
         for hook in self._after:
@@ -197,7 +199,6 @@ class World:
         """Bring the lists of bodies up to date after slots were filled or freed."""
         self.bodies.index()
         self.bodies.locate()
-        self._compounds = [slot for slot in self.bodies.live.tolist() if len(self.bodies.members[slot]) > 1]
 
     def _tell(self, before: tuple[Structure, ...], after: tuple[Structure, ...]) -> None:
         for hook in self.listeners:

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 class Agitation(Effect):
     """Fluid velocity N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
 
-    The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical time makes the
+    The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical
+    time makes the
     motion independent of the integrator's step.
 
     sigma : standard deviation of a component, length / tu

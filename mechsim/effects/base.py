@@ -19,9 +19,6 @@ class Action:
     def after_step(self) -> None:
         """Look at what the step did: contacts, new poses."""
 
-    def after_reset(self) -> None:
-        """Forget the past: the cubes have just been placed anew."""
-
 
 class Effect(Settings):
     """One physical influence, as a scene describes it. Without it in the scene its physics is absent.

@@ -3,51 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from kinetics.config import Settings
+from kinetics.assembly import View
 from mechsim.effects.base import Action, Effect
+from mechsim.effects.latches import Encounter, MagnetDelay, Pair
 from mechsim.kernels.contact import facing_pairs
 
 if TYPE_CHECKING:
     from mechsim.world import World
 
-Pair = tuple[int, int, int, int]  # cube, face, cube, face
-
-
-class Encounter(Settings):
-    """Each meeting of two faces latches with a fixed probability, decided when they come within reach.
-
-    probability : that a meeting latches
-    refractory : a meeting is over when the faces have been out of reach for this long, tu; faces that part come within reach
-        again and again while they rattle, and that is still one meeting
-    """
-
-    kind: Literal["encounter"] = "encounter"
-    probability: float = Field(gt=0, le=1)
-    refractory: float = Field(default=0.05, ge=0)
-
-
-class MagnetDelay(Settings):
-    """The magnet switches on after a memoryless delay while the faces stay within reach. rate : 1 / tu."""
-
-    kind: Literal["delay"] = "delay"
-    rate: float = Field(gt=0)
-
 
 class Bonding(Effect):
-    """Two faces that look at each other within reach bond if the rule book lets both cubes (paper, sections III and IV).
+    """Two faces that look at each other within reach bond if the rule book lets both cubes (paper, III and IV).
 
     capture_distance : largest gap between the cubes along the faces' bisecting normal, length
     capture_angle : smallest angle between the outward normals, degrees (paper: 135)
     sideways : largest offset of the cubes' centres across that normal, in edges
     latch : what decides whether a capture becomes a bond
-    The smaller body snaps to the nearest of the four twists; momenta and the centre of mass are kept. A snap that would overlap a
-    third body waits.
+
+    The smaller body snaps to the nearest of the four twists; momenta and the centre of mass are kept. A snap that
+    would overlap a third body waits.
     """
 
     effect: Literal["bonding"] = "bonding"
@@ -65,17 +44,13 @@ class Bonding(Effect):
 class _Bonding(Action):
     def __init__(self, settings: Bonding, world: World):
         self.settings, self.world = settings, world
-        self.rng = world.stream("bonding")
         self.cosine = -math.cos(math.radians(settings.capture_angle))
         n = world.bodies.n_cubes
         self.kind = np.full((n, 6), -1, np.int64)
-        self.kinds: dict[Hashable, int] = {}
+        self.kinds: dict[View, int] = {}
         self.allowed = np.zeros((0, 0), bool)
         self.found = np.zeros((64, 4), np.int64)
-        latch = settings.latch
-        self.wants = self.meets if latch.kind == "encounter" else self.waits
-        self.meetings: dict[Pair, tuple[float, bool]] = {}  # last time within reach, and whether it is to latch
-        self.encounters = 0
+        self.latch = settings.latch.attach(world, world.stream("bonding"))
         world.on_change(self.read_faces)
 
     def read_faces(self, slot: int) -> None:
@@ -87,7 +62,7 @@ class _Bonding(Action):
                 signature = book.view(structure, index, face)
                 self.kind[cube, face] = -1 if signature is None else self.number(signature)
 
-    def number(self, signature: Hashable) -> int:
+    def number(self, signature: View) -> int:
         """Number of a signature; a new one is compared with all known ones, once."""
         if signature not in self.kinds:
             self.kinds[signature] = len(self.kinds)
@@ -107,9 +82,6 @@ class _Bonding(Action):
                 return [tuple(row) for row in self.found[:count].tolist()]
             self.found = np.zeros((2 * count, 4), np.int64)
 
-    def after_reset(self) -> None:
-        self.meetings.clear()
-
     def after_step(self) -> None:
         for pair in self.within_reach():
             # An earlier bond of this step may have covered a face or changed what it allows.
@@ -118,32 +90,8 @@ class _Bonding(Action):
             bodies = self.world.bodies
             if bodies.body[i] == bodies.body[j] or min(kinds) < 0 or not self.allowed[kinds]:
                 continue
-            if self.wants(pair):
+            if self.latch(pair):
                 self.dock(pair)
-
-    def meets(self, pair: Pair) -> bool:
-        """Encounter: one draw when a meeting begins."""
-        now, latch = self.world.time, self.settings.latch
-        last, accepted = self.meetings.get(pair, (-math.inf, False))
-        if now - last > latch.refractory:
-            accepted = False
-            if not self.side_by_side(pair):
-                self.encounters += 1
-                accepted = bool(self.rng.random() < latch.probability)
-        self.meetings[pair] = (now, accepted)
-        if len(self.meetings) > 4096:
-            self.meetings = {p: m for p, m in self.meetings.items() if now - m[0] <= latch.refractory}
-        return accepted
-
-    def side_by_side(self, pair: Pair) -> bool:
-        """Did both bodies come to be in the last step, by parting or by placement? Then their faces have not met."""
-        born = self.world.bodies.born[self.world.bodies.body[[pair[0], pair[2]]]]
-        return bool(born[0] == born[1] and self.world.time - born[0] < 1.5 * self.world.step_size)
-
-    def waits(self, pair: Pair) -> bool:
-        """Magnet delay: the chance that it ends within this step."""
-        del pair
-        return bool(self.rng.random() < -math.expm1(-self.settings.latch.rate * self.world.step_size))
 
     def dock(self, pair: Pair) -> None:
         """Join the two bodies if nothing stands in the way."""

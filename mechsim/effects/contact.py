@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 
 class Contact(Effect):
-    """Collisions of cubes with each other. Without this effect cubes pass through one another (walls still hold them).
+    """Collisions of cubes with each other. Without this effect cubes pass through one another (walls still hold
+    them).
 
     restitution : ratio of speeds after and before a collision, 0 to 0.9 (the engine gains energy near 1)
     friction : Coulomb's coefficient

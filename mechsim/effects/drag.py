@@ -23,7 +23,8 @@ class Drag(Effect):
 
     coefficient : Cd, 1.05 for a cube
     fluid_density : rho, 1 in the paper's units
-    points : "sub-cubes" - the eight of the paper, each of area (edge/2)^2 times the uncovered share of its three faces;
+    points : "sub-cubes" - the eight of the paper, each of area (edge/2)^2 times the uncovered share of its three
+    faces;
         "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
     """
 

@@ -8,9 +8,11 @@ from numba import njit
 
 @njit(cache=True)
 def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sideways, found):
-    """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns how many there are.
+    """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns how many there
+    are.
 
-    Two faces capture each other when they look at each other (n1 . n2 < -cosine), their cubes' gap along the bisecting
+    Two faces capture each other when they look at each other (n1 . n2 < -cosine), their cubes' gap along the
+    bisecting
     normal n is below `capture`, and each cube's centre lies within `sideways` of the line of sight.
     The gap is measured between the cubes' supports along n: zero when they touch there, however they are tilted.
 
@@ -19,7 +21,8 @@ def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sidew
     found.shape[0] is a limit: the caller checks for a full table.
     """
     count = 0
-    # Furthest centres: each support is at most edge/2 (cos + sqrt 2 sin) of 22.5 degrees for any admissible angle up to 90.
+    # Furthest centres: each support is at most edge/2 (cos + sqrt 2 sin) of 22.5 degrees for any admissible angle
+    # up to 90.
     reach = capture + 1.74 * edge
     reach2 = reach * reach + sideways * sideways
     for i in range(body.shape[0]):
@@ -68,7 +71,8 @@ def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sidew
 
 @njit(cache=True)
 def cubes_overlap(centre_a, axes_a, centre_b, axes_b, half_a, half_b):
-    """Do two cubes overlap? Separating-axis test of oriented boxes (Gottschalk, Lin & Manocha 1996): exact, 15 axes."""
+    """Do two cubes overlap? Separating-axis test of oriented boxes (Gottschalk, Lin & Manocha 1996): exact, 15
+    axes."""
     d = np.empty(3)
     r = np.empty((3, 3))
     for i in range(3):

@@ -8,14 +8,19 @@ from numba import njit
 
 @njit(cache=True)
 def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
-    """Impulse that each bridge bond of one rigid structure carries in a step: writes `loads` (bonds,).
+    """What each bridge bond of one rigid structure carries in a step: writes `loads` (bonds, 3).
 
-    The contact impulses change the whole structure's motion rigidly; what one side of a bond needs for its share beyond what it
-    received itself came through the bond (Newton and Euler for that side). The load is
-    tension + 2 |bending moment| / edge + |shear| / 2: what tears magnets that hold at the face's rim.
+    The contact impulses change the whole structure's motion rigidly. What one side of a bond needs for its share
+    beyond what
+    hit it directly came through the bond (Newton and Euler for that side). A load is (tension, shear, moment),
+    impulses all:
+    the pull along the bond (negative: a push), the pull across it, and the bending and twisting moment over half an
+    edge, the
+    arm of magnets at the face's rim.
 
-    bonds (n, 2) : the two cubes, members' indices; side (n, k) bool : which cubes hang on the first cube's side
-    place (k, 3) : centres of the cubes, world; contact (m, 3), impulse (m, 3) : contact points and impulses on the structure
+    bonds (n, 2) : the two cubes, members' indices; side (n, k) bool : the cubes on the first cube's side
+    place (k, 3) : centres of the cubes, world; contact (m, 3), impulse (m, 3) : contact points, impulses on the
+    structure
     """
     k = place.shape[0]
     m = contact.shape[0]
@@ -56,8 +61,9 @@ def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
         normal = (place[j] - place[i]) / edge
         moment -= np.cross(middle - own, push)
         tension = np.sum(push * normal)
-        shear = math.sqrt(np.sum((push - tension * normal) ** 2))
-        loads[n] = max(tension, 0.0) + 2.0 * math.sqrt(np.sum(moment**2)) / edge + 0.5 * shear
+        loads[n, 0] = tension
+        loads[n, 1] = math.sqrt(np.sum((push - tension * normal) ** 2))
+        loads[n, 2] = math.sqrt(np.sum(moment**2)) / (0.5 * edge)
 
 
 @njit(cache=True)

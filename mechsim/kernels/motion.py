@@ -34,7 +34,8 @@ def rotation_of(x, y, z, w):
 def drag(live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step):
     """Quadratic drag of the fluid on every body over one step, semi-implicit: updates `velocity` and `spin`.
 
-    Paper, eq. 4: a point of area A in fluid moving at u is pushed by f = c (u - v), c = 1/2 Cd rho A |u - v|. The factor c
+    Paper, eq. 4: a point of area A in fluid moving at u is pushed by f = c (u - v), c = 1/2 Cd rho A |u - v|. The
+    factor c
     is frozen at the start of the step and v taken at its end, so each body solves one symmetric 6x6 system
     (M/step + K) dV = F with K = sum of c J'J: stable at any step, first order in it.
 
@@ -122,7 +123,8 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
 
 @njit(cache=True)
 def _solve_spd(a, b):
-    """Solve a x = b in place for a 6x6 symmetric positive definite `a` (lower triangle), by Cholesky's factorisation."""
+    """Solve a x = b in place for a 6x6 symmetric positive definite `a` (lower triangle), by Cholesky's
+    factorisation."""
     for j in range(6):
         d = a[j, j]
         for k in range(j):
@@ -147,15 +149,31 @@ def _solve_spd(a, b):
 
 
 @njit(cache=True)
-def coast(live, position, orientation, velocity, spin, step):
+def coast(live, position, orientation, velocity, spin, inertia, step):
     """Free flight of every body over one step, in place; equal to the engine's own integration to rounding.
 
-    Positions advance by step * velocity, orientations by the exponential map of the spin, with the engine's cap of pi/4 a step.
+    Euler's gyroscopic term first (explicitly, as the engine does: inertia w' = -w x (inertia w) in the body frame; nothing
+    for a cube), then positions by step * velocity and orientations by the exponential map of the spin, with the engine's
+    cap of pi/4 a step.
     """
     for slot in live:
         for k in range(3):
             position[slot, k] += step * velocity[slot, k]
         wx, wy, wz = spin[slot]
+        bx, by, bz, bw = orientation[slot]
+        i0, i1, i2 = inertia[slot]
+        if i0 != i1 or i1 != i2:
+            r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(bx, by, bz, bw)
+            u0 = r00 * wx + r10 * wy + r20 * wz
+            u1 = r01 * wx + r11 * wy + r21 * wz
+            u2 = r02 * wx + r12 * wy + r22 * wz
+            g0 = step * (i1 - i2) / i0 * u1 * u2
+            g1 = step * (i2 - i0) / i1 * u2 * u0
+            g2 = step * (i0 - i1) / i2 * u0 * u1
+            wx += r00 * g0 + r01 * g1 + r02 * g2
+            wy += r10 * g0 + r11 * g1 + r12 * g2
+            wz += r20 * g0 + r21 * g1 + r22 * g2
+            spin[slot, 0], spin[slot, 1], spin[slot, 2] = wx, wy, wz
         rate = math.sqrt(wx * wx + wy * wy + wz * wz)
         if rate * step > 0.25 * math.pi:
             rate = 0.25 * math.pi / step
@@ -164,7 +182,6 @@ def coast(live, position, orientation, velocity, spin, step):
         else:
             s = math.sin(0.5 * rate * step) / rate
         ax, ay, az, aw = wx * s, wy * s, wz * s, math.cos(0.5 * rate * step)
-        bx, by, bz, bw = orientation[slot]
         x = aw * bx + ax * bw + ay * bz - az * by
         y = aw * by - ax * bz + ay * bw + az * bx
         z = aw * bz + ax * by - ay * bx + az * bw
@@ -201,7 +218,8 @@ def place_cubes(live, first, members, offset, turn, position, orientation, centr
 
 @njit(cache=True)
 def trouble(live, position, velocity, spin, low, high, edge, step, max_speed, max_turn):
-    """Index into TROUBLES of the first thing wrong with the state, and the slot it happened to (0 and -1: all is well)."""
+    """Index into TROUBLES of the first thing wrong with the state, and the slot it happened to (0 and -1: all is
+    well)."""
     for slot in live:
         v2 = w2 = 0.0
         for k in range(3):

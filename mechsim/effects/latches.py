@@ -1,0 +1,75 @@
+"""What decides whether two faces within reach of each other become a bond."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field
+
+from kinetics.config import Settings
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+Pair = tuple[int, int, int, int]  # cube, face, cube, face
+Latch = Callable[[Pair], bool]  # asked once a step for every pair within reach
+
+
+class Encounter(Settings):
+    """Each meeting of two faces latches with a fixed probability, decided when they come within reach.
+
+    probability : that a meeting latches
+    refractory : a meeting is over when the faces have been out of reach for this long, tu; faces that rattle against
+        each other come within reach again and again, and that is still one meeting
+    """
+
+    kind: Literal["encounter"] = "encounter"
+    probability: float = Field(gt=0, le=1)
+    refractory: float = Field(default=0.05, ge=0)
+
+    def attach(self, world: World, rng: np.random.Generator) -> Meetings:
+        """Keep account of who meets whom."""
+        return Meetings(self, world, rng)
+
+
+class MagnetDelay(Settings):
+    """The magnet switches on after a memoryless delay while the faces stay within reach. rate : 1 / tu."""
+
+    kind: Literal["delay"] = "delay"
+    rate: float = Field(gt=0)
+
+    def attach(self, world: World, rng: np.random.Generator) -> Latch:
+        """The chance that the delay ends within this step."""
+        chance = -math.expm1(-self.rate * world.step_size)
+        return lambda _: bool(rng.random() < chance)
+
+
+class Meetings:
+    """Meetings of faces under way: when the two were last within reach, and whether they are to latch."""
+
+    def __init__(self, settings: Encounter, world: World, rng: np.random.Generator):
+        self.settings, self.world, self.rng = settings, world, rng
+        self.under_way: dict[Pair, tuple[float, bool]] = {}
+        self.begun = 0
+
+    def __call__(self, pair: Pair) -> bool:
+        """Is this meeting one that latches? Drawn once, when it begins."""
+        now, refractory = self.world.time, self.settings.refractory
+        last, accepted = self.under_way.get(pair, (-math.inf, False))
+        if self._side_by_side(pair):
+            accepted = False
+        elif now - last > refractory:
+            self.begun += 1
+            accepted = bool(self.rng.random() < self.settings.probability)
+        self.under_way[pair] = (now, accepted)
+        if len(self.under_way) > 4096:
+            self.under_way = {p: m for p, m in self.under_way.items() if now - m[0] <= refractory}
+        return accepted
+
+    def _side_by_side(self, pair: Pair) -> bool:
+        """Did both bodies come to be in the last step, by parting or by placement? Then their faces have not met."""
+        born = self.world.bodies.born[self.world.bodies.body[[pair[0], pair[2]]]]
+        return bool(born[0] == born[1] and self.world.time - born[0] < 1.5 * self.world.step_size)
