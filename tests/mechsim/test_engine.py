@@ -17,7 +17,7 @@ def stir(world, speed=1.5, seed=5):
 
 
 def test_free_flight_equals_the_engine(make_world, line4):
-    world = make_world({"monomer": 12}, line4.without("agitation", "drag", "breaking", "bonding", "contact", "walls"))
+    world = make_world(MIXED, line4.without("agitation", "drag", "breaking", "bonding", "contact", "walls"))
     stir(world)
     b = world.bodies
     for _ in range(150):  # past a resync
