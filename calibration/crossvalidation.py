@@ -1,0 +1,285 @@
+"""Predicted against simulated: mechanics runs that the rates never saw, beside SSA and the exact solution.
+
+The yardstick is the predictive law of the held-out experiment itself: rates are drawn from their posterior, and with
+each draw the same number of runs is simulated. What n runs show should look like one more such group of n.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibration.firsttimes import FirstTimes, compare_first_times, student_interval
+from calibration.scores import Counts, Score, central_band, group_scores
+from kinetics.arrays import Floats, Ints, rising_times
+from kinetics.methods import Direct, Transient, simulate
+from kinetics.network import Network
+from kinetics.paths import RESTART, JumpPath
+from kinetics.rates import Rates
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# With 399 groups the 10th from either end bound a 95 % band exactly: the next group falls below with chance 10 / 400.
+GROUPS = 399
+
+
+@dataclass(frozen=True)
+class Cost:
+    """CPU seconds: of the held-out mechanics runs, of `ssa_runs` SSA runs, of the exact solution at all times."""
+
+    mechanics: float
+    ssa: float
+    ssa_runs: int
+    exact: float
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Held-out runs from one initial state beside their prediction. Arrays (T, S) over times (tu) and all species.
+
+    label : which experiment, such as `80 cubes`
+    runs : number n of held-out runs
+    observed_mean, observed_low, observed_high : their mean with a Student t interval over the runs
+    ssa_mean, exact_mean, exact_sd : at the point rates; sd of a single run
+    low, high : band of the mean of n runs: intrinsic noise and rate uncertainty
+    z : (observed_mean - exact_mean) over the predicted sd of that difference; nan where nothing varies
+    run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
+    scores : per species, then of all species summed
+    first : time to the first copy of the target, where one was named
+    """
+
+    label: str
+    network: Network
+    times: Floats
+    runs: int
+    level: float
+    observed_mean: Floats
+    observed_low: Floats
+    observed_high: Floats
+    ssa_mean: Floats
+    exact_mean: Floats
+    exact_sd: Floats
+    low: Floats
+    high: Floats
+    z: Floats
+    run_coverage: float
+    scores: tuple[Score, ...]
+    first: FirstTimes | None
+    cost: Cost
+
+    @property
+    def coverage(self) -> float:
+        """Share of times (after time 0) and species at which the observed mean lies inside the predicted band.
+
+        Neighbouring times move together, so the share itself scatters widely around the level.
+        """
+        inside = (self.low <= self.observed_mean) & (self.observed_mean <= self.high)
+        return float(inside[self.times > 0].mean())
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether the held-out runs look like the model's own: neither score nor first times fail at 1 %."""
+        results = [self.scores[-1].p_value] + ([self.first.p_value] if self.first else [])
+        return min(results) * len(results) > 0.01
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a time and species."""
+        columns = {
+            "observed": self.observed_mean,
+            "observed_low": self.observed_low,
+            "observed_high": self.observed_high,
+            "ssa": self.ssa_mean,
+            "exact": self.exact_mean,
+            "exact_sd": self.exact_sd,
+            "low": self.low,
+            "high": self.high,
+            "z": self.z,
+        }
+        return [
+            {"label": self.label, "time": float(t), "species": species}
+            | {name: float(values[i, s]) for name, values in columns.items()}
+            for i, t in enumerate(self.times)
+            for s, species in enumerate(self.network.species)
+        ]
+
+    def summary(self) -> dict[str, Any]:
+        """One row: coverage, score beside its floor, first times and cost of both sides."""
+        overall = self.scores[-1]
+        row = {
+            "label": self.label,
+            "runs": self.runs,
+            "coverage": self.coverage,
+            "run_coverage": self.run_coverage,
+            "crps": overall.score,
+            "crps_floor": overall.floor,
+            "p_crps": overall.p_value,
+        }
+        if self.first:
+            row |= {
+                "first_observed": self.first.observed_mean,
+                "first_low": self.first.low,
+                "first_high": self.first.high,
+                "first_censored": self.first.censored,
+                "first_predicted": self.first.predicted_mean,
+                "first_mean": self.first.mean,
+                "first_sd": self.first.sd,
+                "p_first": self.first.p_value,
+            }
+        return row | {
+            "cpu_mechanics_s": self.cost.mechanics,
+            "cpu_ssa_s": self.cost.ssa,
+            "ssa_runs": self.cost.ssa_runs,
+            "cpu_exact_s": self.cost.exact,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything for JSON: arrays as lists, what is not a number as None."""
+        return _plain(
+            {
+                "summary": self.summary(),
+                "is_consistent": self.is_consistent,
+                "level": self.level,
+                "species": self.network.species,
+                "scores": [vars(score) for score in self.scores],
+                "first": vars(self.first) if self.first else None,
+                "table": self.table(),
+            }
+        )
+
+    def plot(self, axes: Sequence[Axes], species: Sequence[str] | None = None) -> Sequence[Axes]:
+        """Mean trajectories with bands on both sides, one species an axes; all species unless some are named."""
+        from calibration import plots
+
+        for ax, name in zip(axes, species or self.network.species, strict=True):
+            plots.trajectory(ax, self, name)
+        return axes
+
+
+def crossvalidate(
+    network: Network,
+    rates: Rates,
+    paths: Sequence[JumpPath],
+    times: ArrayLike,
+    target: str | None = None,
+    label: str = "",
+    runs: int = 1000,
+    groups: int = GROUPS,
+    level: float = 0.95,
+    seed: int = 0,
+    mechanics_cpu: float = float("nan"),
+) -> CrossValidation:
+    """Held-out `paths` (one initial state, not restarted, all channels open) against the prediction with `rates`.
+
+    times : (T,) tu, rising, none after the end of a path
+    target : species whose first copy is waited for
+    runs : SSA runs at the point rates
+    groups : draws of the rates, each with as many runs as there are paths
+    mechanics_cpu : CPU seconds that the held-out runs took
+
+    Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
+    """
+    known = rates.apply(network)
+    counts = _held_out(known, paths, times)
+    grid = rising_times(times)
+    initial = paths[0].initial
+
+    simulate(known, Direct(), initial, grid[:1], runs=1)  # compiles, so that the cost below is that of simulating
+    begin = time.process_time()
+    ssa = simulate(known, Direct(), initial, grid, runs=runs, seed=seed)
+    ssa_cpu = time.process_time() - begin
+    begin = time.process_time()
+    exact = Transient().solve(known, initial, grid)
+    exact_mean, exact_sd = exact.mean(), exact.sd()
+    exact_cpu = time.process_time() - begin
+
+    predicted = _predicted_groups(known, rates, initial, grid, (groups, len(paths)), seed + 1)
+    means = predicted.mean(axis=1)
+    low, high = central_band(means, level)
+    run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), level)
+    after = grid > 0
+    observed = counts.mean(axis=0)
+    observed_low, observed_high = student_interval(counts, level)
+    return CrossValidation(
+        label=label,
+        network=known,
+        times=grid,
+        runs=len(paths),
+        level=level,
+        observed_mean=observed,
+        observed_low=observed_low,
+        observed_high=observed_high,
+        ssa_mean=ssa.mean(),
+        exact_mean=exact_mean,
+        exact_sd=exact_sd,
+        low=low,
+        high=high,
+        z=_z(observed - exact_mean, exact_sd / np.sqrt(len(paths)), means),
+        run_coverage=float(((run_low <= counts) & (counts <= run_high))[:, after].mean()),
+        scores=group_scores(known.species, counts, predicted),
+        first=compare_first_times(known, paths, target, level, seed) if target else None,
+        cost=Cost(float(mechanics_cpu), ssa_cpu, runs, exact_cpu),
+    )
+
+
+def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> Ints:
+    """Counts (n, T, S) of the paths, or a ValueError where they are no held-out runs of one experiment."""
+    if not paths:
+        raise ValueError("no held-out runs; give at least one path")
+    for i, path in enumerate(paths):
+        if path.network.fingerprint != network.fingerprint:
+            raise ValueError(f"path {i} is of another network: its channels are {', '.join(path.network.channels)}")
+        if not np.array_equal(path.initial, paths[0].initial):
+            raise ValueError(
+                f"path {i} starts from {path.initial.tolist()}, path 0 from {paths[0].initial.tolist()}; "
+                "compare one initial state at a time"
+            )
+        if (path.channels == RESTART).any() or not path.open_channels.all():
+            raise ValueError(f"path {i} was restarted or had channels closed: a calibration run, not a held-out one")
+    return np.stack([path.at(times) for path in paths])
+
+
+def _predicted_groups(
+    network: Network, rates: Rates, initial: Ints, times: Floats, shape: tuple[int, int], seed: int
+) -> Counts:
+    """Counts (groups, n, T, S): each group has its own draw of the rates."""
+    n_groups, n = shape
+    names = list(rates.channels)  # `sample` keeps the order of the file
+    order = [names.index(channel) for channel in network.channels]
+    draws = rates.sample(np.random.default_rng(seed), n_groups)[:, order]
+    counts = np.empty((n_groups, n, times.size, len(network.species)), dtype=np.int32)
+    for g, drawn in enumerate(draws):
+        drawn_network = network.with_rates(drawn)
+        # one seed, and a run number of its own for each: no two runs share random numbers
+        counts[g] = (
+            Direct().simulate(drawn_network, initial, times, runs=n, seed=seed, threads=1, first_run=g * n).counts
+        )
+    return counts
+
+
+def _z(difference: Floats, intrinsic: Floats, means: Floats) -> Floats:
+    """Difference over its predicted sd (T, S).
+
+    means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; where events are so rare that the
+        groups hardly show them, the exact intrinsic sd is the larger and the better known
+    """
+    sd = np.maximum(intrinsic, means.std(axis=0, ddof=1))
+    return np.divide(difference, sd, out=np.full(sd.shape, np.nan), where=sd > 1e-9)
+
+
+def _plain(value: Any) -> Any:
+    """Nested dicts and lists of what JSON can hold: None for what is no finite number."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
