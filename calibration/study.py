@@ -1,0 +1,242 @@
+"""The pipeline from a scene to trusted rates: calibration runs, estimates, held-out runs, comparison.
+
+The one module (with its commands) that knows all three rooms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from calibration.crossvalidation import CrossValidation, crossvalidate
+from calibration.diagnostics import Diagnosis, diagnose
+from calibration.estimate import Calibration, estimate, paper_estimate
+from kinetics.assembly import Derivation
+from kinetics.rates import Rates
+from mechsim.ensemble import Outcome, run_all
+from mechsim.record import RunRecord, RunSpec, book_of
+from mechsim.scene import Scene
+from mechsim.store import RunStore
+
+LONGEST = 500.0  # tu; longer experiments are cut into runs of equal length, so that workers share them
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Calibration runs of one kind: restarted after every event, from one composition.
+
+    composition : species -> copies
+    bonding : False takes bonding out of the scene; then only breaks can happen, and nothing else uses up the time
+    """
+
+    composition: dict[str, int]
+    bonding: bool
+
+
+def experiments(derivation: Derivation, n_cubes: int) -> list[Experiment]:
+    """What to run so that every channel of a network is seen at `n_cubes` cubes.
+
+    For each join a tank of its two reactants in equal shares of cubes, and one of all species mixed; for each
+    species that
+    breaks a tank full of it without bonding, since breaks are rare. Cubes left over are monomers.
+    """
+    network = derivation.network
+    sizes = {name: len(structure) for name, structure in derivation.structures.items()}
+    is_join = network.stoichiometry.sum(axis=1) < 0
+    wanted = [Experiment(_mixture(network.species, sizes, n_cubes), True)]
+    for channel in np.flatnonzero(is_join):
+        reactants = [network.species[s] for s in np.flatnonzero(network.reactants[channel])]
+        wanted.append(Experiment(_mixture(reactants, sizes, n_cubes), True))
+    for channel in np.flatnonzero(~is_join):
+        (source,) = np.flatnonzero(network.reactants[channel])
+        wanted.append(Experiment(_mixture([network.species[source]], sizes, n_cubes), False))
+    different = {repr(e): e for e in wanted}
+    return list(different.values())
+
+
+def _mixture(species: Sequence[str], sizes: dict[str, int], n_cubes: int) -> dict[str, int]:
+    """Equal shares of cubes for these species; what is left over becomes single cubes."""
+    counts = {name: n_cubes // (len(species) * sizes[name]) for name in species}
+    (single,) = (name for name, size in sizes.items() if size == 1)
+    left = n_cubes - sum(sizes[name] * n for name, n in counts.items())
+    counts[single] = counts.get(single, 0) + left
+    return {name: n for name, n in counts.items() if n}
+
+
+def calibration_specs(scene: Scene, n_cubes: int, join_time: float, break_time: float, seed: int) -> list[RunSpec]:
+    """Runs of all experiments: `join_time` tu for each with bonding, `break_time` tu for each without."""
+    for name, value in (("join time", join_time), ("break time", break_time)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} = {value}; expected a finite number of tu above 0")
+    for name in ("bonding", "breaking"):
+        if scene.effect(name) is None:
+            raise ValueError(f"scene {scene.name} does not list the effect {name!r}; calibration measures both ways")
+    specs = []
+    for experiment in experiments(book_of(scene.rules)[1], n_cubes):
+        total = join_time if experiment.bonding else break_time
+        runs = math.ceil(total / LONGEST)
+        setting = scene if experiment.bonding else scene.without("bonding")
+        specs += [
+            RunSpec(setting, experiment.composition, total / runs, seed, run, restart=True) for run in range(runs)
+        ]
+    return specs
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationStudy:
+    """Calibration runs and what they show. Runs that the guard stopped are left out, and counted."""
+
+    scene: Scene
+    outcome: Outcome
+    settings: dict[str, Any]
+
+    @cached_property
+    def sound(self) -> list[RunRecord]:
+        """Runs that reached their end."""
+        return [record for record in self.outcome.records if record.completed]
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """Pooled events and exposures of all channels."""
+        if not self.sound:
+            raise ValueError("no calibration run reached its end; see the quarantine folder and the guard's reasons")
+        return estimate(record.path for record in self.sound)
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Are waits exponential, and rates the same in all runs?"""
+        return diagnose([record.path for record in self.sound])
+
+    @cached_property
+    def paper_rates(self) -> dict[str, float]:
+        """The paper's own estimator on the same runs."""
+        return paper_estimate([record.path for record in self.sound])
+
+    @property
+    def cpu_seconds(self) -> float:
+        """Of all runs."""
+        return sum(record.cost["cpu_seconds"] for record in self.outcome.records)
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were stopped by the guard or given up, in words."""
+        stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
+        return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
+
+    @cached_property
+    def rates(self) -> Rates:
+        """The estimates with their evidence, ready to be saved."""
+        paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
+        evidence = {
+            "scene": self.scene.name,
+            "scene_hash": self.scene.fingerprint,
+            "rules": self.scene.rules,
+            "rules_hash": book_of(self.scene.rules)[0].fingerprint,
+            **self.settings,
+            "runs": len(self.sound),
+            "runs_left_out": len(self.problems),
+            "runs_digest": self.outcome.digest,
+            "cpu_seconds": round(self.cpu_seconds, 1),
+            "versions": {name: version(name) for name in ("wellmixed", "pybullet", "numpy")},
+            "doubtful_tests": self.diagnosis.doubtful,
+            "paper_estimator": paper,
+        }
+        return self.calibration.rates(evidence)
+
+
+def run_calibration(
+    scene: Scene,
+    store: RunStore,
+    *,
+    cubes: int = 60,
+    join_time: float = 1000.0,
+    break_time: float = 4000.0,
+    seed: int = 1,
+    workers: int = 1,
+    progress: bool | None = None,
+) -> CalibrationStudy:
+    """Make the missing calibration runs and read the others. Times are tu per experiment (see
+    `calibration_specs`)."""
+    specs = calibration_specs(scene, cubes, join_time, break_time, seed)
+    settings = {"cubes": cubes, "join_time": join_time, "break_time": break_time, "seed": seed}
+    return CalibrationStudy(scene, run_all(specs, store, workers=workers, progress=progress), settings)
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationStudy:
+    """Held-out runs beside their prediction, one comparison a system size."""
+
+    rates: Rates
+    outcome: Outcome
+    comparisons: tuple[CrossValidation, ...]
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were stopped by the guard or given up, in words."""
+        stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
+        return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
+
+    def summary(self) -> list[dict[str, Any]]:
+        """One row a size."""
+        return [comparison.summary() for comparison in self.comparisons]
+
+
+def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> list[RunSpec]:
+    """Assembly from single cubes, `runs` runs at each size."""
+    if runs < 2:
+        raise ValueError(f"runs = {runs}; a mean with an interval needs at least 2")
+    if not sizes or min(sizes) < 1:
+        raise ValueError(f"cubes = {list(sizes)}; expected one or more sizes of at least 1")
+    (single,) = (name for name, s in book_of(scene.rules)[1].structures.items() if len(s) == 1)
+    return [RunSpec(scene, {single: n}, duration, seed, run) for n in dict.fromkeys(sizes) for run in range(runs)]
+
+
+def run_validation(
+    scene: Scene,
+    rates: Rates,
+    store: RunStore,
+    *,
+    sizes: Sequence[int] = (60, 80, 120),
+    runs: int = 10,
+    duration: float = 2000.0,
+    points: int = 41,
+    seed: int = 2,
+    workers: int = 1,
+    progress: bool | None = None,
+) -> ValidationStudy:
+    """Make the missing held-out runs and compare them with the prediction at `points` times from 0 to `duration`.
+
+    Raises ValueError for rates of another network, or calibrated with the same seed: those runs would share their
+    random
+    numbers with the calibration.
+    """
+    book, derivation = book_of(scene.rules)
+    rates.apply(derivation.network)
+    if rates.evidence.get("seed") == seed:
+        raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
+    outcome = run_all(validation_specs(scene, sizes, runs, duration, seed), store, workers=workers, progress=progress)
+    target = None if book.target is None else derivation.network.species[derivation.species_of(book.target)]
+    comparisons = []
+    for n in dict.fromkeys(sizes):
+        records = [r for r in outcome.records if r.spec.n_cubes == n and r.completed]
+        if len(records) < 2:
+            raise ValueError(f"fewer than two of the runs with {n} cubes reached their end: nothing to compare")
+        comparisons.append(
+            crossvalidate(
+                derivation.network,
+                rates,
+                [record.path for record in records],
+                np.linspace(0.0, duration, points),
+                target=target,
+                label=f"{n} cubes",
+                seed=seed,
+                mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
+            )
+        )
+    return ValidationStudy(rates, outcome, tuple(comparisons))
