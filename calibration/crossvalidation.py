@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.firsttimes import FirstTimes, compare_first_times, student_interval
-from calibration.scores import Counts, Score, central_band, group_scores
+from calibration.scores import Counts, Score, central_band, group_scores, mean_misfit
 from kinetics.arrays import Floats, Ints, rising_times
 from kinetics.methods import Direct, Transient, simulate
 from kinetics.network import Network
@@ -49,6 +49,8 @@ class CrossValidation:
     ssa_mean, exact_mean, exact_sd : at the point rates; sd of a single run
     low, high : band of the mean of n runs: intrinsic noise and rate uncertainty
     z : (observed_mean - exact_mean) over the predicted sd of that difference; nan where nothing varies
+    misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs, and the share of groups that
+        are as far off or further
     run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
     scores : per species, then of all species summed
     first : time to the first copy of the target, where one was named
@@ -68,6 +70,8 @@ class CrossValidation:
     low: Floats
     high: Floats
     z: Floats
+    misfit: float
+    p_misfit: float
     run_coverage: float
     scores: tuple[Score, ...]
     first: FirstTimes | None
@@ -84,8 +88,8 @@ class CrossValidation:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the held-out runs look like the model's own: neither score nor first times fail at 1 %."""
-        results = [self.scores[-1].p_value] + ([self.first.p_value] if self.first else [])
+        """Whether the held-out runs look like the model's own at 1 %: their mean, their scores, their first times."""
+        results = [self.p_misfit, self.scores[-1].p_value] + ([self.first.p_value] if self.first else [])
         return min(results) * len(results) > 0.01
 
     def table(self) -> list[dict[str, Any]]:
@@ -116,6 +120,8 @@ class CrossValidation:
             "runs": self.runs,
             "coverage": self.coverage,
             "run_coverage": self.run_coverage,
+            "misfit": self.misfit,
+            "p_misfit": self.p_misfit,
             "crps": overall.score,
             "crps_floor": overall.floor,
             "p_crps": overall.p_value,
@@ -204,6 +210,7 @@ def crossvalidate(
     run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), level)
     after = grid > 0
     observed = counts.mean(axis=0)
+    misfit, p_misfit = mean_misfit(observed, means)
     observed_low, observed_high = student_interval(counts, level)
     return CrossValidation(
         label=label,
@@ -220,6 +227,8 @@ def crossvalidate(
         low=low,
         high=high,
         z=_z(observed - exact_mean, exact_sd / np.sqrt(len(paths)), means),
+        misfit=misfit,
+        p_misfit=p_misfit,
         run_coverage=float(((run_low <= counts) & (counts <= run_high))[:, after].mean()),
         scores=group_scores(known.species, counts, predicted),
         first=compare_first_times(known, paths, target, level, seed) if target else None,

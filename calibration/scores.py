@@ -66,3 +66,19 @@ def central_band(samples: np.ndarray, level: float = 0.95) -> tuple[Floats, Floa
         raise ValueError(f"{n} samples cannot bound a band of {level:g}; draw at least {int(np.ceil(2 / (1 - level)))}")
     ordered = np.partition(samples, (rank - 1, n - rank), axis=0)
     return ordered[rank - 1].astype(float), ordered[n - rank].astype(float)
+
+
+def mean_misfit(observed: Floats, means: Floats) -> tuple[float, float]:
+    """Mean squared z of a mean trajectory (T, S) among those of predicted groups (groups, T, S), and its p-value.
+
+    About 1 if the observed one is a group like the others. The observed one takes part in the mean and the spread that
+    z is taken with, so that under the model all groups + 1 trajectories are on the same footing: the rank is exact.
+    """
+    everything = np.concatenate([observed[None], means])
+    sd = everything.std(axis=0)
+    varies = sd > 1e-9
+    if not varies.any():
+        return 0.0, 1.0
+    z = (everything - everything.mean(axis=0))[:, varies] / sd[varies]
+    squared = (z**2).mean(axis=1)
+    return float(squared[0]), float(np.count_nonzero(squared >= squared[0] * (1 - 1e-9)) / squared.size)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
@@ -240,3 +240,12 @@ def run_validation(
             )
         )
     return ValidationStudy(rates, outcome, tuple(comparisons))
+
+
+def watched_run(scene: Scene, store: RunStore, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
+    """One run from single cubes with its first and last poses, for a picture."""
+    (spec,) = validation_specs(scene, [cubes], 2, duration, seed)[:1]
+    outcome = run_all([replace(spec, poses=duration)], store, progress=False)
+    if not outcome.records:
+        raise ValueError(f"{spec.title}: given up: {outcome.quarantined[0].reasons[-1]}")
+    return outcome.records[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import click
@@ -13,6 +14,30 @@ seed_option = click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="One seed, one result."
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def _in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Refuse a file that could not be written before any work is done for it."""
+    if value is not None and not Path(value).absolute().parent.is_dir():
+        raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
+    return value
+
+
+def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """The same, for a picture of a kind that we draw."""
+    if value is not None and Path(value).suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{value} must end in {', '.join(PICTURES)}", ctx, param)
+    return _in_a_folder(ctx, param, value)
+
+
+csv_option = click.option(
+    "--csv", "csv_file", metavar="FILE", callback=_in_a_folder, help="Write a table to this CSV file."
+)
+plot_option = click.option(
+    "--plot", "plot_file", metavar="FILE", callback=_picture, help="Draw into this PNG, PDF or SVG file."
+)
 
 
 class NumbersCommand(click.Command):
@@ -46,6 +71,19 @@ class NumbersCommand(click.Command):
                 values += 1
             spelled.append(word)
         return super().parse_args(ctx, spelled)
+
+
+def counts_of(text: str) -> dict[str, int]:
+    """`monomer=20,dimer=20` as counts."""
+    counts: dict[str, int] = {}
+    for part in text.split(","):
+        name, equals, number = part.strip().partition("=")
+        if not equals or not number.strip().isdecimal():
+            raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")
+        if name.strip() in counts:
+            raise ValueError(f"--initial names {name.strip()!r} twice")
+        counts[name.strip()] = int(number)
+    return counts
 
 
 def echo_json(data: dict[str, Any]) -> None:
