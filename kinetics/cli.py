@@ -11,7 +11,7 @@ import numpy as np
 from kinetics.arrays import Floats
 from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS
 from kinetics.network import Network, text_table
-from kinetics.options import NumbersCommand, echo_json, json_option, seed_option
+from kinetics.options import NumbersCommand, csv_option, echo_json, json_option, plot_option, seed_option
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
@@ -45,8 +45,8 @@ def starting_options(command: Any) -> Any:
 @click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Of the ssa method.")
 @click.option("--threads", type=click.IntRange(min=1), help="At most so many.  [default: one a core]")
 @click.option("--draws", type=click.IntRange(min=2), default=200, show_default=True, help="Of the rates.")
-@click.option("--csv", "csv_file", type=click.Path(dir_okay=False), help="Write a table to this file.")
-@click.option("--plot", "plot_file", type=click.Path(dir_okay=False), help="Draw into this PNG, PDF or SVG file.")
+@csv_option
+@plot_option
 @seed_option
 @json_option
 def predict(
@@ -112,7 +112,7 @@ def predict(
 @click.option("--species", required=True, help="What is waited for.")
 @click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many of it.")
 @click.option("--draws", type=click.IntRange(min=2), default=100, show_default=True, help="Of the rates.")
-@click.option("--plot", "plot_file", type=click.Path(dir_okay=False), help="Draw into this PNG, PDF or SVG file.")
+@plot_option
 @seed_option
 @json_option
 def passage(

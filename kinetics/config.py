@@ -38,9 +38,7 @@ def find(name_or_path: str | Path, folder: Path, kind: str) -> Path:
         return path
     shipped = sorted(p.stem for p in folder.glob("*.toml"))
     if text not in shipped:
-        raise ValueError(
-            f"unknown {kind} {text!r}; shipped are {', '.join(shipped)}; or give the path of a .toml file"
-        )
+        raise ValueError(f"unknown {kind} {text!r}; shipped are {', '.join(shipped)}; or give the path of a .toml file")
     return folder / f"{text}.toml"
 
 
@@ -55,9 +53,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is not UTF-8 text: {error}") from None
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > MAX_LINE:
-            raise ValueError(
-                f"{path}, line {number}: {len(line)} characters; a line may have at most {MAX_LINE}"
-            )
+            raise ValueError(f"{path}, line {number}: {len(line)} characters; a line may have at most {MAX_LINE}")
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -88,14 +84,8 @@ def _suggest(key: str, item: Any, data: Any) -> str:
     """A near miss among the keys that stand beside the unknown one, if there is one."""
     parent = data
     for part in item["loc"][:-1]:
-        if (isinstance(parent, dict) and part in parent) or (
-            isinstance(parent, list) and isinstance(part, int)
-        ):
+        if (isinstance(parent, dict) and part in parent) or (isinstance(parent, list) and isinstance(part, int)):
             parent = parent[part]
     known = [name for name in parent if name != key] if isinstance(parent, dict) else []
     close = difflib.get_close_matches(key, known, n=1)
-    return (
-        f" (beside {close[0]!r}: written twice in two ways?)"
-        if close
-        else "; remove it or check its spelling"
-    )
+    return f" (beside {close[0]!r}: written twice in two ways?)" if close else "; remove it or check its spelling"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats
-from kinetics.methods import SAMPLING_METHODS, Direct, SamplingMethod, SolvingMethod, simulate, solve
+from kinetics.methods import Direct, SamplingMethod, SolvingMethod, simulate, solve
 from kinetics.methods.direct import whole_number
 from kinetics.methods.passage import Passage, first_passage
 from kinetics.methods.transient import Distribution
@@ -96,7 +96,7 @@ def predict(
     model = rates.apply(network)
     method = Direct() if method is None else method
     result: Ensemble | Distribution
-    if isinstance(method, SAMPLING_METHODS):
+    if isinstance(method, SamplingMethod):
         result = simulate(model, method, initial, times, runs=runs, seed=seed, threads=threads)
         standard_error, error = result.standard_error(), 0.0
     else:

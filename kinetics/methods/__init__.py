@@ -1,11 +1,12 @@
 """Ways to predict from a network: methods that sample, and methods that solve.
 
-To add one: write its class in a file of its own, and put it into the tuple it belongs to. Tests and command line read
-the tuples. A sampling method has `simulate(network, initial, times, runs, seed, threads) -> Ensemble`, a solving method
-`solve(network, initial, times) -> Distribution`.
+To add one: write its class in a file of its own, after `SamplingMethod` or `SolvingMethod` below, and put it into the
+tuple it belongs to. Tests and command line read the tuples.
 """
 
 from __future__ import annotations
+
+from typing import ClassVar, Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
@@ -14,11 +15,37 @@ from kinetics.methods.transient import Distribution, Transient
 from kinetics.network import Network
 from kinetics.paths import Ensemble, JumpPath
 
-SAMPLING_METHODS = (Direct,)
-SOLVING_METHODS = (Transient,)
 
-SamplingMethod = Direct
-SolvingMethod = Transient
+@runtime_checkable
+class SamplingMethod(Protocol):
+    """Draws independent runs. `name` is what the command line calls it."""
+
+    name: ClassVar[str]
+
+    def simulate(
+        self,
+        network: Network,
+        initial: ArrayLike,
+        times: ArrayLike,
+        runs: int = ...,
+        seed: int = ...,
+        threads: int | None = ...,
+    ) -> Ensemble:
+        """Counts of `runs` independent runs at `times`, tu; the same for any number of threads."""
+
+
+@runtime_checkable
+class SolvingMethod(Protocol):
+    """Computes probabilities without sampling. `name` is what the command line calls it."""
+
+    name: ClassVar[str]
+
+    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
+        """Probability of every state at `times`, tu."""
+
+
+SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (Direct,)
+SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (Transient,)
 
 
 def simulate(

@@ -110,7 +110,7 @@ def kernel_arrays(network: Network) -> tuple[Floats, Ints, Ints]:
     """Coefficients (R,), factors (3, R, K) and stoichiometry (R, S) as `kernels.ssa` reads them."""
     coefficients = network.known_rates * network.ways
     n_species = len(network.species)
-    order = max(1, int(network.reactants.sum(axis=1).max(initial=1)))
+    order = int(network.reactants.sum(axis=1).max(initial=2))
     factors = np.zeros((3, len(network.channels), order), dtype=np.int64)
     factors[0] = n_species  # the constant 1, until a reactant takes the place
     for r, needed in enumerate(network.reactants):

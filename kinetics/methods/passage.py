@@ -86,6 +86,8 @@ class Passage:
 
     def _quantile(self, q: float) -> float:
         """Inverts the cdf by bisection, down to the last bit."""
+        if self.cdf(0.0) >= q:
+            return 0.0
         if q >= self.probability:
             return float("inf")
         late = 1.0 / self.chain.rate
@@ -95,7 +97,7 @@ class Passage:
         while True:
             middle = 0.5 * (early + late)
             if not early < middle < late:
-                return late if q > 0 else 0.0
+                return late
             early, late = (middle, late) if self.cdf(middle) < q else (early, middle)
 
     def __str__(self) -> str:
@@ -174,7 +176,7 @@ class _Equations:
         try:
             self.solve = splu(csc_array(diagonal - matrix)).solve
             longest = self.solve(np.ones(n)).max()
-            self.error = 2.0 * self.exits.max() * longest * EPSILON if longest > 0 else np.inf
+            self.error = float(2.0 * self.exits.max() * longest * EPSILON) if longest > 0 else np.inf
         except RuntimeError:  # singular to working precision
             self.error = np.inf
         if self.error > TRUST and n <= MAX_DENSE:

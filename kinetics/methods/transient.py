@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from scipy.sparse import csr_array
 
+MAX_BYTES = 4 * 2**30  # of probabilities in one distribution
 MAX_DENSE = 1000  # states up to which a stiff chain still goes to the matrix exponential
 DENSE_TRUST = 1e-6  # a matrix exponential whose estimated error is larger than this is not handed out
 
@@ -131,6 +132,10 @@ class Transient:
         if not grid.size:
             raise ValueError("times is empty; give at least one time")
         space = reachable(network, initial, max_states=self.max_states)
+        if grid.size * len(space) * 8 > MAX_BYTES:
+            raise ValueError(
+                f"{len(space)} states at {grid.size} times need over {MAX_BYTES / 2**30:.0f} GB; ask for fewer times"
+            )
         generator = space.generator()
         start = np.zeros(len(space))
         start[0] = 1.0

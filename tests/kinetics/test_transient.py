@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+from known_systems import bare_line, decay, line, network, switch
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import expm
+from scipy.sparse.linalg import expm_multiply
+from scipy.stats import binom, poisson
+
+from kinetics import Transient, solve
+from kinetics.methods import SOLVING_METHODS
+from kinetics.methods.uniformisation import poisson_bounds, poisson_window
+from kinetics.states import reachable
+
+SPARSE, DENSE = Transient(dense_below=0), Transient(dense_below=10**6)
+
+
+@pytest.mark.parametrize("method", [*(method() for method in SOLVING_METHODS), SPARSE, DENSE])
+def test_independent_copies_are_binomial(method):
+    times = np.array([0.0, 0.1, 0.7, 5.0])
+    law = solve(switch(1.0, 2.0), method, [40, 0], times)
+    in_b = (1.0 - np.exp(-3.0 * times)) / 3.0
+    copies = np.arange(41)
+    expected = binom(40, in_b[:, None]).pmf(copies)
+    assert_allclose(law.marginal("B"), expected, rtol=0, atol=1e-13)
+    assert_allclose(law.mean()[:, 1], 40 * in_b, rtol=1e-12, atol=1e-13)
+    assert_allclose(law.sd()[:, 1], np.sqrt(40 * in_b * (1 - in_b)), rtol=1e-10, atol=1e-7)
+    assert abs(law.marginal("B") - expected).sum(axis=1).max() < law.error < 1e-11
+
+
+@pytest.mark.parametrize(("cubes", "n_states"), [(60, 1906), (80, 4263), (120, 13561)])
+def test_line_of_four(cubes, n_states):
+    law = solve(line(), Transient(), [cubes, 0, 0, 0], [0.0, 100.0, 2000.0])
+    assert len(law.space) == n_states
+    assert law.probabilities.min() >= -1e-14
+    assert_allclose(law.probabilities.sum(axis=1), 1.0, rtol=0, atol=1e-12)
+    assert_allclose(law.mean() @ [1, 2, 3, 4], cubes, rtol=1e-12)
+    assert_array_equal(law.mean()[0], [cubes, 0, 0, 0])
+    assert law.error < 1e-11
+
+
+def test_uniformisation_against_scipy():
+    net = line()
+    space = reachable(net, [20, 0, 0, 0])
+    Q = space.generator()
+    start = np.eye(1, len(space))[0]
+    times = [30.0, 400.0, 2000.0]
+    law = SPARSE.solve(net, [20, 0, 0, 0], times)
+    for i, time in enumerate(times):
+        # scipy's own errors are allowed for: they are larger than the bound that ours comes with
+        assert abs(law.probabilities[i] - start @ expm(Q.toarray() * time)).sum() < law.error + 1e-12
+        assert abs(law.probabilities[i] - expm_multiply(Q.T.tocsr() * time, start)).sum() < law.error + 1e-11
+    assert abs(law.probabilities - DENSE.solve(net, [20, 0, 0, 0], times).probabilities).max() < 1e-13
+
+
+def test_large_line_against_scipy():
+    law = solve(line(), Transient(), [60, 0, 0, 0], [150.0])
+    Q = law.space.generator()
+    reference = expm_multiply(Q.T.tocsr() * 150.0, np.eye(1, len(law.space))[0])
+    assert abs(law.probabilities[0] - reference).sum() < 1e-11
+
+
+def test_many_times_are_each_as_good_as_one():
+    times = np.linspace(0.0, 2000.0, 101)
+    together = SPARSE.solve(line(), [24, 0, 0, 0], times)
+    for i in (0, 1, 37, 100):
+        alone = SPARSE.solve(line(), [24, 0, 0, 0], times[i : i + 1])
+        assert abs(together.probabilities[i] - alone.probabilities[0]).sum() < 1e-12
+
+
+@pytest.mark.parametrize("mean", [1e-9, 0.3, 7.0, 1234.5, 1e7])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-14])
+def test_poisson_weights(mean, tolerance):
+    first, weights = poisson_window(mean, tolerance)
+    numbers = np.arange(first, first + weights.size)
+    assert_allclose(weights.sum(), 1.0, rtol=1e-14)
+    likely = weights > 1e-12
+    # scipy's own value goes through logarithms of the size of mean * log(mean)
+    exact = poisson(mean).pmf(numbers[likely])
+    assert_allclose(weights[likely], exact, rtol=tolerance + 1e-15 * max(mean * np.log(mean), 100))
+    low, high = poisson_bounds(mean, tolerance)
+    assert poisson(mean).cdf(low - 1) + poisson(mean).sf(high) <= tolerance
+
+
+def leak(fast, slow=1e-3):
+    """A <-> B quickly, B -> C slowly: once mixed, a slow exponential with half the rate."""
+    reactions = {"ab": ((1, 0, 0), (0, 1, 0)), "ba": ((0, 1, 0), (1, 0, 0)), "leak": ((0, 1, 0), (0, 0, 1))}
+    return network("ABC", reactions, [fast, fast, slow])
+
+
+def test_stiff_chain():
+    law = solve(leak(1e6), Transient(), [1, 0, 0], [1.0])
+    a = 1e6 + 5e-4
+    slow_rate = 1e-3 * 1e6 / (a + np.sqrt(a * a - 1e3))  # product of the roots over the larger one
+    # Of the faster root, only 5e-10 of the weight is left, and that gone by exp(-2e6).
+    exact = np.exp(-slow_rate) * (1 + 0.25e-18)
+    left = law.probabilities[0] @ (law.space.states[:, 2] == 0)
+    assert abs(left - exact) < law.error < 1e-8
+
+
+def test_too_stiff_is_refused():
+    with pytest.raises(ValueError, match=r"too stiff: rates up to 1e.15 1/tu over 1 tu leave an error"):
+        solve(leak(1e15), Transient(), [1, 0, 0], [1.0])
+    with pytest.raises(ValueError, match=r"too stiff for uniformisation: 1\.1e\+09 steps"):
+        solve(switch(1e6, 1e6), Transient(), [1100, 0], [1.0])
+    # of few enough states, the matrix exponential takes over from steps without end
+    law = SPARSE.solve(switch(1e7, 1e7), [3, 0], [1.0])
+    assert_allclose(law.marginal("B")[0], [0.125, 0.375, 0.375, 0.125], atol=law.error)
+
+
+def test_starting_points():
+    law = solve(line(), Transient(), [1, 0, 0, 0], [0.0, 5.0])  # nothing can happen
+    assert_array_equal(law.probabilities, [[1.0], [1.0]])
+    assert_array_equal(law.sd(), np.zeros((2, 4)))
+
+
+def test_reading_a_distribution():
+    law = solve(line(), Transient(), [12, 0, 0, 0], [100.0, 900.0])
+    states, p = law.space.states, law.probabilities
+    assert law.network.species[0] == "monomer"
+    assert_allclose(law.probability(states[5]), p[:, 5])
+    assert_array_equal(law.probability([11, 0, 0, 0]), [0, 0])
+    quadmers = law.marginal("quadmer")
+    assert quadmers.shape == (2, 4)
+    assert_allclose(quadmers[1, 2], p[1, states[:, 3] == 2].sum())
+    median = law.quantile(0.5)
+    for t in range(2):
+        for s in range(4):
+            assert p[t, states[:, s] <= median[t, s]].sum() >= 0.5
+            assert p[t, states[:, s] < median[t, s]].sum() < 0.5
+    table = law.to_dataframe()
+    assert list(table.columns) == ["time", "species", "mean", "sd"]
+    assert_allclose(table["mean"], law.mean().ravel())
+    ax = Figure().add_subplot()
+    assert law.plot(ax) is ax
+    assert ax.get_xlabel() == "time (tu)"
+    with pytest.raises(ValueError, match="expected a probability"):
+        law.quantile(-0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((bare_line(), [60, 0, 0, 0], [1.0]), "no rate constants"),
+        ((line(), [60, 0, 0], [1.0]), "state has shape"),
+        ((line(), [60, 0, 0, 0], []), "times is empty"),
+        ((line(), [60, 0, 0, 0], [2.0, 2.0]), "times must rise; 2 comes after 2"),
+        ((line(), [60, 0, 0, 0], [np.inf]), "times holds inf"),
+        ((line(), [400, 0, 0, 0], [1.0]), "over 5000 states are reachable"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Transient(max_states=5000).solve(*arguments)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, 1.0])
+def test_bad_tolerance(tolerance):
+    with pytest.raises(ValueError, match="tolerance ="):
+        Transient(tolerance=tolerance)
+
+
+def test_decay_far_out():
+    law = solve(decay(1.0), SPARSE, [5], [1000.0])
+    assert_allclose(law.marginal("X")[0], [1, 0, 0, 0, 0, 0], atol=1e-13)
