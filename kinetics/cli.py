@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from kinetics.arrays import Floats
-from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS
+from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
 from kinetics.network import Network, text_table
 from kinetics.options import NumbersCommand, csv_option, echo_json, json_option, plot_option, seed_option
 
@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from kinetics.prediction import Prediction
     from kinetics.rates import Rates
 
-METHODS = {method.name: method for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
+METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
+    method.name: method for method in (*SAMPLING_METHODS, *SOLVING_METHODS)
+}
 DURATION = 2000.0  # tu, the paper's
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time

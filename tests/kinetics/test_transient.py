@@ -146,6 +146,10 @@ def test_reading_a_distribution():
         ((line(), [60, 0, 0, 0], []), "times is empty"),
         ((line(), [60, 0, 0, 0], [2.0, 2.0]), "times must rise; 2 comes after 2"),
         ((line(), [60, 0, 0, 0], [np.inf]), "times holds inf"),
+        (
+            (line(), [60, 0, 0, 0], np.arange(300_000)),
+            "1906 states at 300000 times need over 4 GB; ask for fewer times",
+        ),
         ((line(), [400, 0, 0, 0], [1.0]), "over 5000 states are reachable"),
     ],
 )
