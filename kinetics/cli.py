@@ -11,14 +11,15 @@ import numpy as np
 from kinetics.arrays import Floats
 from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
 from kinetics.network import Network, text_table
-from kinetics.options import NumbersCommand, csv_option, echo_json, json_option, plot_option, seed_option
+from kinetics.options import NumbersCommand, counts_of, csv_option, echo_json, json_option, plot_option, seed_option
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
     from kinetics.rates import Rates
 
 METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
-    method.name: method for method in (*SAMPLING_METHODS, *SOLVING_METHODS)
+    **{method.name: method for method in SAMPLING_METHODS},
+    **{method.name: method for method in SOLVING_METHODS},
 }
 DURATION = 2000.0  # tu, the paper's
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
@@ -219,21 +220,8 @@ def _start(book: str, rates_name: str, cubes: int | None, initial: str | None) -
         raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
     rates = Rates.load(rates_name)
     network, monomer = _network(book)
-    counts = {monomer: cubes} if cubes is not None else _counts(initial or "")
+    counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
     return network, rates, network.state(counts)
-
-
-def _counts(text: str) -> dict[str, int]:
-    """`monomer=20,dimer=20` as counts."""
-    counts: dict[str, int] = {}
-    for part in text.split(","):
-        name, equals, number = part.strip().partition("=")
-        if not equals or not number.strip().isdecimal():
-            raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")
-        if name.strip() in counts:
-            raise ValueError(f"--initial names {name.strip()!r} twice")
-        counts[name.strip()] = int(number)
-    return counts
 
 
 def _grid(duration: float | None, times: tuple[float, ...]) -> Floats:
