@@ -86,19 +86,6 @@ def counts_of(text: str) -> dict[str, int]:
     return counts
 
 
-def counts_of(text: str) -> dict[str, int]:
-    """`monomer=20,dimer=20` as counts."""
-    counts: dict[str, int] = {}
-    for part in text.split(","):
-        name, equals, number = part.strip().partition("=")
-        if not equals or not number.strip().isdecimal():
-            raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")
-        if name.strip() in counts:
-            raise ValueError(f"--initial names {name.strip()!r} twice")
-        counts[name.strip()] = int(number)
-    return counts
-
-
 def echo_json(data: dict[str, Any]) -> None:
     """One JSON object on standard output; arrays become lists, and what is not finite becomes null."""
     click.echo(json.dumps(plain(data), allow_nan=False))
