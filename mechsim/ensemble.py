@@ -140,7 +140,8 @@ class _Driver:
             try:
                 while self.waiting or self.running:
                     self._start_workers()
-                    self._listen()
+                    if self.waiting or self.running:  # else the last run was found, made by another process
+                        self._listen()
                     for worker in [worker for worker in self.running if worker.ended]:
                         self._finish(worker)
                     bar.set_description(f"{len(self.records)}/{len(self.specs)} runs", refresh=False)
@@ -267,6 +268,7 @@ def _ending(code: int | None) -> str:
 def _work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection) -> None:
     """Body of a worker: make the run, keep it, say what went wrong."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(2, 1)  # standard output is the command's own; engines print too
     _end_with_driver()
     reports.send(0.0)
     reported = time.monotonic()

@@ -66,7 +66,7 @@ class RunStore:
     """
 
     def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
+        self.folder = Path(folder).absolute()  # workers may have another working directory
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
         for part in (self.folder, self.folder / "claims", self.folder / "quarantine"):
