@@ -122,7 +122,7 @@ class _Driver:
         self.waiting = deque(spec for key, spec in specs.items() if key not in self.records)
         self.context = multiprocessing.get_context("forkserver")
         # What a run needs is imported once, in the server that workers are forked from.
-        self.context.set_forkserver_preload(["__main__", execute.__module__, "mechsim.world"])
+        self.context.set_forkserver_preload([execute.__module__, "mechsim.world"])
 
     def run(self, progress: bool | None) -> None:
         """Work until nothing waits and nothing runs."""
@@ -176,6 +176,9 @@ class _Driver:
             unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 self.running.append(self._worker(spec, claim))
+            except (EOFError, ConnectionError):
+                claim.release()
+                self._fail(spec, "the server that workers are forked from was killed")
             except BaseException:
                 claim.release()
                 raise
@@ -240,15 +243,19 @@ class _Driver:
                 'does the script that calls run_all lack its `if __name__ == "__main__":`?'
             )
         else:
-            reasons = self.failures[spec.key]
-            reasons.append(worker.failure or _ending(worker.process.exitcode))
-            if len(reasons) < TRIES:
-                self.waiting.append(spec)
-            else:
-                self.store.quarantine(spec, reasons)
-                self.quarantined[spec.key] = Quarantined(spec, tuple(reasons))
+            self._fail(spec, worker.failure or _ending(worker.process.exitcode))
         self.running.remove(worker)
         self._part(worker)
+
+    def _fail(self, spec: RunSpec, reason: str) -> None:
+        """Try a run again, later, or give it up."""
+        reasons = self.failures[spec.key]
+        reasons.append(reason)
+        if len(reasons) < TRIES:
+            self.waiting.append(spec)
+        else:
+            self.store.quarantine(spec, reasons)
+            self.quarantined[spec.key] = Quarantined(spec, tuple(reasons))
 
     def _part(self, worker: _Worker) -> None:
         """Give back what a worker that has ended held."""

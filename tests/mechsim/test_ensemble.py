@@ -16,6 +16,9 @@ import pytest
 from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
 
 from mechsim.ensemble import TRIES, run_all
+from mechsim.record import RunSpec
+from mechsim.record import execute as execute_run
+from mechsim.scene import Scene
 from mechsim.store import RunStore, digest_of
 
 ROOT = Path(__file__).parents[2]
@@ -147,6 +150,22 @@ def test_workers_killed_at_random_cost_nothing_but_time(tmp_path):
     assert len(killed) >= 4
     assert outcome.digest == digest_of(map(record_of, specs))
     assert outcome.computed == 8
+
+
+def test_the_server_of_workers_may_be_killed_too(tmp_path):
+    log, specs = tmp_path / "log", specs_of(4, seconds=0.2, log=str(tmp_path / "log"))
+
+    def kill():
+        wait_for(lambda: pids(log))
+        worker = Path(f"/proc/{pids(log)[0]}/stat").read_text().rpartition(")")[2].split()
+        os.kill(int(worker[1]), signal.SIGKILL)  # its parent
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcome = run_all(specs, RunStore(tmp_path / "runs"), workers=2, execute=execute)
+    killer.join()
+    assert len(starts(log)) > 4
+    assert outcome.digest == digest_of(map(record_of, specs))
 
 
 def test_drivers_killed_at_random_lose_at_most_the_runs_in_hand(tmp_path):
@@ -289,3 +308,12 @@ def test_progress_is_for_terminals(tmp_path, monkeypatch):
             assert "4/4 runs" in text
             assert "1000/1000 tu" in text
             assert "tu/s" in text
+
+
+def test_real_runs_are_the_same_here_in_workers_and_on_disk(tmp_path):
+    pytest.importorskip("pybullet")
+    scene = Scene.load("line4")
+    specs = [RunSpec(scene, {"monomer": 20, "dimer": 4}, 0.5, seed=1, run=run) for run in range(3)]
+    outcome = run_all(specs, RunStore(tmp_path), workers=2)
+    assert outcome.digest == digest_of(map(execute_run, specs)) == RunStore(tmp_path).digest(specs)
+    assert all(one.path.end == pytest.approx(0.5, abs=scene.numerics.step) for one in outcome.records)
