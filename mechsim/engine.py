@@ -1,7 +1,7 @@
 """The only door to PyBullet: rigid boxes, their contacts, one step at a time.
 
 What this module rests on, each held by a test:
-- velocities are set and no forces used, so the velocity after a step minus the one set is the contact impulse over the mass;
+- velocities are set and no forces used: the velocity after a step minus the one set is the contact impulse over mass;
 - a body without any contact point flew freely, so only bodies near a contact need to be read back;
 - compounds get their own principal inertia (the engine would take their bounding box's);
 - damping is switched off (0.04 by default);

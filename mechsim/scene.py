@@ -16,6 +16,10 @@ SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
 
 
+class NoRoomError(ValueError):
+    """The cubes of a run find no place in its tank: a mistake in the inputs, the same at every try."""
+
+
 class Units(Settings):
     """The only units a scene may be written in: the paper's length and time, density relative to the fluid's."""
 

@@ -152,9 +152,9 @@ def _solve_spd(a, b):
 def coast(live, position, orientation, velocity, spin, inertia, step):
     """Free flight of every body over one step, in place; equal to the engine's own integration to rounding.
 
-    Euler's gyroscopic term first (explicitly, as the engine does: inertia w' = -w x (inertia w) in the body frame; nothing
-    for a cube), then positions by step * velocity and orientations by the exponential map of the spin, with the engine's
-    cap of pi/4 a step.
+    Euler's gyroscopic term first (explicitly, as the engine does: inertia w' = -w x (inertia w) in the body frame;
+    nothing for a cube), then positions by step * velocity and orientations by the exponential map of the spin, with
+    the engine's cap of pi/4 a step.
     """
     for slot in live:
         for k in range(3):
