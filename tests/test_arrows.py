@@ -1,0 +1,155 @@
+"""Who may import whom: the arrows of ARCHITECTURE.md, read from the source."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("kinetics", "mechsim", "calibration")
+SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+LATTICE_FREE = ("network", "paths", "rates", "states", "methods")  # the parts of kinetics that never heard of cubes
+HEAVY = ("numba", "pandas", "matplotlib", "pybullet", "scipy")
+
+
+class Import(NamedTuple):
+    """One import in a module of ours: of what, and whether it happens when the program runs."""
+
+    module: str
+    target: str
+    at_run_time: bool
+
+
+def module_name(path: Path) -> str:
+    """kinetics/methods/__init__.py -> kinetics.methods"""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(source: str, module: str, is_package: bool = False) -> list[Import]:
+    """All imports of a module, those within functions too. `from a import b` gives a.b, whatever b is."""
+    found: list[Import] = []
+
+    def walk(node: ast.AST, at_run_time: bool) -> None:
+        if isinstance(node, ast.Import):
+            found.extend(Import(module, alias.name, at_run_time) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = module.split(".")[: len(module.split(".")) - node.level + is_package] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            found.extend(Import(module, f"{base}.{alias.name}", at_run_time) for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            for child in node.body:
+                walk(child, at_run_time=False)
+            for child in node.orelse:
+                walk(child, at_run_time)
+            return
+        for child in ast.iter_child_nodes(node):
+            walk(child, at_run_time)
+
+    walk(ast.parse(source), at_run_time=True)
+    return found
+
+
+def lies_in(name: str, *packages: str) -> bool:
+    """Is a module or name one of these packages, or inside one?"""
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+def objections(found: Import) -> list[str]:
+    """The arrows that an import breaks."""
+    module, target, at_run_time = found
+    parts = module.split(".")
+    broken = []
+    if "kernels" in parts[:-1] and not lies_in(target, "numpy", "numba", "math", "__future__"):
+        broken.append("kernels take arrays and numbers, and import nothing of ours")
+    if parts[0] == "kinetics" and lies_in(target, "mechsim", "calibration"):
+        broken.append("kinetics knows no engine and no calibration")
+    if parts[0] == "kinetics" and parts[1:2] and parts[1] in LATTICE_FREE and lies_in(target, "kinetics.assembly"):
+        broken.append("a network has never heard of cubes")
+    if parts[0] == "mechsim" and lies_in(target, "calibration"):
+        broken.append("mechanics does not know what its runs are for")
+    only_study = module not in ("calibration.study", "calibration.cli")
+    if parts[0] == "calibration" and only_study and at_run_time and lies_in(target, "mechsim"):
+        broken.append("in calibration only study and cli know the mechanics")
+    if module != "mechsim.engine" and lies_in(target, "pybullet"):
+        broken.append("mechsim.engine is the only door to PyBullet")
+    return [f"{module} imports {target}: {why}" for why in broken]
+
+
+def test_arrows():
+    found = [
+        each
+        for path in SOURCES
+        for each in imports_of(path.read_text(encoding="utf-8"), module_name(path), path.name == "__init__.py")
+    ]
+    modules = {each.module for each in found}
+    assert {"kinetics.methods", "mechsim.engine", "calibration.study"} <= modules
+    assert any(each.target == "pybullet" for each in found)
+    assert [text for each in found for text in objections(each)] == []
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("kinetics.kernels.ssa", "from kinetics.arrays import Floats"),
+        ("mechsim.kernels.motion", "def f():\n    import scipy.stats"),
+        ("kinetics.rates", "import mechsim.scene"),
+        ("kinetics.cli", "def f():\n    from calibration import estimate"),
+        ("kinetics.network", "from kinetics.assembly import RuleBook"),
+        ("kinetics.methods.direct", "from kinetics import assembly"),
+        ("kinetics.states", "from .assembly import faces"),
+        ("mechsim.record", "try:\n    import calibration\nexcept ImportError:\n    pass"),
+        ("calibration.report", "from mechsim.render import draw_tank"),
+        ("calibration.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),
+        ("mechsim.world", "import pybullet as p"),
+    ],
+)
+def test_forbidden_imports_are_seen(module, source):
+    """A control that must fail: a module with such an import is caught."""
+    (text,) = [text for each in imports_of(source, module) for text in objections(each)]
+    assert text.startswith(f"{module} imports ")
+
+
+def test_imports_for_types_alone_are_allowed():
+    source = "if TYPE_CHECKING:\n    from mechsim.record import RunRecord"
+    (found,) = imports_of(source, "calibration.overview")
+    assert objections(found) == []
+    assert objections(found._replace(at_run_time=True)) != []
+
+
+def loaded(code: str) -> list[str]:
+    """Top-level modules that are loaded once `code` has run in a fresh interpreter; it must end well."""
+    tell = "import json, sys; print(json.dumps(sorted({name.split('.')[0] for name in sys.modules})), file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", f"{code}\n{tell}"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return json.loads(done.stderr.splitlines()[-1])
+
+
+@pytest.mark.parametrize("room", ["kinetics", "calibration"])
+def test_rooms_work_without_the_engine(room):
+    """Every module of the room and every public name; the engine itself is loaded only where a run is made."""
+    modules = [module_name(path) for path in sorted((ROOT / room).rglob("*.py"))]
+    code = (
+        "import sys, importlib; sys.modules['pybullet'] = None\n"
+        f"for name in {modules}: importlib.import_module(name)\n"
+        f"import {room}\nfor name in {room}.__all__: getattr({room}, name)"
+    )
+    assert "numpy" in loaded(code)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], []])
+def test_the_front_door_is_light(arguments):
+    code = f"import click\nfrom wellmixed import main\ntry:\n    main({arguments})\nexcept SystemExit: pass"
+    names = loaded(code)
+    assert "click" in names
+    assert not set(HEAVY) & set(names)
+
+
+@pytest.mark.parametrize("room", ["kinetics", "mechsim", "calibration"])
+def test_rooms_are_light_to_enter(room):
+    assert not set(HEAVY) & set(loaded(f"import {room}"))
