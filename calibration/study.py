@@ -42,27 +42,28 @@ class Experiment:
 def experiments(derivation: Derivation, n_cubes: int) -> list[Experiment]:
     """What to run so that every channel of a network is seen at `n_cubes` cubes.
 
-    For each join a tank of its two reactants in equal shares of cubes, and one of all species mixed; for each
-    species that
-    breaks a tank full of it without bonding, since breaks are rare. Cubes left over are monomers.
+    A tank of all species in equal shares of cubes, and for each join one of its reactants. Breaks are rare, so for each
+    species that breaks there is a tank without bonding, half its cubes in that species and half in the same mixed crowd:
+    collisions break bonds, and a tank of few large structures has fewer of them than the assembly passes through.
     """
     network = derivation.network
     sizes = {name: len(structure) for name, structure in derivation.structures.items()}
-    is_join = network.stoichiometry.sum(axis=1) < 0
-    wanted = [Experiment(_mixture(network.species, sizes, n_cubes), True)]
-    for channel in np.flatnonzero(is_join):
-        reactants = [network.species[s] for s in np.flatnonzero(network.reactants[channel])]
-        wanted.append(Experiment(_mixture(reactants, sizes, n_cubes), True))
-    for channel in np.flatnonzero(~is_join):
-        (source,) = np.flatnonzero(network.reactants[channel])
-        wanted.append(Experiment(_mixture([network.species[source]], sizes, n_cubes), False))
-    different = {repr(e): e for e in wanted}
-    return list(different.values())
+    crowd = dict.fromkeys(network.species, 1.0)
+    wanted = [Experiment(_mixture(crowd, sizes, n_cubes), True)]
+    for reactants, change in zip(network.reactants, network.stoichiometry, strict=True):
+        before = [network.species[s] for s in np.flatnonzero(reactants)]
+        if change.sum() < 0:
+            wanted.append(Experiment(_mixture(dict.fromkeys(before, 1.0), sizes, n_cubes), True))
+        else:
+            source = {before[0]: 1.0 + len(crowd)}
+            wanted.append(Experiment(_mixture(crowd | source, sizes, n_cubes), False))
+    return list({repr(experiment): experiment for experiment in wanted}.values())
 
 
-def _mixture(species: Sequence[str], sizes: dict[str, int], n_cubes: int) -> dict[str, int]:
-    """Equal shares of cubes for these species; what is left over becomes single cubes."""
-    counts = {name: n_cubes // (len(species) * sizes[name]) for name in species}
+def _mixture(shares: dict[str, float], sizes: dict[str, int], n_cubes: int) -> dict[str, int]:
+    """Cubes in these shares among the species; what is left over becomes single cubes."""
+    whole = sum(shares.values())
+    counts = {name: int(n_cubes * share / whole / sizes[name]) for name, share in shares.items()}
     (single,) = (name for name, size in sizes.items() if size == 1)
     left = n_cubes - sum(sizes[name] * n for name, n in counts.items())
     counts[single] = counts.get(single, 0) + left
