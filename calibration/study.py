@@ -43,7 +43,7 @@ def experiments(derivation: Derivation, n_cubes: int) -> list[Experiment]:
     """What to run so that every channel of a network is seen at `n_cubes` cubes.
 
     A tank of all species in equal shares of cubes, and for each join one of its reactants. Breaks are rare, so for each
-    species that breaks there is a tank without bonding, half its cubes in that species and half in the same mixed crowd:
+    species that breaks there is a tank without bonding, half of it that species and half the same mixed crowd:
     collisions break bonds, and a tank of few large structures has fewer of them than the assembly passes through.
     """
     network = derivation.network
