@@ -1,6 +1,6 @@
 """Predicted against simulated: mechanics runs that the rates never saw, beside SSA and the exact solution.
 
-The yardstick is the predictive law of the held-out experiment itself: rates are drawn from their posterior, and with
+The measure is the predictive law of the held-out experiment itself: rates are drawn from their posterior, and with
 each draw the same number of runs is simulated. What n runs show should look like one more such group of n.
 """
 
@@ -25,8 +25,8 @@ from kinetics.rates import Rates
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# With 399 groups the 10th from either end bound a 95 % band exactly: the next group falls below with chance 10 / 400.
-GROUPS = 399
+# The 25th of 999 groups from either end bound a 95 % band: one more group falls below it with chance 25 / 1000.
+GROUPS = 999
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,7 @@ class CrossValidation:
     ssa_mean, exact_mean, exact_sd : at the point rates; sd of a single run
     low, high : band of the mean of n runs: intrinsic noise and rate uncertainty
     z : (observed_mean - exact_mean) over the predicted sd of that difference; nan where nothing varies
-    misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs, and the share of groups that
-        are as far off or further
+    misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups as far off
     run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
     scores : per species, then of all species summed
     first : time to the first copy of the target, where one was named
@@ -185,7 +184,7 @@ def crossvalidate(
     times : (T,) tu, rising, none after the end of a path
     target : species whose first copy is waited for
     runs : SSA runs at the point rates
-    groups : draws of the rates, each with as many runs as there are paths
+    groups : draws of the rates, each with as many runs as there are paths; the smallest p-value is 1 / (groups + 1)
     mechanics_cpu : CPU seconds that the held-out runs took
 
     Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
@@ -204,11 +203,17 @@ def crossvalidate(
     exact_mean, exact_sd = exact.mean(), exact.sd()
     exact_cpu = time.process_time() - begin
 
-    predicted = _predicted_groups(known, rates, initial, grid, (groups, len(paths)), seed + 1)
+    draws = _rate_draws(known, rates, groups, seed)
+    predicted = _predicted_groups(draws, known, initial, grid, len(paths), seed, first_run=runs)
     means = predicted.mean(axis=1)
     low, high = central_band(means, level)
     run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), level)
     after = grid > 0
+    first = None
+    if target:
+        is_exact = len(rates.without_evidence()) == len(rates.channels)
+        beyond = runs + groups * len(paths)  # runs numbered from here on share no random numbers with those above
+        first = compare_first_times(known, paths, target, level, seed, None if is_exact else draws, beyond)
     observed = counts.mean(axis=0)
     misfit, p_misfit = mean_misfit(observed, means)
     observed_low, observed_high = student_interval(counts, level)
@@ -231,7 +236,7 @@ def crossvalidate(
         p_misfit=p_misfit,
         run_coverage=float(((run_low <= counts) & (counts <= run_high))[:, after].mean()),
         scores=group_scores(known.species, counts, predicted),
-        first=compare_first_times(known, paths, target, level, seed) if target else None,
+        first=first,
         cost=Cost(float(mechanics_cpu), ssa_cpu, runs, exact_cpu),
     )
 
@@ -253,21 +258,23 @@ def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> 
     return np.stack([path.at(times) for path in paths])
 
 
-def _predicted_groups(
-    network: Network, rates: Rates, initial: Ints, times: Floats, shape: tuple[int, int], seed: int
-) -> Counts:
-    """Counts (groups, n, T, S): each group has its own draw of the rates."""
-    n_groups, n = shape
+def _rate_draws(network: Network, rates: Rates, groups: int, seed: int) -> Floats:
+    """Rate constants (groups, R) in the order of the network's channels."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     names = list(rates.channels)  # `sample` keeps the order of the file
-    order = [names.index(channel) for channel in network.channels]
-    draws = rates.sample(np.random.default_rng(seed), n_groups)[:, order]
-    counts = np.empty((n_groups, n, times.size, len(network.species)), dtype=np.int32)
+    return rates.sample(rng, groups)[:, [names.index(channel) for channel in network.channels]]
+
+
+def _predicted_groups(
+    draws: Floats, network: Network, initial: Ints, times: Floats, n: int, seed: int, first_run: int
+) -> Counts:
+    """Counts (groups, n, T, S): each group of n runs has its own draw of the rates."""
+    counts = np.empty((len(draws), n, times.size, len(network.species)), dtype=np.int32)
     for g, drawn in enumerate(draws):
-        drawn_network = network.with_rates(drawn)
-        # one seed, and a run number of its own for each: no two runs share random numbers
-        counts[g] = (
-            Direct().simulate(drawn_network, initial, times, runs=n, seed=seed, threads=1, first_run=g * n).counts
+        group = Direct().simulate(
+            network.with_rates(drawn), initial, times, runs=n, seed=seed, threads=1, first_run=first_run + g * n
         )
+        counts[g] = group.counts
     return counts
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetics.arrays import Floats, Ints
+from kinetics.methods import Direct
 from kinetics.network import Network
 from kinetics.paths import JumpPath
 
@@ -29,7 +30,7 @@ class FirstTimes:
     predicted_mean : exact mean of min(time, horizon), to stand beside it
     mean, sd : exact, without a horizon
     curve_times, curve : exact distribution function
-    distance, p_value : Kolmogorov-Smirnov distance up to the horizon at the point rates, and its chance under them
+    distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the chance of one as large
     """
 
     species: str
@@ -59,28 +60,46 @@ class FirstTimes:
 
 
 def compare_first_times(
-    network: Network, paths: Sequence[JumpPath], species: str, level: float = 0.95, seed: int = 0
+    network: Network,
+    paths: Sequence[JumpPath],
+    species: str,
+    level: float = 0.95,
+    seed: int = 0,
+    rate_draws: Floats | None = None,
+    first_run: int = 0,
 ) -> FirstTimes:
     """First times of `paths` against the exact law of `network` (with rate constants) from the same initial state.
+
+    rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
+    first_run : number of the first simulated run, see `Direct.simulate`
 
     Runs still waiting at the horizon are not thrown away: they enter both means as `horizon`, and the test compares the
     curves only up to there, with the null distribution drawn under the same censoring.
     """
     from kinetics.methods.passage import first_passage
 
-    horizon = min(path.end for path in paths)
+    if paths[0].initial[network.index(species)]:
+        raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")
+    horizon = float(min(path.end for path in paths))
     times = np.array([path.first_time(species) for path in paths])
     times[times > horizon] = np.nan
+    cut = np.nan_to_num(times, nan=horizon)
     law = first_passage(network, paths[0].initial, species)
     grid = np.linspace(0.0, horizon, CURVE)
     curve = law.cdf(grid)
-    distance, p_value = censored_ks_test(law.cdf(times[np.isfinite(times)]), times.size, curve[-1], seed)
-    low, high = student_interval(np.nan_to_num(times, nan=horizon), level)
+    levels = np.where(np.isfinite(times), law.cdf(cut), np.inf)
+    null = None
+    if rate_draws is not None:
+        cells = np.unique(np.append(np.interp(np.linspace(0.0, curve[-1], CURVE), curve, grid), horizon))
+        bounds = np.append(law.cdf(cells), np.inf)
+        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run)
+    distance, p_value = censored_ks_test(levels, curve[-1], null, seed)
+    low, high = student_interval(cut, level)
     return FirstTimes(
         species=species,
         observed=times,
-        horizon=float(horizon),
-        observed_mean=float(np.nan_to_num(times, nan=horizon).mean()),
+        horizon=horizon,
+        observed_mean=float(cut.mean()),
         low=float(low),
         high=float(high),
         predicted_mean=float(np.trapezoid(1 - curve, grid)),
@@ -93,30 +112,74 @@ def compare_first_times(
     )
 
 
-def censored_ks_test(levels: Floats, n: int, limit: float, seed: int = 0) -> tuple[float, float]:
+def _drawn_levels(
+    network: Network,
+    paths: Sequence[JumpPath],
+    species: str,
+    rate_draws: Floats,
+    cells: tuple[Floats, Floats],
+    seed: int,
+    first_run: int,
+) -> Floats:
+    """Levels (groups, n) of simulated first times under each draw of the rates, on the point rates' law.
+
+    cells : times (C,) at which the runs are looked at, and the law's levels (C + 1,) there, the last one inf
+
+    A run's level is drawn evenly from the cell in which its first copy came: exact where the draw is the point rates.
+    """
+    times, bounds = cells
+    index, n = network.index(species), len(paths)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    # With nothing that uses up the species, it is there at a time if and only if it has come by then.
+    stays = network.reactants[:, index] == 0
+    levels = np.empty((len(rate_draws), n))
+    for g, drawn in enumerate(rate_draws):
+        runs = Direct().simulate(
+            network.with_rates(drawn * stays),
+            paths[0].initial,
+            times,
+            runs=n,
+            seed=seed,
+            threads=1,
+            first_run=first_run + g * n,
+        )
+        cell = (runs.counts[:, :, index] < 1).sum(axis=1)
+        lower = bounds[np.maximum(cell - 1, 0)]
+        upper = bounds[cell]
+        levels[g] = np.where(np.isfinite(upper), lower + rng.random(n) * (upper - np.minimum(lower, upper)), np.inf)
+    return levels
+
+
+def censored_ks_test(
+    levels: Floats, limit: float, null_levels: Floats | None = None, seed: int = 0
+) -> tuple[float, float]:
     """Kolmogorov-Smirnov test of n times whose law is known, seen only while its distribution function is <= limit.
 
-    levels : (m,) distribution function at the m <= n times that were seen: uniform on (0, 1) before the censoring
+    levels : (n,) distribution function at the times, inf for those not seen: uniform before the censoring
+    null_levels : (groups, n) levels of simulated times; None: uniforms, which is the law itself
 
-    Returns the distance and its p-value, by drawing n uniforms censored in the same way.
+    Returns the distance and its p-value among samples censored in the same way.
     """
-    rng = np.random.default_rng(seed)
-    observed = np.concatenate([levels, np.full(n - levels.size, np.inf)])
-    distance = _distances(observed[None, :], limit)[0]
-    chunk = max(1, 10**6 // n)  # rows at a time, so that many runs do not fill the memory
-    sizes = [min(chunk, DRAWS - begin) for begin in range(0, DRAWS, chunk)]
-    null = np.concatenate([_distances(rng.random((size, n)), limit) for size in sizes])
-    return float(distance), float((1 + np.count_nonzero(null >= distance - 1e-12)) / (DRAWS + 1))
+    n = levels.size
+    distance = _distances(levels[None, :], limit)[0]
+    if null_levels is None:
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
+        chunk = max(1, 10**6 // n)  # rows at a time, so that many runs do not fill the memory
+        sizes = [min(chunk, DRAWS - begin) for begin in range(0, DRAWS, chunk)]
+        null = np.concatenate([_distances(rng.random((size, n)), limit) for size in sizes])
+    else:
+        null = _distances(null_levels, limit)
+    return float(distance), float((1 + np.count_nonzero(null >= distance - 1e-12)) / (null.size + 1))
 
 
 def _distances(levels: Floats, limit: float) -> Floats:
     """Largest distance (draws,) on [0, limit] between the empirical curves of `levels` (draws, n) and the diagonal."""
     n = levels.shape[1]
-    x = np.minimum(np.sort(levels, axis=1), limit)
+    x = np.sort(levels, axis=1)
     step = np.arange(n + 1) / n
-    # at each point seen the curve steps up; beyond the last one the diagonal goes on to the limit
-    above = np.where(x < limit, step[1:] - x, 0.0).max(axis=1)
-    below = (x - step[:-1]).max(axis=1)
+    # at each level seen the curve steps up; beyond the last one the diagonal goes on to the limit
+    above = np.where(x <= limit, step[1:] - x, 0.0).max(axis=1)
+    below = (np.minimum(x, limit) - step[:-1]).max(axis=1)
     return np.maximum(above, below)
 
 

@@ -151,11 +151,13 @@ def first_times(ax: Axes, first: FirstTimes) -> Axes:
     moments = np.concatenate([[0.0], seen, [first.horizon]])
     low = np.where(reached > 0, betaincinv(np.maximum(reached, 1), n - reached + 1, 0.025), 0.0)
     high = np.where(reached < n, betaincinv(reached + 1, np.maximum(n - reached, 1), 0.975), 1.0)
-    ax.plot(first.curve_times, first.curve, color=PREDICTED, label=f"exact, mean {first.mean:.4g} tu")
+    # with a rate of 0 the chain may end elsewhere, and the mean is infinite
+    mean = f", mean {first.mean:.4g} tu" if np.isfinite(first.mean) else ""
+    ax.plot(first.curve_times, first.curve, color=PREDICTED, label=f"exact{mean}")
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)
     ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs")
     if seen.size == n:  # the curve is flat from the last one on
-        ax.set_xlim(0, min(first.horizon, 1.5 * max(seen[-1], first.mean)))
+        ax.set_xlim(0, min(first.horizon, 1.5 * max(seen[-1], first.predicted_mean)))
     ax.set_ylim(0, 1)
     ax.set_xlabel("time (tu)")
     ax.set_ylabel(f"share of runs with a {first.species}")

@@ -21,16 +21,16 @@ def coverage(totals, level=0.95):
 
 @pytest.fixture(scope="module")
 def calibrations():
-    """Each: one full run, two restarted ones, one of breaks alone; 200 to 1,200 events of every channel."""
+    """Each: one full run, two restarted ones, one of breaks alone; some 200 to 900 events of every channel."""
     network = line_network()
     totals = []
     for i in range(CALIBRATIONS):
         rng = np.random.default_rng([11, i])
         runs = [
-            sample_path(network, [60, 0, 0, 0], 500.0, seed=12, run=i),
-            restarted_run(network, network.state([14, 12, 6, 1]), 500.0, rng),
-            restarted_run(network, network.state([6, 20, 2, 2]), 500.0, rng),
-            breaking_run(network, network.state([0, 0, 30, 200]), 60.0, seed=13, run=i),
+            sample_path(network, [60, 0, 0, 0], 300.0, seed=12, run=i),
+            restarted_run(network, network.state([14, 12, 6, 1]), 300.0, rng),
+            restarted_run(network, network.state([6, 20, 2, 2]), 300.0, rng),
+            breaking_run(network, network.state([0, 0, 30, 200]), 50.0, seed=13, run=i),
         ]
         totals.append(estimate(runs).total)
     return totals
@@ -68,11 +68,11 @@ def test_censored_waits_matter():
     initial = network.state([14, 12, 6, 1])
     rng = np.random.default_rng(17)
     whole, cut = [], []
-    for _ in range(150):
+    for _ in range(100):
         runs = [restarted_run(network, initial, 0.3, rng) for _ in range(60)]
         whole.append(estimate(runs).total)
         without = [replace(run, end=run.times[-1]) for run in runs if run.times.size]
         cut.append(sum(count(run) for run in without))
-    # Few events: the limits cover more than 95 %, never less; 1,200 comparisons fall below 0.92 with a chance < 1e-6.
+    # Few events: the limits cover more than 95 %, never less; 800 comparisons fall below 0.92 with a chance < 1e-6.
     assert coverage(whole).mean() > 0.92
     assert coverage(cut).mean() < 0.85

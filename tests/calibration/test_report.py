@@ -1,0 +1,97 @@
+import csv
+import re
+
+import pytest
+
+from calibration import Chart, Heading, Report, Table, Text
+
+NASTY = "<script>alert(\"1\")</script> & 'co'"
+ROWS = [
+    {"channel": "1+1->2", "rate": 1.23456789e-5, "note": NASTY},
+    {"channel": NASTY, "rate": float("nan"), "note": ""},
+]
+
+
+def line(ax):
+    ax.plot([0, 1], [0, 1], label="a line")
+    ax.set_xlabel("time (tu)")
+
+
+def sample():
+    return Report(
+        NASTY,
+        [
+            Heading(NASTY),
+            Text(f"One.\n\nTwo {NASTY}."),
+            Table(NASTY, ROWS, "rates"),
+            Chart(NASTY, line, rows=[{"x": 0.1 + 0.2}], name="line"),
+            Chart("three", lambda axes: [line(ax) for ax in axes], panels=3),
+        ],
+        {"seeds": [1, 2], "versions": {"numpy": "2", NASTY: NASTY}, "cost": 3.5},
+    )
+
+
+def test_escapes_all_text():
+    page = sample().html()
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") == 11
+    assert "<p>One.</p>\n<p>Two &lt;script" in page
+
+
+def test_loads_nothing_from_elsewhere():
+    page = sample().html()
+    assert set(re.findall(r"(?:src|href|url)\s*[=(]\s*[\"']?(.{5})", page)) == {"data:"}
+    assert "http://" not in page.replace("http-equiv", "")
+    assert "https://" not in page
+    assert page.count('src="data:image/svg+xml;base64,') == 2
+    assert "default-src 'none'" in page
+
+
+def test_is_readable():
+    page = sample().html()
+    assert "<td>1.235e-05</td>" in page  # four figures
+    assert "<td>–</td>" in page  # nan
+    assert "<td>seeds</td><td>1, 2</td>" in page
+    assert "<td>versions.numpy</td><td>2</td>" in page
+    assert "No rows." in Table("empty", []).html()
+
+
+def test_is_the_same_every_time():
+    assert sample().html() == sample().html()
+
+
+def test_writes_page_and_data(tmp_path):
+    written = sample().write(tmp_path / "report.html", data=True)
+    assert [path.name for path in written] == ["report_rates.csv", "report_line.csv", "report.html"]
+    assert sorted(tmp_path.iterdir()) == sorted(written)
+    assert written[-1].read_text(encoding="utf-8") == sample().html()
+    with written[0].open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0] == {"channel": "1+1->2", "rate": "1.23456789e-05", "note": NASTY}
+    assert (tmp_path / "report_line.csv").read_text() == "x\n0.30000000000000004\n"
+    assert [path.name for path in sample().write(tmp_path / "plain.html")] == ["plain.html"]
+
+
+def test_a_failing_chart_leaves_the_old_report(tmp_path):
+    page = tmp_path / "report.html"
+    page.write_text("old")
+
+    def fail(ax):
+        raise ValueError("no data")
+
+    with pytest.raises(ValueError, match="no data"):
+        Report("new", [Table("t", ROWS, "t"), Chart("c", fail)]).write(page, data=True)
+    assert page.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [page]
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ([Table("", ROWS, "../up")], "part name '../up'"),
+        ([Table("", ROWS, "a"), Chart("", line, rows=ROWS, name="a")], "two parts are named 'a'"),
+    ],
+)
+def test_refuses_names_that_make_no_files(parts, message):
+    with pytest.raises(ValueError, match=message):
+        Report("r", parts)
