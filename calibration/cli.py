@@ -21,7 +21,11 @@ def _seed(default: int) -> Any:
     )
 
 
-report_option = click.option("--report", type=click.Path(dir_okay=False), help="Write an HTML report to this file.")
+report_option = click.option(
+    "--report",
+    type=click.Path(dir_okay=False),
+    help="Write an HTML report to this file, its tables (CSV) and figures (SVG) beside it.",
+)
 
 
 @click.command()
@@ -75,7 +79,7 @@ def calibrate(
     if report:
         from calibration.overview import calibration_report
 
-        calibration_report(study).write(report)
+        calibration_report(study).write(report, data=True)
     if as_json:
         echo_json(
             {
@@ -143,7 +147,7 @@ def validate(
     if report:
         from calibration.overview import validation_report
 
-        validation_report(study).write(report)
+        validation_report(study).write(report, data=True)
     if as_json:
         echo_json(
             {

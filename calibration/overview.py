@@ -45,7 +45,7 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
     """The whole loop; `tank` draws a picture of the mechanics onto axes."""
     parts: list[Part] = []
     if tank is not None:
-        parts.append(Chart("The tank at the end of a held-out run, structures coloured by size.", tank))
+        parts.append(Chart("The tank at the end of a held-out run, structures coloured by size.", tank, name="tank"))
     parts += [*_calibration_parts(calibrated), *_validation_parts(validated)]
     return Report(f"{calibrated.scene.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
@@ -64,13 +64,16 @@ def _calibration_parts(study: CalibrationStudy) -> list[Part]:
             f"{study.cpu_seconds:.0f} s of CPU time. {ABOUT_RATES}"
         ),
         Table("Rate constants (1/tu), per way and combination.", rows, "rates"),
-        Chart("Rates per combination of reactants.", partial(study.calibration.plot, references=references)),
+        Chart(
+            "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
+        ),
         Heading("Do the runs behave like a Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {verdict}"),
         Table("Diagnostics, a row a channel.", study.diagnosis.table(), "diagnostics"),
         Chart(
             "Waits of any event, rescaled by the hazard: unit exponential if the model holds.",
             study.diagnosis.waits[-1].plot,
+            name="waits",
         ),
     ]
 
@@ -88,5 +91,6 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         caption = f"{comparison.label}: mean copies over time."
         parts.append(Chart(caption, draw, panels=len(species), rows=comparison.table(), name=name))
         if comparison.first is not None:
-            parts.append(Chart(f"{comparison.label}: first {comparison.first.species}.", comparison.first.plot))
+            first = comparison.first
+            parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
     return parts

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ class Chart:
     """A figure and the data behind it.
 
     draw : called with the axes, or with a list of `panels` axes where there are several
-    rows, name : the data, written as `name` CSV where that is asked for
+    rows, name : the data; picture and data are written under this name where that is asked for
     """
 
     caption: str
@@ -86,10 +87,11 @@ class Chart:
     def html(self) -> str:
         """The figure as HTML, its picture within it as SVG."""
         caption = html.escape(self.caption)
-        picture = base64.b64encode(self.svg()).decode()
+        picture = base64.b64encode(self.svg).decode()
         source = f"data:image/svg+xml;base64,{picture}"
         return f'<figure><img alt="{caption}" src="{source}"><figcaption>{caption}</figcaption></figure>'
 
+    @cached_property
     def svg(self) -> bytes:
         """The picture; the same drawing gives the same bytes."""
         import matplotlib as mpl
@@ -145,20 +147,23 @@ class Report:
         )
 
     def write(self, path: str | Path, data: bool = False) -> list[Path]:
-        """Write the page, and with `data` each named table and chart as `<page>_<name>.csv` beside it.
+        """Write the page; with `data` beside it, named parts as `<page>_<name>.csv`, and charts as `.svg` too.
 
         Returns the paths written, the page last: every picture is drawn before anything is written.
         """
         page = Path(path)
-        contents = {page: self.html()}
-        if data:
-            for part in self.parts:
-                if isinstance(part, Table | Chart) and part.name and part.rows:
-                    contents[page.with_name(f"{page.stem}_{part.name}.csv")] = _csv(part.rows)
+        contents = {page: self.html().encode()}
+        named = [part for part in self.parts if isinstance(part, Table | Chart) and part.name] if data else []
+        for part in named:
+            stem = f"{page.stem}_{part.name}"
+            if part.rows:
+                contents[page.with_name(f"{stem}.csv")] = _csv(part.rows).encode()
+            if isinstance(part, Chart):
+                contents[page.with_name(f"{stem}.svg")] = part.svg
         for target in sorted(contents, key=lambda written: written == page):
             temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
             try:
-                temporary.write_text(contents[target], encoding="utf-8", newline="")
+                temporary.write_bytes(contents[target])
                 temporary.replace(target)
             finally:
                 temporary.unlink(missing_ok=True)

@@ -62,7 +62,7 @@ def test_is_the_same_every_time():
 
 def test_writes_page_and_data(tmp_path):
     written = sample().write(tmp_path / "report.html", data=True)
-    assert [path.name for path in written] == ["report_rates.csv", "report_line.csv", "report.html"]
+    assert [path.name for path in written] == ["report_rates.csv", "report_line.csv", "report_line.svg", "report.html"]
     assert sorted(tmp_path.iterdir()) == sorted(written)
     assert written[-1].read_text(encoding="utf-8") == sample().html()
     with written[0].open(newline="") as file:
