@@ -73,7 +73,8 @@ def run_all(
     execute : makes the record of one run; called in the worker, so it must be found by its name in a module
 
     A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
-    workers and passes on; what has finished is kept. OSError: the store cannot be written; NoRoomError: the cubes do not fit; all work stops.
+    workers and passes on; what has finished is kept. OSError: the store cannot be written; NoRoomError: the cubes do
+    not fit; all work stops.
     A script that calls this needs the usual `if __name__ == "__main__":`.
     """
     if workers < 1:
