@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from calibration.firsttimes import FirstTimes
     from kinetics.rates import Rates
 
-OBSERVED, PREDICTED, THIRD = COLOURS[5], COLOURS[0], COLOURS[2]  # vermillion, blue, green
+OBSERVED, PREDICTED, THIRD = COLOURS[5], COLOURS[0], COLOURS[2]  # vermilion, blue, green
 
 
 def forest_row(
