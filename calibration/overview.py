@@ -38,7 +38,7 @@ def calibration_report(study: CalibrationStudy) -> Report:
 
 def validation_report(study: ValidationStudy) -> Report:
     """How predictions stand against held-out runs."""
-    return Report("Predicted against simulated", _validation_parts(study), study.rates.evidence)
+    return Report("Held-out runs", _validation_parts(study), study.rates.evidence)
 
 
 def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: Draw | None = None) -> Report:
@@ -83,7 +83,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
     parts: list[Part] = [
         Heading("Predicted against simulated"),
         Text(ABOUT_VALIDATION),
-        Table("One row a size. Times in tu, cost in CPU seconds.", study.summary(), "summary"),
+        Table("One column a size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"),
     ]
     for comparison in study.comparisons:
         draw = partial(comparison.plot, species=species)
@@ -94,3 +94,8 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
             first = comparison.first
             parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
     return parts
+
+
+def _one_column_each(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows as columns, named by their labels: many figures of few experiments are read downwards."""
+    return [{"": key} | {str(row["label"]): row[key] for row in rows} for key in rows[0] if key != "label"]

@@ -97,9 +97,9 @@ class Chart:
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        columns = min(self.panels, 2)
+        columns = self.panels if self.panels <= 3 else 2
         lines = math.ceil(self.panels / columns)
-        size = (6.4, 4.2) if self.panels == 1 else (10.0, 3.6 * lines)
+        size = (6.4, 4.2) if self.panels == 1 else (max(10.0, 4.2 * columns), 3.6 * lines)
         # the hash salt and the missing date keep the file the same from one run to the next
         with mpl.rc_context({"svg.hashsalt": "wellmixed", "font.size": 9.0}):
             figure = Figure(figsize=size, layout="constrained")
