@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 # tomllib takes quadratic time and memory on long dotted keys: 64 KB of them take 15 s and 4 GB.
 MAX_BYTES = 64 * 1024
 MAX_LINE = 4 * 1024
+MAX_ERRORS = 10  # told at once
 
 Model = TypeVar("Model")
 
@@ -61,31 +64,69 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validated(kind: type[Model], data: Any, source: str | Path) -> Model:
-    """`data` as a `kind`, or one ValueError that names every wrong key, what came and what is allowed."""
+    """`data` as a `kind`, or one ValueError that names every wrong key, what came and what is allowed.
+
+    Strict: a number is written as a number, neither as text nor as true or false.
+    """
+    adapter = TypeAdapter(kind)
     try:
-        return TypeAdapter(kind).validate_python(data)
+        adapter.validate_python(_with_tuples(data), strict=True)
+        return adapter.validate_python(data)  # lists in free tables stay lists
     except ValidationError as error:
-        raise ValueError(f"{source}: " + "; ".join(_explain(item, data) for item in error.errors())) from None
+        texts = [_explain(item, kind) for item in error.errors()]
+    except RecursionError:
+        texts = ["tables within tables, too deep"]
+    more = f"; and {len(texts) - MAX_ERRORS} more" if len(texts) > MAX_ERRORS else ""
+    raise ValueError(f"{source}: {'; '.join(texts[:MAX_ERRORS])}{more}")
 
 
-def _explain(item: Any, data: Any) -> str:
-    """One pydantic error in plain words: where, what came, what was expected."""
-    place = ".".join(str(part) for part in item["loc"]) or "the file"
+def _with_tuples(data: Any) -> Any:
+    """The same with tuples for lists, which are all that TOML has and strict validation does not take for them."""
+    if isinstance(data, dict):
+        return {key: _with_tuples(value) for key, value in data.items()}
+    return tuple(_with_tuples(value) for value in data) if isinstance(data, list | tuple) else data
+
+
+def _explain(item: Any, kind: Any) -> str:
+    """One pydantic error in plain words: where, what came, what is allowed."""
+    place = ".".join(str(part) for part in item["loc"])
+    context = item.get("ctx", {})
     if item["type"] == "extra_forbidden":
         key = str(item["loc"][-1])
-        return f"unknown key {place!r}{_suggest(key, item, data)}"
+        known = sorted({name for model in _models_at(kind, item["loc"][:-1]) for name in model.model_fields})
+        close = difflib.get_close_matches(key, known, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        return f"unknown key {place!r}; {hint}allowed here: {', '.join(known)}"
     if item["type"] == "missing":
         return f"{place!r} is missing"
-    given = repr(item["input"])
-    return f"{place} = {given[:80]}: {item['msg'][0].lower()}{item['msg'][1:]}"
+    if item["type"].startswith("union_tag"):  # a table whose kind is named by one of its keys
+        name = str(context["discriminator"]).strip("'")
+        if item["type"] == "union_tag_not_found":
+            return f"'{place}.{name}' is missing"
+        allowed = context["expected_tags"].replace("'", "")
+        return f"{place}: unknown {name} {context['tag']!r}; allowed are {allowed}"
+    if item["type"] == "value_error":  # raised by our own checks, which say it all
+        return f"{place}: {context['error']}" if place else str(context["error"])
+    message = re.sub("valid dictionary.*", "table", item["msg"].replace("valid tuple", "list"))
+    asked = message.removeprefix("Input ").replace("Tuple should", "should").removesuffix(" after validation")
+    return f"{place or 'the file'} = {repr(item['input'])[:80]}: {asked}"
 
 
-def _suggest(key: str, item: Any, data: Any) -> str:
-    """A near miss among the keys that stand beside the unknown one, if there is one."""
-    parent = data
-    for part in item["loc"][:-1]:
-        if (isinstance(parent, dict) and part in parent) or (isinstance(parent, list) and isinstance(part, int)):
-            parent = parent[part]
-    known = [name for name in parent if name != key] if isinstance(parent, dict) else []
-    close = difflib.get_close_matches(key, known, n=1)
-    return f" (beside {close[0]!r}: written twice in two ways?)" if close else "; remove it or check its spelling"
+def _models_at(kind: Any, place: Sequence[str | int]) -> list[type[BaseModel]]:
+    """The models that may stand at `place` in a `kind`; a tag in the place chooses one of a union."""
+    models = _models(kind)
+    for part in place:
+        fields = [model.model_fields[part] for model in models if part in model.model_fields]
+        if fields:
+            models = [inner for field in fields for inner in _models(field.annotation)]
+        else:  # a tag; or a number in a list, or a key of a free table, which leave the models as they are
+            tagged = [m for m in models if any(part in get_args(f.annotation) for f in m.model_fields.values())]
+            models = tagged or models
+    return models
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """All models that an annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
