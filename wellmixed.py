@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import warnings
 
 import click
 
@@ -18,6 +19,9 @@ COMMANDS = {
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
 }
+
+# package that a command may lack -> the extra that brings it
+EXTRAS = {"pybullet": "mech", "pandas": "data", "pyarrow": "data", "matplotlib": "plot"}
 
 
 class LazyCommand(click.Command):
@@ -42,19 +46,33 @@ class FrontDoor(click.Group):
 
     def invoke(self, ctx: click.Context):
         """Run the chosen command."""
+        warnings.showwarning = _tell
         try:
             with ctx:
                 return super().invoke(ctx)
-        except (ValueError, OSError) as error:
+        except BrokenPipeError:  # the reader of our output has seen enough
+            raise
+        except (ValueError, OSError, ModuleNotFoundError) as error:
             if ctx.params.get("debug"):
                 raise
-            click.echo(f"Error: {error}", err=True)
+            click.echo(f"Error: {_in_words(error)}", err=True)
             ctx.exit(2)
         except KeyboardInterrupt:
-            click.echo(
-                "Interrupted: what was finished is kept; the same command goes on from there.", err=True
-            )
+            click.echo("Interrupted: what was finished is kept; the same command goes on from there.", err=True)
             ctx.exit(130)
+
+
+def _tell(message, *_, **__) -> None:
+    """A warning as one line for people, without the place in the source that gave it."""
+    click.echo(f"Warning: {message}", err=True)
+
+
+def _in_words(error: Exception) -> str:
+    """What went wrong, and what to install where a package is missing."""
+    if isinstance(error, ModuleNotFoundError):
+        name = error.name or str(error)
+        return f"this command needs {name}; install it with: pip install 'wellmixed[{EXTRAS.get(name, 'all')}]'"
+    return str(error)
 
 
 @click.group(cls=FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})
