@@ -52,10 +52,16 @@ class FrontDoor(click.Group):
                 return super().invoke(ctx)
         except BrokenPipeError:  # the reader of our output has seen enough
             raise
-        except (ValueError, OSError, ModuleNotFoundError) as error:
+        except ModuleNotFoundError as error:
+            if ctx.params.get("debug") or error.name not in EXTRAS:
+                raise
+            extra = EXTRAS[error.name]
+            click.echo(f"Error: this needs {error.name}; install it by: pip install 'wellmixed[{extra}]'", err=True)
+            ctx.exit(2)
+        except (ValueError, OSError) as error:
             if ctx.params.get("debug"):
                 raise
-            click.echo(f"Error: {_in_words(error)}", err=True)
+            click.echo(f"Error: {error}", err=True)
             ctx.exit(2)
         except KeyboardInterrupt:
             click.echo("Interrupted: what was finished is kept; the same command goes on from there.", err=True)
@@ -65,14 +71,6 @@ class FrontDoor(click.Group):
 def _tell(message, *_, **__) -> None:
     """A warning as one line for people, without the place in the source that gave it."""
     click.echo(f"Warning: {message}", err=True)
-
-
-def _in_words(error: Exception) -> str:
-    """What went wrong, and what to install where a package is missing."""
-    if isinstance(error, ModuleNotFoundError):
-        name = error.name or str(error)
-        return f"this command needs {name}; install it with: pip install 'wellmixed[{EXTRAS.get(name, 'all')}]'"
-    return str(error)
 
 
 @click.group(cls=FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})

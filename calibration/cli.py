@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from kinetics.network import text_table
-from kinetics.options import NumbersCommand, echo_json, json_option
+from kinetics.options import NumbersCommand, echo_json, in_a_folder, json_option
 from mechsim.cli import PARTIAL, progress_option, runs_option, workers_option
 
 if TYPE_CHECKING:
@@ -24,13 +24,20 @@ def _seed(default: int) -> Any:
 report_option = click.option(
     "--report",
     type=click.Path(dir_okay=False),
+    callback=in_a_folder,
     help="Write an HTML report to this file, its tables (CSV) and figures (SVG) beside it.",
 )
 
 
 @click.command()
 @click.argument("scene")
-@click.option("--out", required=True, type=click.Path(dir_okay=False), help="The rates file to write (TOML).")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(dir_okay=False),
+    callback=in_a_folder,
+    help="The rates file to write (TOML).",
+)
 @click.option("--cubes", type=click.IntRange(min=1), default=60, show_default=True)
 @click.option("--join-time", type=float, default=1000.0, show_default=True, help="tu for each mixture with bonding.")
 @click.option("--break-time", type=float, default=4000.0, show_default=True, help="tu for each tank without bonding.")
@@ -60,14 +67,13 @@ def calibrate(
     """
     from calibration.study import run_calibration
     from mechsim.scene import Scene
-    from mechsim.store import RunStore
 
     target = Path(out)
-    if target.suffix != ".toml" or not target.resolve().parent.is_dir():
-        raise ValueError(f"--out {out}: expected a .toml file in a folder that exists")
+    if target.suffix != ".toml":
+        raise ValueError(f"--out {out}: expected a name that ends in .toml")
     study = run_calibration(
         Scene.load(scene),
-        RunStore(runs_folder),
+        runs_folder,
         cubes=cubes,
         join_time=join_time,
         break_time=break_time,
@@ -100,8 +106,10 @@ def calibrate(
 @click.command(cls=NumbersCommand)
 @click.argument("scene")
 @click.option("--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: a .toml file, or table3.")
-@click.option("--cubes", type=int, multiple=True, default=(60, 80, 120), show_default=True, metavar="N ...")
-@click.option("--runs", type=int, default=10, show_default=True, help="Held-out runs at each size.")
+@click.option(
+    "--cubes", type=click.IntRange(min=1), multiple=True, default=(60, 80, 120), show_default=True, metavar="N ..."
+)
+@click.option("--runs", type=click.IntRange(min=2), default=10, show_default=True, help="Held-out runs at each size.")
 @click.option("--duration", type=float, default=2000.0, show_default=True, help="Of a run, tu.")
 @report_option
 @runs_option
@@ -131,12 +139,11 @@ def validate(
     from calibration.study import run_validation
     from kinetics.rates import Rates
     from mechsim.scene import Scene
-    from mechsim.store import RunStore
 
     study = run_validation(
         Scene.load(scene),
         Rates.load(rates_name),
-        RunStore(runs_folder),
+        runs_folder,
         sizes=cubes,
         runs=runs,
         duration=duration,
@@ -178,21 +185,22 @@ def demo(folder: str, scale: float, workers: int, progress: bool | None, seed: i
     from calibration.study import run_calibration, run_validation, watched_run
     from mechsim.render import draw_tank
     from mechsim.scene import Scene
-    from mechsim.store import RunStore
 
     if not 0.1 <= scale <= 100:
         raise ValueError(f"--scale {scale}; expected a number from 0.1 to 100")
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
-    scene, store = Scene.load("line4"), RunStore(place / "runs")
+    scene, runs_folder = Scene.load("line4"), place / "runs"
     common: dict[str, Any] = {"workers": workers, "progress": progress}
-    calibrated = run_calibration(scene, store, join_time=300 * scale, break_time=800 * scale, seed=seed, **common)
+    calibrated = run_calibration(scene, runs_folder, join_time=300 * scale, break_time=800 * scale, seed=seed, **common)
     rates_file = place / "rates.toml"
     calibrated.rates.save(rates_file)
     if not as_json:
         click.echo(_rates_table(calibrated))
-    validated = run_validation(scene, calibrated.rates, store, runs=4, duration=200 * scale, seed=seed + 1, **common)
-    record = watched_run(scene, store, duration=200 * scale, seed=seed + 1)
+    validated = run_validation(
+        scene, calibrated.rates, runs_folder, runs=4, duration=200 * scale, seed=seed + 1, **common
+    )
+    record = watched_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
     report = full_report(calibrated, validated, lambda ax: draw_tank(record, ax))
     written = report.write(place / "report.html", data=True)[-1]
     if as_json:

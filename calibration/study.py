@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from calibration.estimate import Calibration, estimate, paper_estimate
 from kinetics.assembly import Derivation
 from kinetics.rates import Rates
 from mechsim.ensemble import Outcome, run_all
-from mechsim.record import RunRecord, RunSpec, book_of
+from mechsim.preflight import check_starts
+from mechsim.record import RunRecord, RunSpec, book_of, open_channels
 from mechsim.scene import Scene
 from mechsim.store import RunStore
 
@@ -78,14 +80,21 @@ def calibration_specs(scene: Scene, n_cubes: int, join_time: float, break_time: 
     for name in ("bonding", "breaking"):
         if scene.effect(name) is None:
             raise ValueError(f"scene {scene.name} does not list the effect {name!r}; calibration measures both ways")
-    specs = []
-    for experiment in experiments(book_of(scene.rules)[1], n_cubes):
+    derivation = book_of(scene.rules)[1]
+    network = derivation.network
+    specs, measured = [], np.zeros(len(network.channels), bool)
+    for experiment in experiments(derivation, n_cubes):
         total = join_time if experiment.bonding else break_time
         runs = math.ceil(total / LONGEST)
         setting = scene if experiment.bonding else scene.without("bonding")
         specs += [
             RunSpec(setting, experiment.composition, total / runs, seed, run, restart=True) for run in range(runs)
         ]
+        at_start = network.combinations_of(network.state(experiment.composition)) > 0
+        measured |= at_start & open_channels(setting, derivation)
+    if not measured.all():
+        names = ", ".join(name for name, seen in zip(network.channels, measured, strict=True) if not seen)
+        raise ValueError(f"cubes = {n_cubes}: too few to start runs from the reactants of {names}; take more")
     return specs
 
 
@@ -153,7 +162,7 @@ class CalibrationStudy:
 
 def run_calibration(
     scene: Scene,
-    store: RunStore,
+    runs_folder: str | Path,
     *,
     cubes: int = 60,
     join_time: float = 1000.0,
@@ -166,7 +175,7 @@ def run_calibration(
     `calibration_specs`)."""
     specs = calibration_specs(scene, cubes, join_time, break_time, seed)
     settings = {"cubes": cubes, "join_time": join_time, "break_time": break_time, "seed": seed}
-    return CalibrationStudy(scene, run_all(specs, store, workers=workers, progress=progress), settings)
+    return CalibrationStudy(scene, _run(specs, runs_folder, workers, progress), settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +210,7 @@ def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: fl
 def run_validation(
     scene: Scene,
     rates: Rates,
-    store: RunStore,
+    runs_folder: str | Path,
     *,
     sizes: Sequence[int] = (60, 80, 120),
     runs: int = 10,
@@ -221,7 +230,7 @@ def run_validation(
     rates.apply(derivation.network)
     if rates.evidence.get("seed") == seed:
         raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
-    outcome = run_all(validation_specs(scene, sizes, runs, duration, seed), store, workers=workers, progress=progress)
+    outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
     target = None if book.target is None else derivation.network.species[derivation.species_of(book.target)]
     comparisons = []
     for n in dict.fromkeys(sizes):
@@ -243,10 +252,16 @@ def run_validation(
     return ValidationStudy(rates, outcome, tuple(comparisons))
 
 
-def watched_run(scene: Scene, store: RunStore, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
+def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
     """One run from single cubes with its first and last poses, for a picture."""
     (spec,) = validation_specs(scene, [cubes], 2, duration, seed)[:1]
-    outcome = run_all([replace(spec, poses=duration)], store, progress=False)
+    outcome = _run([replace(spec, poses=duration)], runs_folder, workers=1, progress=False)
     if not outcome.records:
         raise ValueError(f"{spec.title}: given up: {outcome.quarantined[0].reasons[-1]}")
     return outcome.records[0]
+
+
+def _run(specs: list[RunSpec], runs_folder: str | Path, workers: int, progress: bool | None) -> Outcome:
+    """Make what is missing and read the others; a mistake in the specs is found before the folder is made."""
+    check_starts(specs)
+    return run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)

@@ -18,25 +18,25 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 PICTURES = (".png", ".pdf", ".svg")
 
 
-def _in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
     """Refuse a file that could not be written before any work is done for it."""
     if value is not None and not Path(value).absolute().parent.is_dir():
         raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
     return value
 
 
-def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+def picture_of(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
     """The same, for a picture of a kind that we draw."""
     if value is not None and Path(value).suffix.lower() not in PICTURES:
         raise click.BadParameter(f"{value} must end in {', '.join(PICTURES)}", ctx, param)
-    return _in_a_folder(ctx, param, value)
+    return in_a_folder(ctx, param, value)
 
 
 csv_option = click.option(
-    "--csv", "csv_file", metavar="FILE", callback=_in_a_folder, help="Write a table to this CSV file."
+    "--csv", "csv_file", metavar="FILE", callback=in_a_folder, help="Write a table to this CSV file."
 )
 plot_option = click.option(
-    "--plot", "plot_file", metavar="FILE", callback=_picture, help="Draw into this PNG, PDF or SVG file."
+    "--plot", "plot_file", metavar="FILE", callback=picture_of, help="Draw into this PNG, PDF or SVG file."
 )
 
 

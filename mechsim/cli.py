@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from kinetics.options import echo_json, json_option, seed_option
+from kinetics.options import echo_json, json_option, picture_of, plot_option, seed_option
 
 PARTIAL = 4  # exit code: some runs were stopped by the guard or given up
 
@@ -19,20 +20,22 @@ runs_option = click.option(
     type=click.Path(file_okay=False),
     help="Where runs are kept; a run that is there is not made again.",
 )
-workers_option = click.option("--workers", type=int, default=1, show_default=True, help="Runs at the same time.")
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Runs at the same time."
+)
 progress_option = click.option("--progress/--quiet", default=None, help="Show progress.  [default: only on a terminal]")
 
 
 @click.command()
 @click.argument("scene")
-@click.option("--cubes", type=int, help="Start from so many single cubes.")
+@click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes.")
 @click.option("--initial", metavar="SPECIES=COUNT,...", help="Start from these: monomer=20,dimer=20.")
 @click.option("--duration", type=float, default=200.0, show_default=True, help="Of a run, tu.")
 @click.option("--runs", type=click.IntRange(min=1), default=1, show_default=True)
 @click.option("--restart", is_flag=True, help="Put the tank back to its start after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
-@click.option("--picture", type=click.Path(dir_okay=False), help="Draw the tank at the end of the first run.")
-@click.option("--plot", "plot_file", type=click.Path(dir_okay=False), help="Draw the counts over time.")
+@click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end of the first run.")
+@plot_option
 @runs_option
 @workers_option
 @progress_option
@@ -60,6 +63,7 @@ def simulate(
     the same command again makes only what is missing. Exit code 4: some runs were stopped by the guard or given up.
     """
     from mechsim.ensemble import run_all
+    from mechsim.preflight import check_starts
     from mechsim.record import RunSpec, book_of
     from mechsim.scene import Scene
     from mechsim.store import RunStore
@@ -74,6 +78,7 @@ def simulate(
     # Poses are recorded only where a picture asks for them, and then only those at the start and the end.
     poses = [duration if picture and run == 0 else None for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, poses[run]) for run in range(runs)]
+    check_starts(specs)
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:
         from kinetics.plots import save
@@ -125,6 +130,8 @@ def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: 
     """
     from mechsim.store import RunStore
 
+    if not (Path(folder) / "format").is_file():
+        raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
     written = RunStore(folder).export(out, formats)
     if as_json:
         echo_json({"folder": folder, "written": [str(path) for path in written], "seed": seed})

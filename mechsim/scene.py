@@ -93,8 +93,10 @@ class Scene(Settings):
         return next((e for e in self.effects if e.effect == name), None)
 
     def without(self, *names: str) -> Scene:
-        """The same scene without these effects: their physics is absent."""
-        return self.model_copy(update={"effects": tuple(e for e in self.effects if e.effect not in names)})
+        """The same scene without these effects: their physics is absent. ValueError where another effect needs them."""
+        data = self.model_dump(mode="json")
+        data["effects"] = [item for item in data["effects"] if item["effect"] not in names]
+        return validated(Scene, data, f"scene {self.name} without {', '.join(names)}")
 
     def changed(self, effect: str, **settings: Any) -> Scene:
         """The same scene with other settings of one effect, validated anew."""

@@ -1,0 +1,24 @@
+"""Mistakes that only a built world can find, found before any run is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from mechsim.record import RunSpec, book_of
+
+
+def check_starts(specs: Iterable[RunSpec]) -> None:
+    """Build the world of the first run of each scene and composition, place its bodies, and take no step.
+
+    ValueError: the settings of an effect and the step do not go together, or the bodies do not fit into the tank.
+    """
+    from mechsim.world import World
+
+    kinds: dict[tuple, RunSpec] = {}
+    for spec in specs:
+        kinds.setdefault((spec.scene.fingerprint, *sorted(spec.composition.items())), spec)
+    for spec in kinds.values():
+        book, derivation = book_of(spec.scene.rules)
+        start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
+        with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
+            world.populate(start)
