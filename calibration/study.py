@@ -108,14 +108,15 @@ class CalibrationStudy:
 
     @cached_property
     def sound(self) -> list[RunRecord]:
-        """Runs that reached their end."""
-        return [record for record in self.outcome.records if record.completed]
+        """Runs that reached their end; ValueError where none did."""
+        sound = [record for record in self.outcome.records if record.completed]
+        if not sound:
+            raise ValueError(f"no calibration run reached its end; the first of them: {self.problems[0]}")
+        return sound
 
     @cached_property
     def calibration(self) -> Calibration:
         """Pooled events and exposures of all channels."""
-        if not self.sound:
-            raise ValueError("no calibration run reached its end; see the quarantine folder and the guard's reasons")
         return estimate(record.path for record in self.sound)
 
     @cached_property
