@@ -19,7 +19,6 @@ from typing import Any
 
 from mechsim.record import RunRecord, RunSpec
 from mechsim.record import execute as execute_run
-from mechsim.scene import NoRoomError
 from mechsim.store import Claim, RunStore, digest_of
 
 TRIES = 3
@@ -73,8 +72,8 @@ def run_all(
     execute : makes the record of one run; called in the worker, so it must be found by its name in a module
 
     A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
-    workers and passes on; what has finished is kept. OSError: the store cannot be written; NoRoomError: the cubes do
-    not fit; all work stops.
+    workers and passes on; what has finished is kept. OSError: the store cannot be written; all
+    work stops.
     A script that calls this needs the usual `if __name__ == "__main__":`.
     """
     if workers < 1:
@@ -227,8 +226,6 @@ class _Driver:
                 worker.simulated = report
             elif isinstance(report, str):
                 worker.failure = report
-            elif isinstance(report, NoRoomError):
-                raise report
             else:
                 raise OSError(*report)
 
@@ -296,8 +293,6 @@ def _work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection)
             store.write(record)
         except OSError as error:  # the next run would not fare better
             reports.send((error.errno, error.strerror, error.filename))
-    except NoRoomError as error:  # nor would any other try
-        reports.send(error)
     except Exception as error:  # noqa: BLE001 - whatever it is, it goes into the quarantine note
         place = traceback.extract_tb(error.__traceback__)[-1]
         reports.send(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")

@@ -6,7 +6,6 @@ import numpy as np
 
 from mechsim.bodies import Bodies, matrix_of, quaternion_of
 from mechsim.kernels.contact import blocked
-from mechsim.scene import NoRoomError
 
 TRIES = 20_000  # for one body; at the densest of the paper's settings (120 cubes of edge 0.25) a body needs about ten
 
@@ -16,7 +15,7 @@ def scatter(bodies: Bodies, low: np.ndarray, high: np.ndarray, rng: np.random.Ge
 
     Overlap is tested exactly, cube by cube (separating axes); rejecting circumspheres would fail at 120 cubes of
     edge 0.25.
-    The largest bodies go first, while there is room. Raises NoRoomError when a body finds no place in 20,000 tries.
+    The largest bodies go first, while there is room. Raises ValueError when a body finds no place in 20,000 tries.
     """
     unplaced = np.ones(bodies.n_cubes, bool)
     order = sorted(bodies.live.tolist(), key=lambda s: -len(bodies.members[s]))
@@ -32,7 +31,7 @@ def scatter(bodies: Bodies, low: np.ndarray, high: np.ndarray, rng: np.random.Ge
                 break
         else:
             share = bodies.n_cubes * bodies.edge**3 / float(np.prod(high - low))
-            raise NoRoomError(
+            raise ValueError(
                 f"{bodies.n_cubes} cubes of edge {bodies.edge} do not fit at random into the tank "
                 f"{' x '.join(f'{side:g}' for side in high - low)}: "
                 f"they are {share:.0%} of its volume and only {done} of {len(order)} bodies found a place; "

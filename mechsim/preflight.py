@@ -10,7 +10,7 @@ from mechsim.record import RunSpec, book_of
 def check_starts(specs: Iterable[RunSpec]) -> None:
     """Build the world of the first run of each scene and composition, place its bodies, and take no step.
 
-    ValueError: the settings of an effect and the step do not go together, or the bodies do not fit into the tank.
+    ValueError: the bodies do not fit into the tank.
     """
     from mechsim.world import World
 

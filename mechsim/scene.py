@@ -16,10 +16,6 @@ SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
 
 
-class NoRoomError(ValueError):
-    """The cubes of a run find no place in its tank: a mistake in the inputs, the same at every try."""
-
-
 class Units(Settings):
     """The only units a scene may be written in: the paper's length and time, density relative to the fluid's."""
 
@@ -77,9 +73,7 @@ class Scene(Settings):
         if twice:
             raise ValueError(f"effect {twice[0]!r} is listed twice")
         for effect in self.effects:
-            for need in effect.needs:
-                if need not in names:
-                    raise ValueError(f"effect {effect.effect!r} needs effect {need!r}, which the scene does not list")
+            effect.check(self)
         return self
 
     @classmethod

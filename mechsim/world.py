@@ -72,7 +72,7 @@ class World:
     def populate(self, structures: Sequence[Structure]) -> None:
         """Place these structures at random, at rest; what still stands as it should is moved, not rebuilt.
 
-        Raises NoRoomError when they do not fit.
+        Raises ValueError when they do not fit.
         """
         b = self.bodies
         wanted = list(structures)

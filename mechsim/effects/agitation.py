@@ -9,6 +9,7 @@ from pydantic import Field
 from mechsim.effects.base import Action, Effect
 
 if TYPE_CHECKING:
+    from mechsim.scene import Scene
     from mechsim.world import World
 
 
@@ -28,20 +29,25 @@ class Agitation(Effect):
     sigma: float = Field(ge=0)
     hold: float = Field(gt=0)
 
-    def attach(self, world: World) -> Action:
-        """Check that the hold is a whole number of steps."""
-        steps = round(self.hold / world.step_size)
-        if steps < 1 or abs(steps * world.step_size - self.hold) > 1e-9 * self.hold:
+    def check(self, scene: Scene) -> None:
+        """The hold must be a whole number of steps."""
+        super().check(scene)
+        steps = self.hold / scene.numerics.step
+        if steps < 0.5 or abs(steps - round(steps)) > 1e-9 * steps:
             raise ValueError(
-                f"agitation.hold = {self.hold} is not a whole number of steps of {world.step_size}; "
-                f"choose numerics.step = {self.hold / max(steps, 1):.9g}"
+                f"agitation.hold = {self.hold} is not a whole number of steps of {scene.numerics.step}; "
+                f"choose numerics.step = {self.hold / max(round(steps), 1):.9g}"
             )
-        return _Agitating(self, world, steps)
+
+    def attach(self, world: World) -> Action:
+        """Give the fluid a stream of its own."""
+        return _Agitating(self, world)
 
 
 class _Agitating(Action):
-    def __init__(self, settings: Agitation, world: World, hold_steps: int):
-        self.sigma, self.world, self.hold_steps = settings.sigma, world, hold_steps
+    def __init__(self, settings: Agitation, world: World):
+        self.sigma, self.world = settings.sigma, world
+        self.hold_steps = round(settings.hold / world.step_size)
         self.rng = world.stream("agitation")
 
     def before_step(self) -> None:

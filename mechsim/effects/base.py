@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from kinetics.config import Settings
 
 if TYPE_CHECKING:
+    from mechsim.scene import Scene
     from mechsim.world import World
 
 
@@ -26,7 +27,14 @@ class Effect(Settings):
     A new effect is one file with a subclass whose `effect` field is its name, and one line in `effects.EFFECTS`.
     """
 
+    effect: str
     needs: ClassVar[tuple[str, ...]] = ()  # names of effects it cannot act without
+
+    def check(self, scene: Scene) -> None:
+        """ValueError where the effect does not go with the rest of the scene."""
+        for need in self.needs:
+            if scene.effect(need) is None:
+                raise ValueError(f"effect {self.effect!r} needs effect {need!r}, which the scene does not list")
 
     def attach(self, world: World) -> Action:
         """Build what the effect needs in this world."""
