@@ -1,13 +1,9 @@
-"""What all tests share: `--validate`, drawing without a display, and the command as a user has it."""
+"""What all tests share: `--validate`, drawing without a display, the command as a user has it."""
 
-import json
 import os
-import subprocess
-import sys
-from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+from command_line import run
 
 os.environ["MPLBACKEND"] = "Agg"  # before anything imports matplotlib, here and in subprocesses
 
@@ -25,31 +21,7 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(skip)
 
 
-COMMAND = Path(sys.executable).with_name("wellmixed")
-
-
-class Done(NamedTuple):
-    """What a command left: exit code, standard output and standard error."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self):
-        """The one object on standard output; nothing else may be there."""
-        assert self.code == 0, self.err
-        assert self.out.count("\n") == 1
-        return json.loads(self.out)
-
-
 @pytest.fixture(scope="session")
 def wellmixed():
-    """wellmixed(*arguments, cwd=): run the installed command in a process of its own, its output in pipes."""
-
-    def run(*arguments, cwd):
-        command = [str(COMMAND), *map(str, arguments)]
-        done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
-        return Done(done.returncode, done.stdout, done.stderr)
-
+    """wellmixed(*arguments, cwd=): what the installed command does with them."""
     return run

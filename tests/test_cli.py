@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import COMMAND
+from command_line import COMMAND
 
 SPECIES = ["monomer", "dimer", "trimer", "quadmer"]
 CHANNELS = ["1+1->2", "1+2->3", "1+3->4", "2+2->4", "2->1+1", "3->1+2", "4->1+3", "4->2+2"]
