@@ -34,6 +34,7 @@ progress_option = click.option("--progress/--quiet", default=None, help="Show pr
 @click.option("--runs", type=click.IntRange(min=1), default=1, show_default=True)
 @click.option("--restart", is_flag=True, help="Put the tank back to its start after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
+@click.option("--poses", type=float, help="Record the poses of all cubes this often, tu.  [default: not at all]")
 @click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end of the first run.")
 @plot_option
 @runs_option
@@ -49,6 +50,7 @@ def simulate(
     runs: int,
     restart: bool,
     without: tuple[str, ...],
+    poses: float | None,
     picture: str | None,
     plot_file: str | None,
     runs_folder: str,
@@ -75,9 +77,9 @@ def simulate(
         raise ValueError(f"--without {unknown[0]}: scene {described.name} lists {listed}")
     described = described.without(*without)
     start = _composition(book_of(described.rules)[1].structures, cubes, initial)
-    # Poses are recorded only where a picture asks for them, and then only those at the start and the end.
-    poses = [duration if picture and run == 0 else None for run in range(runs)]
-    specs = [RunSpec(described, start, duration, seed, run, restart, poses[run]) for run in range(runs)]
+    # A picture needs poses of its run: those at the start and the end, where no others are asked for.
+    often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
+    specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]
     check_starts(specs)
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:
