@@ -101,7 +101,7 @@ class Rates(Settings):
         extra = [name for name in self.channels if name not in network.channels]
         if missing or extra:
             parts = [
-                f"{what} {', '.join(names)}"
+                f"{what} {', '.join(names[:8])}{f' and {len(names) - 8} more' if len(names) > 8 else ''}"
                 for what, names in (("missing", missing), ("not in the network:", extra))
                 if names
             ]

@@ -12,7 +12,7 @@ from mechsim.record import RunRecord, book_of
 
 # Okabe and Ito's colours, by the number of cubes in a structure: 1, 2, 3, 4, 5, more.
 COLOURS = ("#BBBBBB", "#56B4E9", "#E69F00", "#D55E00", "#009E73", "#CC79A7")
-EYE = (4.5, -2.95, 2.1)  # in halves of the tank's mean edge
+EYE = (4.8, -3.15, 2.25)  # in halves of the tank's mean edge
 
 
 def draw_tank(record: RunRecord, ax: Any, frame: int = -1, width: int = 900, height: int = 720) -> Any:
