@@ -3,7 +3,7 @@
 # Not lazy: `derive` is the function here and a module below, so the function has to be bound last.
 from kinetics.assembly.derive import Derivation, derive
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, View
+from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, Senses, View
 from kinetics.assembly.structure import Placement, Structure, placements
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Placement",
     "RuleBook",
     "Semantics",
+    "Senses",
     "Structure",
     "View",
     "compose",

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from kinetics.assembly.faces import turned
+from kinetics.assembly.structure import Structure
 from kinetics.config import Settings
+
+Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
+DIRECTIONS: tuple[Direction, ...] = ("x", "-x", "y", "-y", "z", "-z")  # as faces are numbered
 
 
 def _as_list(value: Any) -> Any:
@@ -24,6 +29,26 @@ def _as_multiset(value: Any) -> Any:
 
 OneOf = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_list)]  # None: any
 Multiset = Annotated[tuple[str, ...] | None, BeforeValidator(_as_multiset)]  # None: any
+Rolls = Annotated[
+    Annotated[tuple[str, ...], Field(min_length=1)] | None,
+    BeforeValidator(lambda value: tuple(map(str, value)) if isinstance(value, list | tuple) else _as_list(value)),
+]
+EXACT = ("neighbours", "touched")  # multisets that must be met exactly; all others but `has` are one-of
+
+
+class Senses(Settings):
+    """What a cube can sense. Letters of its own and of bonded cubes are always known to it.
+
+    faces : the face scheme: `one` (all alike), `two` (f1: top and bottom, f2: the sides) or `six` (f1 to f6)
+    roll : the twist at which another cube docks
+    across : the letter of the cube at the face opposite the docking one
+    touched : the letters of all cubes that it touches once docked, not the partner's alone
+    """
+
+    faces: str
+    roll: bool = False
+    across: bool = False
+    touched: bool = False
 
 
 class Rule(Settings):
@@ -33,15 +58,17 @@ class Rule(Settings):
     letter : the cube's own letter, one of these
     neighbours : the letters of the cubes bonded to it, exactly these in any order; for a cube that is
         about to bond or that loses a bond, without the partner
+    has : the letters of cubes bonded to it, at least these
     becomes : its letter afterwards
     """
 
     rule: str
     letter: OneOf = None
     neighbours: Multiset = None
+    has: Multiset = None
     becomes: str
 
-    @cached_property
+    @property
     def conditions(self) -> dict[str, tuple[str, ...] | None]:
         """Condition -> what it admits; None admits everything."""
         skip = {"rule", "becomes"}
@@ -49,11 +76,21 @@ class Rule(Settings):
 
 
 class Combination(Rule):
-    """A bond forms: face types and the partner's letter are read as well."""
+    """A bond forms: face types and the partner's letter are read as well.
+
+    The other conditions need the sense of that name (see Senses).
+    roll : the twist between the two cubes, one of these
+    across : the letter of the cube at the face opposite the docking one, one of these; "" is for none there
+    touched : the letters of all cubes of the other structure that this one touches once docked, the partner's
+        among them; exactly these in any order
+    """
 
     face: OneOf = None
     partner: OneOf = None
     partner_face: OneOf = None
+    roll: Rolls = None
+    across: OneOf = None
+    touched: Multiset = None
 
 
 class Dissociation(Rule):
@@ -90,18 +127,48 @@ class Semantics(Settings):
 
 
 class Target(Settings):
-    """The finished structure: cubes at these places, all in their own frame's orientation."""
+    """The finished structure: cubes at these places.
+
+    tops : where each cube's own top (f1 of scheme `two`) looks; upright if left out
+    fronts : where its own +x side looks, for schemes that can tell
+    """
 
     cubes: tuple[tuple[int, int, int], ...]
     letters: tuple[str, ...]
+    tops: tuple[Direction, ...] | None = None
+    fronts: tuple[Direction, ...] | None = None
+
+    def structure(self) -> Structure:
+        """The same as a structure."""
+        n = len(self.cubes)
+        for name, given in (("tops", self.tops), ("fronts", self.fronts)):
+            if given is not None and len(given) != n:
+                raise ValueError(f"target.{name} has {len(given)} directions for {n} cubes; give one for each cube")
+        tops = self.tops or ("z",) * n
+        fronts: tuple[str | None, ...] = self.fronts or (None,) * n
+        turns = tuple(_turn(top, front) for top, front in zip(tops, fronts, strict=True))
+        return Structure(self.cubes, turns, self.letters)
+
+
+def _turn(top: str, front: str | None) -> int:
+    """The first rotation that makes a cube's top, and its front where given, look where they should."""
+    for rotation, directions in enumerate(turned.tolist()):
+        if DIRECTIONS[directions[4]] == top and front in {None, DIRECTIONS[directions[0]]}:
+            return rotation
+    raise ValueError(f"target: a cube's top looks to {top!r} and its front to {front!r}; they must be at right angles")
 
 
 class BookFile(Settings):
-    """A rule book as it is written down."""
+    """A rule book as it is written down.
+
+    initial : the letter of a free cube
+    seed : the letter of the one cube from which the assembly grows, if it needs one
+    """
 
     letters: tuple[str, ...]
     initial: str
-    scheme: str
+    seed: str | None = None
+    senses: Senses
     target: Target | None = None
     semantics: Semantics = Semantics()
     combine: tuple[Combination, ...] = ()
@@ -109,20 +176,25 @@ class BookFile(Settings):
     internal: tuple[Internal, ...] = ()
 
 
-def first_that_fits(rules: Sequence[Rule], reading: dict[str, Any]) -> str | None:
-    """What the first rule that fits a cube's reading (condition -> what it reads) makes of it."""
+def first_that_fits(rules: Sequence[Rule], reading: dict[str, Any]) -> Rule | None:
+    """The first rule that fits a cube's reading (condition -> what it reads; None: not known yet, may be anything)."""
     for rule in rules:
         if _fits(rule, reading):
-            return rule.becomes
+            return rule
     return None
 
 
 def _fits(rule: Rule, reading: dict[str, Any]) -> bool:
     for name, admitted in rule.conditions.items():
-        if admitted is not None:
-            value = reading[name]
-            if (value != admitted) if name == "neighbours" else (value not in admitted):
+        if admitted is None:
+            continue
+        if name == "has":
+            if not _holds(reading["neighbours"], admitted):
                 return False
+            continue
+        value = reading[name]
+        if value is not None and ((value != admitted) if name in EXACT else (value not in admitted)):
+            return False
     return True
 
 
@@ -150,11 +222,12 @@ def _overlap(a: Rule, b: Rule) -> bool:
     theirs = b.conditions
     for name, mine in a.conditions.items():
         other = theirs[name]
-        if mine is not None and other is not None:
-            apart = mine != other if name == "neighbours" else set(mine).isdisjoint(other)
+        if mine is not None and other is not None and name != "has":
+            apart = mine != other if name in EXACT else set(mine).isdisjoint(other)
             if apart:
                 return False
-    return True
+    around = a.neighbours if a.neighbours is not None else b.neighbours
+    return around is None or all(_holds(around, rule.has or ()) for rule in (a, b))
 
 
 def _within(inner: Rule, outer: Rule) -> bool:
@@ -162,9 +235,17 @@ def _within(inner: Rule, outer: Rule) -> bool:
     mine = inner.conditions
     for name, theirs in outer.conditions.items():
         own = mine[name]
-        if theirs is not None:
-            if own is None:
+        if theirs is None:
+            continue
+        if name == "has":
+            around = inner.has if inner.neighbours is None else inner.neighbours
+            if not _holds(around or (), theirs):
                 return False
-            if (own != theirs) if name == "neighbours" else not set(own) <= set(theirs):
-                return False
+        elif own is None or ((own != theirs) if name in EXACT else not set(own) <= set(theirs)):
+            return False
     return True
+
+
+def _holds(letters: Sequence[str], some: Sequence[str]) -> bool:
+    """Whether a multiset holds another one."""
+    return Counter(some) <= Counter(letters)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import permutations, product
 from types import MappingProxyType
 
@@ -52,10 +53,12 @@ class FaceScheme:
     """Which faces of a cube are told apart.
 
     types : name of the type of each of the six faces, in the order of FACE_NORMALS
+    rolls : what cubes that meet can tell of the twist between them, where they sense it (see `roll`)
     """
 
     name: str
     types: tuple[str, str, str, str, str, str]
+    rolls: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,8 +89,8 @@ SCHEMES: Mapping[str, FaceScheme] = MappingProxyType(
         scheme.name: scheme
         for scheme in (
             FaceScheme("one", ("f1", "f1", "f1", "f1", "f1", "f1")),
-            FaceScheme("two", ("f2", "f2", "f2", "f2", "f1", "f1")),
-            FaceScheme("six", ("f1", "f2", "f3", "f4", "f5", "f6")),
+            FaceScheme("two", ("f2", "f2", "f2", "f2", "f1", "f1"), ("parallel", "crossed")),
+            FaceScheme("six", ("f1", "f2", "f3", "f4", "f5", "f6"), ("0", "90", "180", "270")),
         )
     }
 )
@@ -98,3 +101,29 @@ def scheme_of(name: str) -> FaceScheme:
     if name not in SCHEMES:
         raise ValueError(f"unknown face scheme {name!r}; known are {', '.join(SCHEMES)}")
     return SCHEMES[name]
+
+
+@cache
+def roll(scheme: str, rotation: int, face: int, partner_rotation: int) -> str:
+    """The twist between a cube and the one that its own face meets, the same seen from either of them.
+
+    `two`: whether their f1 axes are parallel or crossed, which is all that faces alike in pairs leave to see.
+    `six`: the angle in degrees, about the face's outward normal, from the cube's reference to the partner's; the
+    reference of a face on x is the cube's own +y, on y its +z, on z its +x.
+    """
+    if scheme == "two":
+        own, other = (turned[r, 4] // 2 for r in (rotation, partner_rotation))
+        return "parallel" if own == other else "crossed"
+    if scheme != "six":
+        raise ValueError(f"scheme {scheme!r} shows no twist between cubes; use the faces of `two` or `six`")
+    outward = int(turned[rotation, face])
+    partner_face = turned[partner_rotation].tolist().index(outward ^ 1)
+    own, other = turned[rotation, _reference(face)], turned[partner_rotation, _reference(partner_face)]
+    quarter = np.cross(FACE_NORMALS[outward], FACE_NORMALS[own])
+    x, y = (int(axis @ FACE_NORMALS[other]) for axis in (FACE_NORMALS[own], quarter))
+    return {(1, 0): "0", (0, 1): "90", (-1, 0): "180", (0, -1): "270"}[x, y]
+
+
+def _reference(face: int) -> int:
+    """The face whose normal marks the twist of another one."""
+    return (face // 2 * 2 + 2) % 6

@@ -22,10 +22,11 @@ from kinetics.assembly.conditions import (
     Internal,
     Rule,
     Semantics,
+    Senses,
     first_that_fits,
     in_order,
 )
-from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.config import find, read_toml, validated
 
@@ -37,11 +38,19 @@ class LivelockError(ValueError):
 
 
 class View(NamedTuple):
-    """All that a cube may read of itself at an open face: its letter, the face's type, its neighbours' letters."""
+    """All that a cube may read at an open face, as far as the book's senses go.
+
+    letter, face, neighbours : its own letter, the face's type, the letters of the cubes bonded to it
+    across : the letter of the cube at the opposite face; "" where there is none
+    roll, touched : the twist, and the letters of all cubes touched; None while nothing docks
+    """
 
     letter: str
     face: str
     neighbours: tuple[str, ...]
+    across: str = ""
+    roll: str | None = None
+    touched: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -49,22 +58,26 @@ class RuleBook:
     """Rules for cubes that all run the same state machine.
 
     letters : the states a cube may be in; initial : that of a free cube
-    scheme : the face scheme (`two`: f1 is top and bottom, f2 the sides)
+    senses : what a cube can sense
     target : the finished structure, if the book names one
+    seed_letter : that of the cube from which the assembly grows, if it needs one
     """
 
     name: str
     letters: tuple[str, ...]
     initial: str
-    scheme: str
+    senses: Senses
     target: Structure | None = None
+    seed_letter: str | None = None
     semantics: Semantics = field(default_factory=Semantics)
     combine: tuple[Combination, ...] = ()
     dissociate: tuple[Dissociation, ...] = ()
     internal: tuple[Internal, ...] = ()
     _tried: dict[str, tuple[Rule, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _allowed: dict[tuple[View, View], bool] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _answers: dict[Any, str | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _answers: dict[Any, Rule | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    fired: set[str] = field(default_factory=set, init=False, repr=False, compare=False)  # rules applied so far
+    _moving: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self._check_names()
@@ -75,6 +88,7 @@ class RuleBook:
         }
         for kind, rules in kinds.items():
             self._tried[kind] = in_order(rules, self.semantics.conflict)
+        self._moving.update(*(rule.letter or self.letters for rule in self.internal))
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> RuleBook:
@@ -82,10 +96,10 @@ class RuleBook:
         path = find(name_or_path, BOOKS, "rule book")
         content = validated(BookFile, read_toml(path), path)
         fields = {name: getattr(content, name) for name in BookFile.model_fields}
+        fields["seed_letter"] = fields.pop("seed")
         try:
             if content.target is not None:
-                cubes, letters = content.target.cubes, content.target.letters
-                fields["target"] = Structure(cubes, (0,) * len(cubes), letters)
+                fields["target"] = content.target.structure()
             return cls(name=path.stem, **fields)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
@@ -94,23 +108,57 @@ class RuleBook:
     def fingerprint(self) -> str:
         """SHA-256 of the content; the file's name and comments do not count."""
         target = self.target and (self.target.positions, self.target.rotations, self.target.letters)
-        content = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump()]
-        rules = [[rule.model_dump() for rule in kind] for kind in (self.combine, self.dissociate, self.internal)]
+        content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump()]
+        senses = self.senses.model_dump(exclude={"faces"}, exclude_defaults=True)
+        # What books came to declare later counts only where it is used, so that older books keep their names.
+        content += [later for later in (senses, self.seed_letter) if later]
+        rules = [[_content(rule) for rule in kind] for kind in (self.combine, self.dissociate, self.internal)]
         return hashlib.sha256(json.dumps([content, rules], sort_keys=True).encode()).hexdigest()
+
+    @property
+    def scheme(self) -> str:
+        """The name of the face scheme."""
+        return self.senses.faces
 
     def monomer(self) -> Structure:
         """A free cube."""
         return self.settle(Structure(((0, 0, 0),), (0,), (self.initial,)))
 
-    def view(self, structure: Structure, cube: int, face: int) -> View | None:
-        """The signature of cube's own face (0..5); None where another cube covers it."""
+    def seed(self) -> Structure | None:
+        """The cube from which the assembly grows; None where the book needs none."""
+        if self.seed_letter is None:
+            return None
+        return self.settle(Structure(((0, 0, 0),), (0,), (self.seed_letter,)))
+
+    def view(
+        self, structure: Structure, cube: int, face: int, other: Structure | None = None, partner: int = 0
+    ) -> View | None:
+        """What a cube reads at its own face (0..5); None where another cube covers it.
+
+        other, partner : a structure that docks, already placed in this one's lattice, and its cube before
+            the face; without them, what only docking shows is left open (None)
+        """
         if structure.cube_at(structure.faced(cube, face)) is not None:
             return None
+        senses = self.senses
         around = _sorted(structure.letters, structure.neighbours(cube))
-        return View(structure.letters[cube], scheme_of(self.scheme).types[face], around)
+        across, twist, touched = "", None, None
+        if senses.across:
+            behind = structure.cube_at(structure.faced(cube, face ^ 1))
+            across = "" if behind is None else structure.letters[behind]
+        if other is not None:
+            if senses.roll:
+                twist = roll(self.scheme, structure.rotations[cube], face, other.rotations[partner])
+            if senses.touched:
+                beside = (other.cube_at(structure.faced(cube, each)) for each in range(6))
+                touched = _sorted(other.letters, (each for each in beside if each is not None))
+        return View(structure.letters[cube], scheme_of(self.scheme).types[face], around, across, twist, touched)
 
     def allows(self, a: View | None, b: View | None) -> bool:
-        """Whether two faces with these signatures may bond."""
+        """Whether two faces with these views may bond.
+
+        Of faces that do not dock yet: whether they may at some twist and place, which `join` then decides.
+        """
         if a is None or b is None:
             return False
         if (a, b) not in self._allowed:  # the mechanics asks this at every step
@@ -130,17 +178,17 @@ class RuleBook:
         face_b = placed.face_towards(j, a.positions[i])
         if not a.places.keys().isdisjoint(placed.places):
             return None
-        view_a, view_b = self.view(a, i, face_a), self.view(placed, j, face_b)
+        view_a, view_b = self.view(a, i, face_a, placed, j), self.view(placed, j, face_b, a, i)
         if view_a is None or view_b is None or not self.allows(view_a, view_b):
             return None
-        new_a = self._combined(view_a, view_b) or view_a.letter
+        new_a = self._rewritten(view_a.letter, self._combined(view_a, view_b))
         if self.semantics.update == "sequential":
             view_a = view_a._replace(letter=new_a)
-        new_b = self._combined(view_b, view_a) or view_b.letter
-        letters = [*a.letters, *placed.letters]
+        new_b = self._rewritten(view_b.letter, self._combined(view_b, view_a))
+        joined = a.joined(placed)
+        letters = list(joined.letters)
         letters[i], letters[len(a) + j] = new_a, new_b
-        joined = Structure((*a.positions, *placed.positions), (*a.rotations, *placed.rotations), tuple(letters))
-        return self.settle(joined)
+        return self.settle(joined.with_letters(letters))
 
     def break_bond(self, structure: Structure, i: int, j: int) -> tuple[tuple[tuple[int, ...], Structure], ...]:
         """Break the bond of cubes i and j: ((members, fragment) of i's side, (members, fragment) of j's side).
@@ -171,11 +219,7 @@ class RuleBook:
         seen = set()
         while letters not in seen:
             seen.add(letters)
-            following = tuple(
-                self._answer("internal", letter=letter, neighbours=_sorted(letters, structure.neighbours(cube)))
-                or letter
-                for cube, letter in enumerate(letters)
-            )
+            following = self._followed(structure, letters)
             if following == letters:
                 return structure if letters is structure.letters else structure.with_letters(letters)
             letters = following
@@ -184,8 +228,27 @@ class RuleBook:
             f"letters {' '.join(letters)} return again and again"
         )
 
-    def _combined(self, own: View, partner: View) -> str | None:
-        """The letter of a cube after it bonds, or None where no rule is enabled."""
+    def _followed(self, structure: Structure, letters: tuple[str, ...]) -> tuple[str, ...]:
+        """The letters after one round of the internal rules."""
+        if self._moving.isdisjoint(letters):
+            return letters
+        following = list(letters)
+        for cube, letter in enumerate(letters):
+            if letter in self._moving:
+                around = _sorted(letters, structure.neighbours(cube))
+                rule = self._answer("internal", letter=letter, neighbours=around)
+                following[cube] = self._rewritten(letter, rule)
+        return tuple(following)
+
+    def _rewritten(self, letter: str, rule: Rule | None) -> str:
+        """What a rule, if any, makes of a letter."""
+        if rule is None:
+            return letter
+        self.fired.add(rule.rule)
+        return rule.becomes
+
+    def _combined(self, own: View, partner: View) -> Rule | None:
+        """The rule that a cube follows as it bonds, or None where no rule is enabled."""
         if any(end.letter == own.letter and end.neighbour in own.neighbours for end in self.semantics.finished):
             return None
         return self._answer("combine", **own._asdict(), partner=partner.letter, partner_face=partner.face)
@@ -194,10 +257,10 @@ class RuleBook:
         """The letter of a cube that loses the bond to cube `gone`, whose letter it reads as `lost`."""
         own = structure.letters[cube]
         around = _sorted(structure.letters, (n for n in structure.neighbours(cube) if n != gone))
-        return self._answer("dissociate", letter=own, neighbours=around, lost=lost) or own
+        return self._rewritten(own, self._answer("dissociate", letter=own, neighbours=around, lost=lost))
 
-    def _answer(self, kind: Literal["combine", "dissociate", "internal"], **reading: Any) -> str | None:
-        """The letter that the rules of a kind give to a cube with this reading; None where no rule fits."""
+    def _answer(self, kind: Literal["combine", "dissociate", "internal"], **reading: Any) -> Rule | None:
+        """The rule of a kind that fits a cube with this reading; None where no rule fits."""
         key = (kind, *reading.values())
         if key not in self._answers:
             self._answers[key] = first_that_fits(self._tried[kind], reading)
@@ -209,10 +272,13 @@ class RuleBook:
         if not self.letters or len(set(self.letters)) != len(self.letters) or not all(self.letters):
             raise ValueError(f"letters are {list(self.letters)}; expected at least one, each named once")
         self._known("initial", [self.initial])
+        self._known("seed", [self.seed_letter] if self.seed_letter is not None else [])
         for end in self.semantics.finished:
             self._known("semantics.finished", [end.letter, end.neighbour])
         if self.target is not None:
             self._known("target", self.target.letters)
+        if self.senses.roll and not scheme.rolls:
+            raise ValueError(f"senses.roll: the faces of scheme {scheme.name!r} show no twist; set it to false")
         rules = (*self.combine, *self.dissociate, *self.internal)
         names = Counter(rule.rule for rule in rules)
         for rule in rules:
@@ -220,13 +286,24 @@ class RuleBook:
                 raise ValueError(f"two rules are called {rule.rule!r}; give every rule a name of its own")
             self._known(f"rule {rule.rule}, becomes", [rule.becomes])
             for name, admitted in rule.conditions.items():
-                if not name.endswith("face"):
-                    self._known(f"rule {rule.rule}, {name}", admitted or ())
-                elif unknown := set(admitted or ()) - set(scheme.names):
-                    raise ValueError(
-                        f"rule {rule.rule}, {name}: unknown face {min(unknown)!r}; the faces of scheme "
-                        f"{scheme.name!r} are {', '.join(scheme.names)}"
-                    )
+                self._check_condition(f"rule {rule.rule}, {name}", name, admitted)
+
+    def _check_condition(self, place: str, name: str, admitted: tuple[str, ...] | None) -> None:
+        """A rule's condition asks for what there is, and for what the book's cubes can sense."""
+        scheme = scheme_of(self.scheme)
+        if admitted is None:
+            return
+        if not getattr(self.senses, name, True):
+            raise ValueError(f"{place}: the cubes do not sense this; set {name} = true in [senses], or leave it out")
+        kinds = {"face": scheme.names, "partner_face": scheme.names, "roll": scheme.rolls}
+        if name not in kinds:
+            self._known(place, (letter for letter in admitted if letter or name != "across"))
+        elif unknown := set(admitted) - set(kinds[name]):
+            kind = name.removeprefix("partner_")
+            raise ValueError(
+                f"{place}: unknown {kind} {min(unknown)!r}; the {kind}s of scheme {scheme.name!r} are "
+                f"{', '.join(kinds[name])}"
+            )
 
     def _known(self, place: str, letters: Iterable[str]) -> None:
         for letter in letters:
@@ -234,6 +311,12 @@ class RuleBook:
                 raise ValueError(
                     f"{place}: unknown letter {letter!r}; the book's letters are {', '.join(self.letters)}"
                 )
+
+
+def _content(rule: Rule) -> dict[str, Any]:
+    """A rule as it enters the fingerprint."""
+    later = ("has", "roll", "across", "touched")
+    return {name: value for name, value in rule.model_dump().items() if value is not None or name not in later}
 
 
 def _sorted(letters: Sequence[str], cubes: Iterable[int]) -> tuple[str, ...]:

@@ -131,11 +131,28 @@ class Structure:
         """The same structure in the lattice it is placed into."""
         turn = _COMPOSE[placement.rotation]
         places = tuple(_place(placement, position) for position in self.positions)
-        return Structure(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
+        return Structure.unchecked(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
 
     def with_letters(self, letters: Sequence[str]) -> Structure:
         """The same cubes in other states."""
-        return Structure(self.positions, self.rotations, tuple(letters))
+        changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
+        changed.__dict__.update(places=self.places, _adjacent=self._adjacent)  # cached, and the same
+        return changed
+
+    def joined(self, other: Structure) -> Structure:
+        """This one's cubes and then the other's, which must lie beside it without overlap."""
+        return Structure.unchecked(
+            self.positions + other.positions, self.rotations + other.rotations, self.letters + other.letters
+        )
+
+    @classmethod
+    def unchecked(
+        cls, positions: tuple[Position, ...], rotations: tuple[int, ...], letters: tuple[str, ...]
+    ) -> Structure:
+        """A structure that is right by its making; the checks cost as much as all the rest of a join."""
+        made = object.__new__(cls)
+        made.__dict__.update(positions=positions, rotations=rotations, letters=letters)
+        return made
 
     def canonical(self, scheme: str) -> Structure:
         """The one representative of all structures that look the same under a face scheme.
@@ -148,6 +165,34 @@ class Structure:
     def symmetry_number(self, scheme: str) -> int:
         """How many of the 24 rotations map the structure onto itself, as far as the scheme can see."""
         return _canonical(self, scheme)[1]
+
+    def symmetries(self, scheme: str) -> tuple[Placement, ...]:
+        """The placements that put the structure onto itself, as far as the scheme can see; the identity first."""
+        codes = _codes(self, scheme)[0].tolist()
+        found = []
+        for rotation in (r for r in range(24) if codes[r] == codes[0]):
+            turned_places = [_place(Placement(rotation, (0, 0, 0)), p) for p in self.positions]
+            x, y, z = (
+                min(c) - min(t)
+                for c, t in zip(zip(*self.positions, strict=True), zip(*turned_places, strict=True), strict=True)
+            )
+            found.append(Placement(rotation, (x, y, z)))
+        return tuple(found)
+
+    def drawn(self) -> str:
+        """The letters in layers from the lowest z up, y growing upwards and x to the right; a dot is no cube."""
+        (x0, x1), (y0, y1), (z0, z1) = ((min(c), max(c)) for c in zip(*self.positions, strict=True))
+        width = max(map(len, self.letters))
+
+        def cell(x: int, y: int, z: int) -> str:
+            cube = self.cube_at((x, y, z))
+            return ("." if cube is None else self.letters[cube]).rjust(width)
+
+        rows = [
+            "   ".join(" ".join(cell(x, y, z) for x in range(x0, x1 + 1)) for z in range(z0, z1 + 1))
+            for y in range(y1, y0 - 1, -1)
+        ]
+        return "\n".join(rows)
 
     def _beside(self, cube: int, direction: int) -> Position:
         (x, y, z), (u, v, w) = self.positions[cube], NORMALS[direction]
@@ -195,9 +240,10 @@ def _reduced_compose(scheme: str) -> IntArray:
     return scheme_of(scheme).reduced[compose]
 
 
-@lru_cache(maxsize=1 << 14)
-def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
-    """Canonical form and symmetry number. All 24 turned copies at once, every cube coded as one integer."""
+def _codes(structure: Structure, scheme: str) -> tuple[np.ndarray, int, list[str]]:
+    """The 24 turned copies (24, n), every cube coded as one integer, sorted; with the base of the code of places and
+    the alphabet. Codes are ordered as (position, seen rotation, letter).
+    """
     places = ROTATIONS @ np.array(structure.positions).T  # (24, 3, n)
     places -= places.min(axis=2, keepdims=True)
     span = int(places.max()) + 1
@@ -207,6 +253,13 @@ def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
     codes = (places[:, 0] * span + places[:, 1]) * span + places[:, 2]
     codes = (codes * 24 + seen) * len(alphabet) + letters
     codes.sort(axis=1)
+    return codes, span, alphabet
+
+
+@lru_cache(maxsize=1 << 14)
+def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
+    """Canonical form and symmetry number."""
+    codes, span, alphabet = _codes(structure, scheme)
     copies = codes.tolist()
     smallest = min(copies)
     cubes = []
@@ -216,4 +269,4 @@ def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
         rest, z = divmod(rest, span)
         cubes.append(((*divmod(rest, span), z), rotation, alphabet[letter]))
     positions, rotations, names = zip(*cubes, strict=True)
-    return Structure(positions, rotations, names), copies.count(smallest)
+    return Structure.unchecked(positions, rotations, names), copies.count(smallest)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinetics.assembly import Placement, RuleBook, Semantics, Structure, derive
+from kinetics.assembly import Placement, RuleBook, Semantics, Senses, Structure, derive
 from kinetics.assembly.conditions import Combination, Dissociation
 from kinetics.assembly.derive import breaks, joins
 
@@ -77,7 +77,7 @@ def test_orbit_identity_in_three_dimensions():
         name="bent",
         letters=("a", "b", "c", "d"),
         initial="a",
-        scheme="two",
+        senses=Senses(faces="two"),
         combine=rules,
         dissociate=(Dissociation(rule="alone", neighbours=[], becomes="a"),),
     )
@@ -156,6 +156,6 @@ def test_sequential_updates_weigh_both_orders(line4):
 
 
 def test_a_book_without_rules_is_free_cubes():
-    network = derive(RuleBook(name="gas", letters=("a",), initial="a", scheme="two")).network
+    network = derive(RuleBook(name="gas", letters=("a",), initial="a", senses=Senses(faces="two"))).network
     assert network.species == ("monomer",)
     assert network.channels == ()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinetics.assembly import LivelockError, RuleBook, Semantics, Structure, View, placements
+from kinetics.assembly import LivelockError, RuleBook, Semantics, Senses, Structure, View, placements
 from kinetics.assembly.conditions import Combination, Dissociation, Internal
 from kinetics.assembly.rules import BOOKS
 
@@ -83,7 +83,8 @@ def sticky(**changes):
     """A book in which everything sticks, and stays a."""
     rule = Combination(rule="stick", becomes="a")
     return RuleBook(
-        **{"name": "sticky", "letters": ("a",), "initial": "a", "scheme": "one", "combine": (rule,)} | changes
+        **{"name": "sticky", "letters": ("a",), "initial": "a", "senses": Senses(faces="one"), "combine": (rule,)}
+        | changes
     )
 
 
@@ -213,7 +214,7 @@ def changed(old, new):
         (changed('becomes = "b"', 'becomes = "b"\npartners = "b"'), r"unknown key 'combine.0.partners'"),
         (changed("[semantics]", "[semantic]"), "unknown key 'semantic'"),
         (changed('"mutual"', '"both"'), "'mutual' or 'any'"),
-        (changed('scheme = "two"', 'scheme = "three"'), "unknown face scheme 'three'"),
+        (changed('faces = "two"', 'faces = "three"'), "unknown face scheme 'three'"),
         (changed('rule = "P2"', 'rule = "P1"'), "two rules are called 'P1'"),
         (changed('neighbours = ["c"]', 'neighbours = ["b"]'), "rules P3 and P4 contradict each other"),
         (changed('letters = ["a", "b", "c", "d"]', 'letters = ["a", "a"]'), "each named once"),
