@@ -124,6 +124,8 @@ def test_every_command_reads_scenes_alike(refused, tmp_path, command):
         (["--duration", "inf"], "duration = inf; expected a finite number"),
         (["--duration", "-1"], "duration = -1.0; expected a finite number of tu above 0"),
         (["--duration", "long"], "'long' is not a valid float"),
+        (["--poses", "nan"], "poses = nan; expected a finite interval in tu above 0, or none"),
+        (["--poses", "-1"], "poses = -1.0; expected a finite interval in tu above 0, or none"),
         (["--workers", "0"], "Invalid value for '--workers': 0 is not in the range x>=1"),
         (["--workers", "-1"], "Invalid value for '--workers': -1 is not in the range x>=1"),
         (["--runs", "0"], "0 is not in the range x>=1"),
