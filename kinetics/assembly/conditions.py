@@ -117,12 +117,14 @@ class Semantics(Settings):
     conflict : of several rules that fit, the first in the file or the most specific one counts; or
         such rules are an error
     update : both cubes read before either writes, or the first-named cube writes before the other reads
+    bonds : whether bonds break or hold for ever
     finished : cubes that accept no more
     """
 
     gate: Literal["mutual", "any"] = "mutual"
     conflict: Literal["first", "most-specific", "error"] = "error"
     update: Literal["synchronous", "sequential"] = "synchronous"
+    bonds: Literal["break", "hold"] = "break"
     finished: tuple[Finished, ...] = ()
 
 

@@ -108,9 +108,10 @@ class RuleBook:
     def fingerprint(self) -> str:
         """SHA-256 of the content; the file's name and comments do not count."""
         target = self.target and (self.target.positions, self.target.rotations, self.target.letters)
-        content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump()]
-        senses = self.senses.model_dump(exclude={"faces"}, exclude_defaults=True)
         # What books came to declare later counts only where it is used, so that older books keep their names.
+        held = {"bonds"} if self.semantics.bonds == "break" else set()
+        content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump(exclude=held)]
+        senses = self.senses.model_dump(exclude={"faces"}, exclude_defaults=True)
         content += [later for later in (senses, self.seed_letter) if later]
         rules = [[_content(rule) for rule in kind] for kind in (self.combine, self.dissociate, self.internal)]
         return hashlib.sha256(json.dumps([content, rules], sort_keys=True).encode()).hexdigest()
@@ -196,6 +197,8 @@ class RuleBook:
         members : the fragment's cubes as indices in `structure`, rising; positions stay where they were
         A bond within a loop cannot break alone: ValueError.
         """
+        if self.semantics.bonds == "hold":
+            raise ValueError(f"the bonds of book {self.name!r} hold for ever (semantics.bonds); nothing may break them")
         sides = structure.sides(i, j)
         if sides is None:
             raise ValueError(

@@ -31,6 +31,12 @@ class Placement(NamedTuple):
     rotation: int
     translation: Position
 
+    def of(self, position: Position) -> Position:
+        """Where a position comes to lie."""
+        a, b, c, d, e, f, g, h, k = _MATRICES[self.rotation]
+        (x, y, z), (u, v, w) = position, self.translation
+        return a * x + b * y + c * z + u, d * x + e * y + f * z + v, g * x + h * y + k * z + w
+
 
 @dataclass(frozen=True)
 class Structure:
@@ -130,7 +136,7 @@ class Structure:
     def moved(self, placement: Placement) -> Structure:
         """The same structure in the lattice it is placed into."""
         turn = _COMPOSE[placement.rotation]
-        places = tuple(_place(placement, position) for position in self.positions)
+        places = tuple(placement.of(position) for position in self.positions)
         return Structure.unchecked(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
 
     def with_letters(self, letters: Sequence[str]) -> Structure:
@@ -171,7 +177,7 @@ class Structure:
         codes = _codes(self, scheme)[0].tolist()
         found = []
         for rotation in (r for r in range(24) if codes[r] == codes[0]):
-            turned_places = [_place(Placement(rotation, (0, 0, 0)), p) for p in self.positions]
+            turned_places = [Placement(rotation, (0, 0, 0)).of(p) for p in self.positions]
             x, y, z = (
                 min(c) - min(t)
                 for c, t in zip(zip(*self.positions, strict=True), zip(*turned_places, strict=True), strict=True)
@@ -224,14 +230,8 @@ def placements(
 
 def _put(position: Position, rotation: int, target: Position) -> Placement:
     """The placement with that rotation that takes `position` to `target`."""
-    x, y, z = _place(Placement(rotation, (0, 0, 0)), position)
+    x, y, z = Placement(rotation, (0, 0, 0)).of(position)
     return Placement(rotation, (target[0] - x, target[1] - y, target[2] - z))
-
-
-def _place(placement: Placement, position: Position) -> Position:
-    a, b, c, d, e, f, g, h, k = _MATRICES[placement.rotation]
-    (x, y, z), (u, v, w) = position, placement.translation
-    return a * x + b * y + c * z + u, d * x + e * y + f * z + v, g * x + h * y + k * z + w
 
 
 @lru_cache(maxsize=8)

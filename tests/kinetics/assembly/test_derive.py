@@ -1,14 +1,16 @@
 """The network of a book: the line of four exactly, the defects of the printed table, the orbit identity."""
 
+import random
 from collections import Counter
 from dataclasses import replace
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 import pytest
 
-from kinetics.assembly import Placement, RuleBook, Semantics, Senses, Structure, derive
+from kinetics.assembly import Placement, RuleBook, Semantics, Senses, Structure, derive, placements
 from kinetics.assembly.conditions import Combination, Dissociation
-from kinetics.assembly.derive import breaks, joins
+from kinetics.assembly.explore import RateClass, breaks, explore, joins
 
 LINE4 = RuleBook.load("line4")
 PRINTED = RuleBook.load("line4_as_printed")
@@ -87,6 +89,107 @@ def test_orbit_identity_in_three_dimensions():
     assert assert_orbit_identity(derivation) == 5
 
 
+def test_orbit_identity_of_the_t():
+    assert assert_orbit_identity(derive(RuleBook.load("t5"))) == 10
+
+
+def counted(book, a, b):
+    """Ways to each product, by trying every pair of faces at every twist: slow, and obvious."""
+    ways = Counter()
+    for (i, face_i), (j, face_j) in product(a.open_faces(), b.open_faces()):
+        for placement in placements(a, i, face_i, b, j, face_j):
+            made = book.join(a, i, b, j, placement)
+            if made is not None:
+                ways[made.canonical(book.scheme)] += 0.25
+    return ways
+
+
+@pytest.mark.parametrize("name", ["line4", "line4_as_printed", "t5", "pyramid45"])
+def test_ways_agree_with_trying_every_face_and_twist(name):
+    book = RuleBook.load(name)
+    structures = list(explore(book, max_species=4000).structures)
+    random.Random(3).shuffle(structures)
+    pairs = [(s, book.monomer()) for s in structures[:9]] + list(combinations_with_replacement(structures[:2], 2))
+    for a, b in pairs:
+        ways = Counter()
+        for made, share, _ in joins(book, a, b):
+            ways[made.canonical(book.scheme)] += share
+        assert ways == counted(book, a, b)
+
+
+def test_orbit_identity_where_loops_close():
+    """m docked faces lead to the same pose: N = m sigma_A sigma_B / (4 sigma_pose), for every join of the pyramid."""
+    book = RuleBook.load("pyramid45")
+    free = book.monomer()
+    checked = 0
+    for structure in explore(book).structures[::7]:
+        poses, ways = {}, Counter()
+        for made, share, _ in joins(book, structure, free):
+            pose = structure.joined(Structure(made.positions[-1:], made.rotations[-1:], free.letters)).canonical("two")
+            ways[pose] += share
+            poses[pose] = pose.symmetry_number("two")
+        for pose, sigma in poses.items():
+            new = next(c for c, letter in enumerate(pose.letters) if letter == "a")
+            rest = pose.part([c for c in range(len(pose)) if c != new])
+            facing = (
+                (c, pose.face_towards(c, pose.positions[new]), pose.face_towards(new, pose.positions[c]))
+                for c in pose.neighbours(new)
+            )
+            kept = {c: n for n, c in enumerate(c for c in range(len(pose)) if c != new)}
+            one = pose.part([new])
+            m = sum(
+                any(book.join(rest, kept[c], one, 0, p) is not None for p in placements(rest, kept[c], f, one, 0, g))
+                for c, f, g in facing
+            )
+            assert ways[pose] == m * structure.symmetry_number("two") * 8 / (4 * sigma)
+            checked += 1
+    assert checked > 100
+
+
+def test_rate_classes_say_which_constants_are_shared(line4):
+    names = [str(rate_class) for rate_class in line4.rate_classes]
+    joined = ["join 1 f1 + 1 f1", "join 1 f1 + 2 f1", "join 1 f1 + 3 f1", "join 2 f1 + 2 f1"]
+    assert names == [*joined, *(name.replace("join", "break") for name in joined)]
+    t5 = derive(RuleBook.load("t5"))
+    shared = RateClass("join", (1, 2), ("f1", "f1"))
+    channels = [
+        c for c, (ways, n) in enumerate(zip(t5.events.values(), t5.network.ways, strict=True)) if ways == {shared: n}
+    ]
+    assert [t5.network.channels[c] for c in channels] == ["1+dimer.b->trimer.b", "1+dimer.b->trimer.c"]
+
+
+def test_pyramid_is_closed_and_grows_by_single_cubes():
+    made = derive(RuleBook.load("pyramid45"))
+    assert made.is_closed
+    assert len(made.structures) == 838
+    assert list(made.structures)[:2] == ["monomer", "seed"]
+    assert made.network.conserved["cubes"].max() == 45
+    assert all(0 in event.before and len(event.after) == 1 for event in made.events)
+    last = [s for s in made.structures.values() if len(s) == 45]
+    assert last == [made.book.target.canonical("two")]
+
+
+def test_a_partial_derivation_leaves_out_what_lies_beyond():
+    book = replace(PRINTED, semantics=PRINTED.semantics.model_copy(update={"finished": ()}))
+    made = derive(book, max_cubes=5, partial=True)
+    assert not made.is_closed
+    assert made.beyond is not None
+    assert len(made.beyond.made) == 6
+    assert made.network.conserved["cubes"].max() == 5
+    few = derive(book, max_cubes=5, max_species=6, partial=True)
+    assert "more than max_species = 6" in few.stopped
+
+
+def test_interruption_keeps_what_was_found():
+    def stop(explored, found):
+        assert 0 < explored <= found
+        raise KeyboardInterrupt
+
+    assert derive(LINE4, partial=True, progress=stop).stopped == "interrupted with 1 of 2 structures explored"
+    with pytest.raises(KeyboardInterrupt):
+        derive(LINE4, progress=stop)
+
+
 def test_species_are_found_in_any_pose(line4):
     trimer = Structure(((5, 5, 5), (6, 5, 5), (4, 5, 5)), (0, 0, 0), ("c", "b", "b"))
     with pytest.raises(KeyError, match="none of the 4 species of book 'line4'"):
@@ -126,8 +229,8 @@ def test_printed_table_makes_lines_of_five_and_six():
     ids=["first", "any", "sequential", "lit"],
 )
 def test_printed_table_grows_without_end_under_other_semantics(semantics):
-    with pytest.raises(ValueError, match=r"not closed under max_cubes = 8: the join of .* has \d+ cubes"):
-        derive(replace(PRINTED, semantics=semantics), max_cubes=8)
+    with pytest.raises(ValueError, match=r"not closed under max_cubes = 6: the join of .* has 7 cubes"):
+        derive(replace(PRINTED, semantics=semantics), max_cubes=6, max_species=4000)
 
 
 def test_repaired_table_does_not_need_the_dark_leds(line4):
@@ -148,11 +251,11 @@ def test_sequential_updates_weigh_both_orders(line4):
     book = replace(PRINTED, semantics=Semantics(conflict="most-specific", update="sequential"))
     monomer, dimer = line4.structures["monomer"], line4.structures["dimer"]
     shares: Counter[str] = Counter()
-    for joined, share in joins(book, monomer, dimer):
+    for joined, share, _ in joins(book, monomer, dimer):
         letters = "".join(joined.canonical("two").letters)
         shares[min(letters, letters[::-1])] += share
     assert shares == {"bcb": 2, "acb": 2}
-    assert [share for _, share in breaks(book, dimer)] == [0.5, 0.5]
+    assert [share for _, share, _ in breaks(book, dimer)] == [0.5, 0.5]
 
 
 def test_a_book_without_rules_is_free_cubes():
