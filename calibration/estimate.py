@@ -215,6 +215,8 @@ def paper_estimate(paths: Sequence[JumpPath]) -> dict[str, float]:
     short: the rate is too high by n / (n - 1) on average, and averaging over initial states does not cure that.
     nan for a channel that never fired first.
     """
+    if not paths:
+        raise ValueError("no runs to estimate from; give at least one path")
     groups: dict[bytes, list[JumpPath]] = {}
     for path in paths:
         groups.setdefault(path.initial.tobytes() + path.open_channels.tobytes(), []).append(path)

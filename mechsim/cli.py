@@ -35,7 +35,12 @@ progress_option = click.option("--progress/--quiet", default=None, help="Show pr
 @click.option("--restart", is_flag=True, help="Put the tank back to its start after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
 @click.option("--poses", type=float, help="Record the poses of all cubes this often, tu.  [default: not at all]")
-@click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end of the first run.")
+@click.option(
+    "--picture",
+    metavar="FILE",
+    callback=picture_of,
+    help="Draw the tank at the end of the first run, which is made with poses for it.",
+)
 @plot_option
 @runs_option
 @workers_option

@@ -69,8 +69,7 @@ class RunStore:
         self.folder = Path(folder).absolute()  # workers may have another working directory
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
-        for part in (self.folder, self.folder / "claims", self.folder / "quarantine"):
-            part.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
         marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()
         if not marker.exists():
             write_whole(marker, expected)
@@ -80,6 +79,8 @@ class RunStore:
                 f"{self.folder} holds {found.decode(errors='replace').strip()!r}; this version reads and writes "
                 f"{expected.decode().strip()!r}: use the version that made it, or name another folder"
             )
+        for part in ("claims", "quarantine"):
+            (self.folder / part).mkdir(exist_ok=True)
 
     def path(self, spec: RunSpec) -> Path:
         """Where the run is kept."""

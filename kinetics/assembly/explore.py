@@ -95,6 +95,7 @@ def explore(
     max_species: int = MAX_SPECIES,
     first_beyond: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    slow_waves: bool = False,
 ) -> Exploration:
     """Explore what free cubes, and the seed if the book has one, can become.
 
@@ -102,13 +103,15 @@ def explore(
         max_cubes is by default 12, or the size of the book's target if that is larger
     first_beyond : end as soon as the book is known not to be closed
     progress : told the numbers of structures explored and found
+    slow_waves : internal rules act on one cube at a time, in any order, and joins and breaks come in between; such
+        steps are events of one structure before and one after
     Ctrl-C ends the exploration; what was found is returned.
     """
     if max_cubes is None:
         max_cubes = max(MAX_CUBES, 0 if book.target is None else len(book.target))
     if max_cubes < 1 or max_species < 1:
         raise ValueError(f"max_cubes = {max_cubes}, max_species = {max_species}; both must be at least 1")
-    explorer = _Explorer(book, max_cubes, max_species)
+    explorer = _Explorer(book, max_cubes, max_species, slow_waves)
     stopped = ""
     try:
         explorer.run(first_beyond, progress)
@@ -134,8 +137,8 @@ class _TooManyError(Exception):
 
 
 class _Explorer:
-    def __init__(self, book: RuleBook, max_cubes: int, max_species: int):
-        self.book, self.max_cubes, self.max_species = book, max_cubes, max_species
+    def __init__(self, book: RuleBook, max_cubes: int, max_species: int, slow_waves: bool):
+        self.book, self.max_cubes, self.max_species, self.slow_waves = book, max_cubes, max_species, slow_waves
         self.order: list[Structure] = []
         self.index: dict[Structure, int] = {}
         self.waiting: list[tuple[int, int]] = []  # (size, index), smallest first
@@ -164,6 +167,8 @@ class _Explorer:
                 self.join(old, new)
             if self.book.semantics.bonds == "break":
                 self.part(new)
+            if self.slow_waves:
+                self.follow(new)
             if progress is not None:
                 progress(len(self.explored), len(self.order))
             if first_beyond and self.beyond is not None and len(self.beyond.made) == self.max_cubes + 1:
@@ -193,7 +198,9 @@ class _Explorer:
         what = f"the join of {first} and {second}"
         before = (min(old, new), max(old, new))
         try:
-            for made, share, rate_class in _joined(self.book, first, self.sites[old], second, self.sites[new]):
+            for made, share, rate_class in _joined(
+                self.book, first, self.sites[old], second, self.sites[new], not self.slow_waves
+            ):
                 if size > self.max_cubes:
                     self.beyond = Join(first, second, made)
                     return
@@ -207,11 +214,17 @@ class _Explorer:
     def part(self, new: int) -> None:
         what = f"a break of {self.order[new]}"
         try:
-            for fragments, share, rate_class in breaks(self.book, self.order[new]):
+            for fragments, share, rate_class in breaks(self.book, self.order[new], not self.slow_waves):
                 ends = sorted(self.entered(part, what) for part in fragments)
                 self.events[Event((new,), tuple(ends))][rate_class] += share
         except LivelockError as error:
             self.livelocks.append(f"{what}: {error}")
+
+    def follow(self, new: int) -> None:
+        structure = self.order[new]
+        for changed in self.book.steps(structure):
+            event = Event((new,), (self.entered(changed, f"an internal rule in {structure}"),))
+            self.events[event][RateClass("internal", (len(structure), 0), ("", ""))] += 1
 
     def entered(self, structure: Structure, what: str) -> int:
         """Index of a structure; a new one waits to be explored."""
@@ -236,7 +249,9 @@ def joins(book: RuleBook, a: Structure, b: Structure) -> Iterator[tuple[Structur
     return _joined(book, a, _sites(book, a), b, _sites(book, b))
 
 
-def breaks(book: RuleBook, structure: Structure) -> Iterator[tuple[tuple[Structure, Structure], float, RateClass]]:
+def breaks(
+    book: RuleBook, structure: Structure, settle: bool = True
+) -> Iterator[tuple[tuple[Structure, Structure], float, RateClass]]:
     """Every way to break one bond of a structure: (the two fragments, their share in N, rate class)."""
     for i, j in structure.bonds:
         if structure.sides(i, j) is None:
@@ -244,13 +259,18 @@ def breaks(book: RuleBook, structure: Structure) -> Iterator[tuple[tuple[Structu
         face_i, face_j = (structure.face_towards(c, structure.positions[d]) for c, d in ((i, j), (j, i)))
         bonds = [(i, j), (j, i)] if book.semantics.update == "sequential" else [(i, j)]
         for bond in bonds:
-            (_, first), (_, second) = book.break_bond(structure, *bond)
+            (_, first), (_, second) = book.break_bond(structure, *bond, settle=settle)
             sizes = (len(first), len(second)) if bond == (i, j) else (len(second), len(first))
             yield (first, second), 1 / len(bonds), _class(book, "break", sizes, (face_i, face_j))
 
 
 def _joined(
-    book: RuleBook, a: Structure, sites_a: Sequence[_Site], b: Structure, sites_b: Sequence[_Site]
+    book: RuleBook,
+    a: Structure,
+    sites_a: Sequence[_Site],
+    b: Structure,
+    sites_b: Sequence[_Site],
+    settle: bool = True,
 ) -> Iterator[tuple[Structure, float, RateClass]]:
     for s, t in product(sites_a, sites_b):
         if not book.allows(s.view, t.view):
@@ -261,7 +281,7 @@ def _joined(
             ways += [(b, t.cube, a, s.cube, p, n) for p, n in _twists(b, t, a, s)]
         total = sum(way[-1] for way in ways)
         for first, i, second, j, placement, alike in ways:
-            joined = book.join(first, i, second, j, placement)
+            joined = book.join(first, i, second, j, placement, settle=settle)
             if joined is not None:
                 yield joined, s.alike * t.alike * alike / total, rate_class
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -167,10 +167,12 @@ class RuleBook:
             self._allowed[a, b] = all(enabled) if self.semantics.gate == "mutual" else any(enabled)
         return self._allowed[a, b]
 
-    def join(self, a: Structure, i: int, b: Structure, j: int, placement: Placement) -> Structure | None:
+    def join(
+        self, a: Structure, i: int, b: Structure, j: int, placement: Placement, settle: bool = True
+    ) -> Structure | None:
         """Put b into a's lattice and bond a's cube i with b's cube j, which must come to lie side by side.
 
-        The joined structure, a's cubes first and then b's, letters rewritten and settled. None where the rules
+        The joined structure, a's cubes first and then b's, letters rewritten and, unless told otherwise, settled. None where the rules
         refuse the bond or cubes would overlap. All cubes that touch are bonded, but only the
         two that dock run a combination rule.
         """
@@ -189,9 +191,12 @@ class RuleBook:
         joined = a.joined(placed)
         letters = list(joined.letters)
         letters[i], letters[len(a) + j] = new_a, new_b
-        return self.settle(joined.with_letters(letters))
+        rewritten = joined.with_letters(letters)
+        return self.settle(rewritten) if settle else rewritten
 
-    def break_bond(self, structure: Structure, i: int, j: int) -> tuple[tuple[tuple[int, ...], Structure], ...]:
+    def break_bond(
+        self, structure: Structure, i: int, j: int, settle: bool = True
+    ) -> tuple[tuple[tuple[int, ...], Structure], ...]:
         """Break the bond of cubes i and j: ((members, fragment) of i's side, (members, fragment) of j's side).
 
         members : the fragment's cubes as indices in `structure`, rising; positions stay where they were
@@ -211,7 +216,8 @@ class RuleBook:
         letters[j] = self._after_loss(structure, j, i, partner)
         letters[i] = new_i
         rewritten = structure.with_letters(letters)
-        return tuple((members, self.settle(rewritten.part(members))) for members in sides)
+        parts = ((members, rewritten.part(members)) for members in sides)
+        return tuple((members, self.settle(part) if settle else part) for members, part in parts)
 
     def settle(self, structure: Structure) -> Structure:
         """Apply the internal rules, all cubes at once, again and again until nothing changes.
@@ -231,17 +237,26 @@ class RuleBook:
             f"letters {' '.join(letters)} return again and again"
         )
 
+    def steps(self, structure: Structure) -> Iterator[Structure]:
+        """What an internal rule can make of the structure at a single cube."""
+        letters = structure.letters
+        for cube in range(len(letters)):
+            letter = self._followed_at(structure, letters, cube)
+            if letter != letters[cube]:
+                yield structure.with_letters((*letters[:cube], letter, *letters[cube + 1 :]))
+
     def _followed(self, structure: Structure, letters: tuple[str, ...]) -> tuple[str, ...]:
         """The letters after one round of the internal rules."""
         if self._moving.isdisjoint(letters):
             return letters
-        following = list(letters)
-        for cube, letter in enumerate(letters):
-            if letter in self._moving:
-                around = _sorted(letters, structure.neighbours(cube))
-                rule = self._answer("internal", letter=letter, neighbours=around)
-                following[cube] = self._rewritten(letter, rule)
-        return tuple(following)
+        return tuple(self._followed_at(structure, letters, cube) for cube in range(len(letters)))
+
+    def _followed_at(self, structure: Structure, letters: tuple[str, ...], cube: int) -> str:
+        letter = letters[cube]
+        if letter not in self._moving:
+            return letter
+        around = _sorted(letters, structure.neighbours(cube))
+        return self._rewritten(letter, self._answer("internal", letter=letter, neighbours=around))
 
     def _rewritten(self, letter: str, rule: Rule | None) -> str:
         """What a rule, if any, makes of a letter."""

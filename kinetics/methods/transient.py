@@ -168,7 +168,7 @@ def _by_matrix_exponential(generator: csr_array, start: Floats, times: Floats) -
         # Squaring carries rounding on in proportion to |Q| t: on stiff chains the mass drifts by just that.
         error = EPSILON * (len(start) + size * time) + abs(vector.sum() - 1.0)
         rows.append(vector)
-    if error > DENSE_TRUST:
+    if not error <= DENSE_TRUST:  # nan included
         raise ValueError(
             f"the chain is too stiff: rates up to {size / 2:.3g} 1/tu over {times[-1]:g} tu leave an error of about "
             f"{error:.1g}; ask for earlier times or lower the fastest rates"

@@ -127,3 +127,8 @@ def test_papers_estimator_by_hand():
     found = paper_estimate([first, second])
     assert found["1+1->2"] == pytest.approx((1 / (4 * 4 * 1) + 1 / (2 * 4 * 3)) / 2)
     assert np.isnan(found["1+2->3"])
+
+
+def test_papers_estimator_needs_runs():
+    with pytest.raises(ValueError, match="no runs"):
+        paper_estimate([])

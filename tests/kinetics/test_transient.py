@@ -167,3 +167,10 @@ def test_bad_tolerance(tolerance):
 def test_decay_far_out():
     law = solve(decay(1.0), SPARSE, [5], [1000.0])
     assert_allclose(law.marginal("X")[0], [1, 0, 0, 0, 0, 0], atol=1e-13)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # the overflow that is told below
+@pytest.mark.parametrize("method", [Transient(), SPARSE])
+def test_a_time_beyond_all_numbers_is_refused(method):
+    with pytest.raises(ValueError, match="too stiff"):
+        solve(switch(), method, [1, 0], [1e300])
