@@ -7,8 +7,8 @@ import numpy as np
 from mechsim.bodies import Bodies, matrix_of, quaternion_of
 from mechsim.kernels.contact import blocked
 
-# For one body. At the densest of the paper's settings, 120 cubes of edge 0.25, a single cube needs about ten; if they are
-# lines of three and four already, 2,000 are not enough for the last ones.
+# For one body. At the densest of the paper's settings, 120 cubes of edge 0.25, a single cube needs about ten; where
+# they are lines of three and four already, 2,000 are not enough for the last ones.
 TRIES = 20_000
 JAMMED = 0.5  # share of the volume that randomly placed bodies never fill: there is no use in trying
 
@@ -17,7 +17,8 @@ def scatter(bodies: Bodies, low: np.ndarray, high: np.ndarray, rng: np.random.Ge
     """Put every body at rest at a uniformly random pose inside the box, none overlapping: random sequential addition.
 
     Overlap is tested exactly, cube by cube (separating axes); rejecting circumspheres would fail at 120 cubes
-    of edge 0.25. The largest bodies go first, while there is room. Raises ValueError when a body finds no place in 20,000 tries.
+    of edge 0.25. The largest bodies go first, while there is room.
+    Raises ValueError when a body finds no place in 20,000 tries.
     """
     unplaced = np.ones(bodies.n_cubes, bool)
     order = sorted(bodies.live.tolist(), key=lambda s: -len(bodies.members[s]))
