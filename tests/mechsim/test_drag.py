@@ -124,6 +124,6 @@ def test_redrawing_at_every_step_has_no_limit(make_world, line4):
     speeds = []
     for step in (0.00525, 0.002625):
         numerics = scene.numerics.model_copy(update={"step": step})
-        fine = scene.changed("agitation", hold=step).model_copy(update={"numerics": numerics})
+        fine = scene.model_copy(update={"numerics": numerics}).changed("agitation", hold=step)
         speeds.append(mean_speed(make_world({"monomer": 60}, fine), 10))
     assert speeds[1] < 0.85 * speeds[0]
