@@ -22,6 +22,7 @@ from mechsim.record import execute as execute_run
 from mechsim.store import Claim, RunStore, digest_of
 
 TRIES = 3
+MOST_LOST_STARTS = 100  # in one call, before we believe that no worker will ever start
 REPORT_EVERY = 0.25  # s between two reports of a worker
 LOOK_EVERY = 0.2  # s between two looks at runs that another process has claimed
 
@@ -116,6 +117,7 @@ class _Driver:
         self.specs, self.store, self.workers, self.timeout, self.execute = specs, store, workers, timeout, execute
         self.running: list[_Worker] = []
         self.failures: defaultdict[str, list[str]] = defaultdict(list)
+        self.lost_starts = 0
         self.quarantined: dict[str, Quarantined] = {}
         self.computed = 0
         found = ((key, store.read(spec)) for key, spec in specs.items())
@@ -177,9 +179,14 @@ class _Driver:
             unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 self.running.append(self._worker(spec, claim))
-            except (EOFError, ConnectionError):
-                claim.release()
-                self._fail(spec, "the server that workers are forked from was killed")
+            except (EOFError, ConnectionError) as error:  # the server that workers are forked from was killed: no
+                claim.release()  # fault of the run, and a new server comes up in a moment
+                self.waiting.appendleft(spec)
+                self.lost_starts += 1
+                if self.lost_starts > MOST_LOST_STARTS:
+                    raise RuntimeError(f"workers cannot be started: their server ends at once ({error!r})") from error
+                time.sleep(LOOK_EVERY / 4)
+                return
             except BaseException:
                 claim.release()
                 raise
