@@ -18,6 +18,7 @@ COMMANDS = {
     "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
+    "rules": ("kinetics.assembly.cli", "rules", "Check rule books."),
 }
 
 # package that a command may lack -> the extra that brings it

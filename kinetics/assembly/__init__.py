@@ -1,7 +1,9 @@
 """What can stick to what: faces, structures, rule books, and the networks they make."""
 
-# Not lazy: `derive` is the function here and a module below, so the function has to be bound last.
+# Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
+from kinetics.assembly.checker import Finding, Report, check
 from kinetics.assembly.derive import Derivation, derive
+from kinetics.assembly.explore import Event, Exploration, RateClass, explore
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
 from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, Senses, View
 from kinetics.assembly.structure import Placement, Structure, placements
@@ -11,16 +13,23 @@ __all__ = [
     "ROTATIONS",
     "SCHEMES",
     "Derivation",
+    "Event",
+    "Exploration",
     "FaceScheme",
+    "Finding",
     "LivelockError",
     "Placement",
+    "RateClass",
+    "Report",
     "RuleBook",
     "Semantics",
     "Senses",
     "Structure",
     "View",
+    "check",
     "compose",
     "derive",
+    "explore",
     "inverse",
     "placements",
 ]

@@ -1,0 +1,69 @@
+"""Commands about rule books: `wellmixed rules check`."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from kinetics.options import echo_json, json_option
+
+NOT_CORRECT = 1  # exit code
+
+
+@click.group()
+def rules() -> None:
+    """Examine rule books."""
+
+
+@rules.command()
+@click.argument("book")
+@click.option("--max-cubes", type=click.IntRange(min=1), help="Largest structure.  [default: 12, or the target's size]")
+@click.option("--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most structures.")
+@click.option(
+    "--slow-waves/--no-slow-waves",
+    default=True,
+    show_default=True,
+    help="Also let cubes collide while internal rules are under way.",
+)
+@json_option
+def check(book: str, max_cubes: int | None, max_species: int, slow_waves: bool, as_json: bool) -> None:
+    """Exhaust the rules of BOOK, a shipped book or a .toml file, and tell all that is wrong with it.
+
+    Each finding comes with the shortest way that leads there. Exit code 1 where there are errors.
+    """
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly import check as examine
+
+    shows = sys.stderr.isatty()
+
+    def progress(explored: int, found: int) -> None:
+        if shows and explored % 20 == 0:
+            click.echo(f"\r{explored} of {found} structures explored", err=True, nl=False)
+
+    report = examine(RuleBook.load(book), max_cubes, max_species, slow_waves, progress)
+    if shows:
+        click.echo("\r\033[K", err=True, nl=False)
+    if as_json:
+        echo_json(
+            {
+                "book": book,
+                "correct": report.is_correct,
+                "structures": report.n_structures,
+                "events": report.n_events,
+                "findings": [
+                    {
+                        "kind": finding.kind,
+                        "error": finding.is_error,
+                        "text": finding.text,
+                        "steps": finding.steps,
+                        "structure": None if finding.structure is None else str(finding.structure),
+                    }
+                    for finding in report.findings
+                ],
+            }
+        )
+    else:
+        click.echo(str(report))
+    if not report.is_correct:
+        raise SystemExit(NOT_CORRECT)
