@@ -27,12 +27,16 @@ def _as_multiset(value: Any) -> Any:
     return tuple(sorted(value)) if is_letters else value
 
 
+def _as_rolls(value: Any) -> Any:
+    """Angles may be written as numbers."""
+    values = value if isinstance(value, list | tuple) else (value,)
+    is_plain = all(isinstance(v, str | int) and not isinstance(v, bool) for v in values)
+    return tuple(map(str, values)) if is_plain else value
+
+
 OneOf = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_list)]  # None: any
 Multiset = Annotated[tuple[str, ...] | None, BeforeValidator(_as_multiset)]  # None: any
-Rolls = Annotated[
-    Annotated[tuple[str, ...], Field(min_length=1)] | None,
-    BeforeValidator(lambda value: tuple(map(str, value)) if isinstance(value, list | tuple) else _as_list(value)),
-]
+Rolls = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_rolls)]
 EXACT = ("neighbours", "touched")  # multisets that must be met exactly; all others but `has` are one-of
 
 

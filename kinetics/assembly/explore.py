@@ -191,12 +191,14 @@ class _Explorer:
         return sorted({old for view in views for other in self.partners[view] for old in self.holders[other]})
 
     def join(self, old: int, new: int) -> None:
+        before = (min(old, new), max(old, new))
+        if len(self.order[old]) < len(self.order[new]):
+            old, new = new, old  # the smaller one is put into the lattice of the other
         first, second = self.order[old], self.order[new]
         size = len(first) + len(second)
         if size > self.max_cubes and self.beyond is not None and size >= len(self.beyond.made):
             return
         what = f"the join of {first} and {second}"
-        before = (min(old, new), max(old, new))
         try:
             for made, share, rate_class in _joined(
                 self.book, first, self.sites[old], second, self.sites[new], not self.slow_waves

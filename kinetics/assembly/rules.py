@@ -151,8 +151,7 @@ class RuleBook:
             if senses.roll:
                 twist = roll(self.scheme, structure.rotations[cube], face, other.rotations[partner])
             if senses.touched:
-                beside = (other.cube_at(structure.faced(cube, each)) for each in range(6))
-                touched = _sorted(other.letters, (each for each in beside if each is not None))
+                touched = _sorted(other.letters, other.touching(structure.positions[cube]))
         return View(structure.letters[cube], scheme_of(self.scheme).types[face], around, across, twist, touched)
 
     def allows(self, a: View | None, b: View | None) -> bool:

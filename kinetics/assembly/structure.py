@@ -81,9 +81,13 @@ class Structure:
 
     @cached_property
     def _adjacent(self) -> tuple[tuple[int, ...], ...]:
-        at = self.places.get
-        around = ([at((x + u, y + v, z + w)) for u, v, w in NORMALS] for x, y, z in self.positions)
-        return tuple(tuple(cube for cube in six if cube is not None) for six in around)
+        return tuple(self.touching(position) for position in self.positions)
+
+    def touching(self, position: Position) -> tuple[int, ...]:
+        """The cubes on the six sides of a lattice place."""
+        at, (x, y, z) = self.places.get, position
+        six = [at((x + u, y + v, z + w)) for u, v, w in NORMALS]
+        return tuple([cube for cube in six if cube is not None])
 
     @cached_property
     def bonds(self) -> tuple[tuple[int, int], ...]:
@@ -92,7 +96,8 @@ class Structure:
 
     def neighbours(self, cube: int) -> tuple[int, ...]:
         """The cubes bonded to `cube`."""
-        return self._adjacent[cube]
+        known = self.__dict__.get("_adjacent")  # not worth finding out for all cubes to answer for one
+        return self.touching(self.positions[cube]) if known is None else known[cube]
 
     def cube_at(self, position: Position) -> int | None:
         """The cube at a lattice place, or None."""
@@ -142,7 +147,9 @@ class Structure:
     def with_letters(self, letters: Sequence[str]) -> Structure:
         """The same cubes in other states."""
         changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
-        changed.__dict__.update(places=self.places, _adjacent=self._adjacent)  # cached, and the same
+        for cached in ("places", "_adjacent"):  # the same as before
+            if cached in self.__dict__:
+                changed.__dict__[cached] = self.__dict__[cached]
         return changed
 
     def joined(self, other: Structure) -> Structure:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from kinetics.assembly import RuleBook, Semantics, derive, placements
+from kinetics.assembly import RuleBook, Semantics, derive, explore, placements
 
 T5, T5_PRINTED = RuleBook.load("t5"), RuleBook.load("t5_as_printed")
 PYRAMID = RuleBook.load("pyramid45")
@@ -20,14 +20,79 @@ def test_fingerprints_stay():
     )
 
 
-def without(book, *rules, **changes):
-    """The book without some rules, or with other conditions in them: name={"neighbours": None}."""
+def without(book, dissociate=None, **combine):
+    """The book with other conditions in some rules: P2={"neighbours": None}."""
+    kinds = {"combine": combine, "dissociate": dissociate or {}}
     return replace(
         book,
-        combine=tuple(
-            rule.model_copy(update=changes.get(rule.rule, {})) for rule in book.combine if rule.rule not in rules
-        ),
+        **{
+            kind: tuple(rule.model_copy(update=changes.get(rule.rule, {})) for rule in getattr(book, kind))
+            for kind, changes in kinds.items()
+        },
     )
+
+
+LINE4 = RuleBook.load("line4")
+
+
+def shapes(book, **caps):
+    return {"".join(s.letters) for s in explore(book, **caps).structures}
+
+
+LINES = {"a", "bb", "bcb", "bddb"}
+
+
+def test_the_repaired_line_has_none_of_the_defects():
+    assert shapes(LINE4) == LINES
+    assert {"bdddb", "bddddb"} <= shapes(RuleBook.load("line4_as_printed"))  # L1 and L2, under the best reading
+
+
+@pytest.mark.parametrize(
+    ("book", "wrong"),
+    [
+        pytest.param(without(LINE4, P2={"neighbours": None}), {"bdddb", "bddddb"}, id="L1: P2 without its guard"),
+        pytest.param(replace(LINE4, semantics=Semantics(gate="any")), {"bcbcb"}, id="L3: one rule is enough"),
+        pytest.param(replace(LINE4, semantics=Semantics(update="sequential")), {"acb"}, id="L4: one after the other"),
+        pytest.param(without(LINE4, dissociate={"P1'": {"letter": ("b",), "lost": ("b",), "neighbours": None}}),
+                     {"b"}, id="L5: P1' as printed"),
+    ],
+)  # fmt: skip
+def test_each_defect_of_table_one_shows(book, wrong):
+    assert wrong <= shapes(book, max_cubes=6) - LINES
+
+
+def test_p3_without_its_guard_contradicts_p4():
+    """Defect L2: refused; and read in the printed order, lines grow without end."""
+    with pytest.raises(ValueError, match="rules P3 and P4 contradict each other"):
+        without(LINE4, P3={"neighbours": None})
+    first = replace(LINE4, semantics=Semantics(conflict="first"))
+    assert {"bccb", "bcccb", "bccccb"} <= shapes(without(first, P3={"neighbours": None}), max_cubes=6)
+
+
+def test_the_sentence_on_finished_cubes_is_not_needed():
+    """Defect L6 is one of the printed table alone: without the sentence it grows without end."""
+    printed = RuleBook.load("line4_as_printed")
+    lit = replace(printed, semantics=printed.semantics.model_copy(update={"finished": ()}))
+    assert explore(lit, max_cubes=6).beyond is not None
+    assert LINE4.semantics.finished == ()
+
+
+def test_internal_rules_have_to_rest_before_the_next_event():
+    """Defect L7: the table names no event for P5 and P5'. A collision that comes first finds the end of a trimer."""
+    hasty = {"".join(s.letters) for s in explore(LINE4, slow_waves=True).structures}
+    assert "bdcdb" in hasty
+
+
+def test_the_neighbour_is_the_one_that_stays():
+    """L8: read with the partner among the neighbours, no guard of Table I could ever hold."""
+    own = {name: {"neighbours": ("b", partner)} for name, partner in (("P2", "b"), ("P3", "a"))}
+    assert shapes(without(LINE4, **own)) == {"a", "bb"}
+
+
+def test_a_free_cube_meets_free_cubes_and_ends():
+    """L10: with `a` alone among P1's partners, 1+2 and 1+3 have no rule."""
+    made = derive(without(LINE4, P1={"partner": ("a",)}))
+    assert [c for c in made.network.channels if "+" in c.split("->")[0]] == ["1+1->2", "2+2->4"]
 
 
 def test_t5_is_nine_species_and_25_reactions():
@@ -69,6 +134,14 @@ def test_table_two_grows_on_without_dark_leds_and_guards():
         derive(lit, max_cubes=5)
     dark = derive(replace(without(T5_PRINTED, **fifth), target=None), max_cubes=8)
     assert T5.target.canonical("two") in dark.structures.values()
+
+
+def test_a_t_without_dissociation_rules_leaves_cubes_that_are_not_free():
+    """Defect T4."""
+    assert {s.letters for s in explore(replace(T5, dissociate=())).structures if len(s) == 1} > {("a",)}
+    assert {s.letters for s in explore(T5).structures if len(s) == 1} == {("a",)}
+    held = T5_PRINTED.semantics.model_copy(update={"bonds": "hold"})
+    assert shapes(replace(T5_PRINTED, semantics=held)) == {"a", "bb", "bddb"}  # T1 alone
 
 
 @pytest.mark.parametrize("rule", ["P2", "P3"])

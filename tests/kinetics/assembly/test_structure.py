@@ -52,7 +52,7 @@ def grown(scheme, size):
 
 
 def test_sticky_cubes_make_the_known_numbers_of_polycubes():
-    assert grown("one", 6) == [1, 1, 2, 8, 29, 166]  # OEIS A000162
+    assert grown("one", 7) == [1, 1, 2, 8, 29, 166, 1023]  # OEIS A000162
     assert grown("two", 4) == [1, 4, 25, 337]
     assert grown("six", 2) == [1, 84]
 
@@ -118,6 +118,22 @@ def test_symmetry_numbers():
     assert LINE.with_letters("bddc").symmetry_number("two") == 4
     assert LINE.symmetry_number("six") == 1
     assert SQUARE.symmetry_number("one") == 8
+
+
+def test_symmetries_put_a_structure_onto_itself():
+    turned_line = LINE.moved(Placement(9, (4, -2, 7)))
+    for structure in (LINE, turned_line, SQUARE):
+        for scheme in ("one", "two", "six"):
+            found = structure.symmetries(scheme)
+            assert len(found) == structure.symmetry_number(scheme)
+            assert found[0] == Placement(0, (0, 0, 0))
+            assert all(set(map(placement.of, structure.positions)) == set(structure.positions) for placement in found)
+
+
+def test_a_structure_is_drawn_in_layers():
+    bent = Structure(((0, 0, 0), (1, 0, 0), (1, 0, 1)), (0, 0, 0), ("a", "b", "c"))
+    assert bent.drawn() == "a b   . c"
+    assert SQUARE.with_letters("abcd").drawn() == "d c\na b"
 
 
 def test_bonds_neighbours_and_sides():
