@@ -14,6 +14,7 @@ from kinetics.assembly.rules import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 
 MAX_COMPOSITIONS = 20_000  # of a tank, while looking for starvation
+MORE_IN_WAVES = 10  # times as many structures may be found in the middle of waves as at rest
 SLOW = "slow internal waves: "
 
 
@@ -88,7 +89,8 @@ def check(
     if found.is_closed:
         findings += [*_starvation(examined), *_idle(fresh, found.structures)]
     if slow_waves and book.internal and found.is_closed:
-        apart = _Examined(explore(book, max_cubes, max_species, progress=progress, slow_waves=True))
+        most = MORE_IN_WAVES * max_species
+        apart = _Examined(explore(book, max_cubes, most, progress=progress, slow_waves=True))
         known = {finding.kind for finding in findings}
         slow = (finding for finding in (*apart.closure(), *apart.shapes()) if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import click
 
-from kinetics.assembly import RuleBook, Structure, derive
+from kinetics.assembly import RuleBook, Senses, Structure, check, derive
+from kinetics.assembly.conditions import Combination
 from kinetics.assembly.structure import _canonical
 
 
@@ -36,13 +36,25 @@ def main() -> None:
     )
     view = book.view(first.structures["dimer"], 0, 5) or book.view(first.structures["dimer"], 0, 4)
 
-    def fresh() -> object:
+    def fresh(name: str) -> object:
         _canonical.cache_clear()
-        return derive(replace(book))
+        return derive(RuleBook.load(name))
+
+    def sticky(scheme: str, max_cubes: int) -> object:
+        _canonical.cache_clear()
+        rule = Combination(rule="stick", becomes="a")
+        permissive = RuleBook("sticky", ("a",), "a", Senses(faces=scheme), combine=(rule,))
+        return derive(permissive, max_cubes, max_species=10_000, partial=True)
 
     rows = {
         "load and derive line4, first call": cold,
-        "derive line4, nothing cached": seconds(fresh, 5),
+        "load and derive line4, nothing cached": seconds(lambda: fresh("line4"), 5),
+        "load and derive t5, nothing cached": seconds(lambda: fresh("t5"), 5),
+        "load and derive pyramid45": seconds(lambda: fresh("pyramid45"), 1, repeats=3),
+        "check t5": seconds(lambda: check(RuleBook.load("t5")), 3),
+        "all that sticks, one face type, 6 cubes": seconds(lambda: sticky("one", 6), 1, repeats=3),
+        "all that sticks, two face types, 4 cubes": seconds(lambda: sticky("two", 4), 1, repeats=3),
+        "all that sticks, two face types, 5 cubes": seconds(lambda: sticky("two", 5), 1, repeats=1),
         "canonical form, 4 cubes": seconds(lambda: _canonical.__wrapped__(quadmer, "two"), 2000),
         "canonical form, 45 cubes": seconds(lambda: _canonical.__wrapped__(snake, "two"), 500),
         "species_of, seen before": seconds(lambda: first.species_of(quadmer), 20_000),

@@ -169,6 +169,19 @@ def test_pyramid_is_closed_and_grows_by_single_cubes():
     assert last == [made.book.target.canonical("two")]
 
 
+@pytest.mark.parametrize(
+    ("scheme", "counts"),
+    [("one", [1, 1, 2, 8, 29, 166]), ("two", [1, 4, 25, 337]), ("six", [1, 84])],  # the first: OEIS A000162
+)
+def test_books_that_allow_everything_make_every_polycube(scheme, counts):
+    rule = Combination(rule="stick", becomes="a")
+    book = RuleBook("sticky", ("a",), "a", Senses(faces=scheme), combine=(rule,))
+    made = derive(book, max_cubes=len(counts), partial=True)
+    sizes = Counter(len(s) for s in made.structures.values())
+    assert [sizes[n + 1] for n in range(len(counts))] == counts
+    assert len(made.beyond.made) == len(counts) + 1
+
+
 def test_a_partial_derivation_leaves_out_what_lies_beyond():
     book = replace(PRINTED, semantics=PRINTED.semantics.model_copy(update={"finished": ()}))
     made = derive(book, max_cubes=5, partial=True)
