@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from kinetics.assembly.compositions import MAX_COMPOSITIONS, compositions, events_to, leading_to
 from kinetics.assembly.derive import named
 from kinetics.assembly.explore import MAX_SPECIES, Event, Exploration, Indices, explore
 from kinetics.assembly.faces import scheme_of
 from kinetics.assembly.rules import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 
-MAX_COMPOSITIONS = 20_000  # of a tank, while looking for starvation
 MORE_IN_WAVES = 10  # times as many structures may be found in the middle of waves as at rest
 SLOW = "slow internal waves: "
 
@@ -166,7 +165,7 @@ class _Examined:
         for event in events:
             for after in event.after:
                 sources[after].update(event.before)
-        good = _closure([self.target] if self.target is not None else [], sources)
+        good = leading_to([self.target] if self.target is not None else [], sources)
         lost = [n for n in range(len(structures)) if n not in good]
         active = {n for event in events for n in event.before}
         for kind, which, text in (
@@ -236,7 +235,7 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
     size = len(structures[target])
     for cubes in [size] if book.seed_letter is not None else range(size, 2 * size + 1):
         start = (0,) * cubes if book.seed_letter is None else (*(0,) * (cubes - 1), 1)
-        tank = _compositions(start, examined.found.events)
+        tank = compositions(start, examined.found.events)
         if tank is None:
             text = f"starvation: {cubes} cubes come in more than {MAX_COMPOSITIONS} compositions"
             yield Finding("not proven", False, text)
@@ -246,7 +245,7 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
         for state, following in tank.items():
             for _, after in following:
                 sources[after].add(state)
-        good = _closure([state for state in tank if state.count(target) >= full], sources)
+        good = leading_to([state for state in tank if state.count(target) >= full], sources)
         bad = [state for state in tank if state not in good]  # in the order of distance
         if not bad:
             continue
@@ -254,53 +253,8 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
         contents = " + ".join(examined.names[n] for n in stuck)
         what = "where nothing happens any more" if not tank[stuck] else "from which it does not get there"
         text = f"{cubes} cubes can end as {contents}, {what}: {stuck.count(target)} targets instead of {full}"
-        yield Finding("starvation", False, text, tuple(map(examined.words, _events_to(stuck, start, tank))))
+        yield Finding("starvation", False, text, tuple(map(examined.words, events_to(stuck, start, tank))))
         return
-
-
-def _compositions(start: Indices, events: Mapping[Event, object]) -> dict[Indices, list[tuple[Event, Indices]]] | None:
-    """What can become of a tank: composition (structures, rising) -> events and compositions after them."""
-    by_first: dict[int, list[Event]] = {}
-    for event in events:
-        by_first.setdefault(event.before[0], []).append(event)
-    tank: dict[Indices, list[tuple[Event, Indices]]] = {tuple(sorted(start)): []}
-    waiting = deque(tank)
-    while waiting:
-        state = waiting.popleft()
-        for event in (event for first in sorted(set(state)) for event in by_first.get(first, [])):
-            rest = list(state)
-            rest.remove(event.before[0])
-            if len(event.before) == 2:
-                if event.before[1] not in rest:
-                    continue
-                rest.remove(event.before[1])
-            after = tuple(sorted([*rest, *event.after]))
-            tank[state].append((event, after))
-            if after not in tank:
-                if len(tank) == MAX_COMPOSITIONS:
-                    return None
-                tank[after] = []
-                waiting.append(after)
-    return tank
-
-
-def _events_to(goal: Indices, start: Indices, tank: Mapping[Indices, Sequence[tuple[Event, Indices]]]) -> list[Event]:
-    """A shortest way from the first composition to another one."""
-    first = tuple(sorted(start))
-    came: dict[Indices, tuple[Indices, Event] | None] = {first: None}
-    waiting = deque([first])
-    while goal not in came:
-        state = waiting.popleft()
-        for event, after in tank[state]:
-            if after not in came:
-                came[after] = state, event
-                waiting.append(after)
-    way: list[Event] = []
-    step = came[goal]
-    while step is not None:
-        way.insert(0, step[1])
-        step = came[step[0]]
-    return way
 
 
 def _idle(book: RuleBook, structures: Iterable[Structure]) -> Iterable[Finding]:
@@ -313,18 +267,6 @@ def _idle(book: RuleBook, structures: Iterable[Structure]) -> Iterable[Finding]:
     for letter in book.letters:
         if letter not in seen:
             yield Finding("unused letter", False, f"no cube of a settled structure is ever in state {letter!r}")
-
-
-def _closure(start: Iterable[object], sources: Mapping) -> set:
-    """All that leads to the start."""
-    reached = set(start)
-    waiting = list(reached)
-    while waiting:
-        for source in sources[waiting.pop()]:
-            if source not in reached:
-                reached.add(source)
-                waiting.append(source)
-    return reached
 
 
 def _fits_into(part: Structure, whole: Structure, scheme: str) -> bool:

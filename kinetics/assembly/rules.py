@@ -290,6 +290,8 @@ class RuleBook:
             raise ValueError(f"letters are {list(self.letters)}; expected at least one, each named once")
         self._known("initial", [self.initial])
         self._known("seed", [self.seed_letter] if self.seed_letter is not None else [])
+        if self.seed_letter == self.initial:
+            raise ValueError(f"seed: {self.initial!r} is the letter of every free cube; give the seed another one")
         for end in self.semantics.finished:
             self._known("semantics.finished", [end.letter, end.neighbour])
         if self.target is not None:

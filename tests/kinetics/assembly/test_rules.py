@@ -204,6 +204,10 @@ def changed(old, new):
     ("text", "message"),
     [
         (changed('initial = "a"', ""), "'initial' is missing"),
+        (changed('initial = "a"', 'initial = "a"\nseed = "e"'), "seed: unknown letter 'e'"),
+        (changed('initial = "a"', 'initial = "a"\nseed = "a"'), "seed: 'a' is the letter of every free cube"),
+        (changed('"synchronous"', '"synchronous"\nbonds = "melt"'), "'break' or 'hold'"),
+        (changed("neighbours = []", 'has = "x"'), "rule P1, has: unknown letter 'x'"),
         (changed('initial = "a"', 'initial = "e"'), "initial: unknown letter 'e'; the book's letters are a, b, c, d"),
         (changed('partner = ["a", "b"]', 'partner = ["a", "x"]'), "rule P1, partner: unknown letter 'x'"),
         (
