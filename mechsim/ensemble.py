@@ -285,24 +285,31 @@ def _work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)  # standard output is the command's own; engines print too
     _end_with_driver()
-    reports.send(0.0)
+
+    def tell(report: object) -> None:
+        try:
+            reports.send(report)
+        except OSError:  # the driver has stopped listening: it is being interrupted, and this run with it
+            os._exit(1)
+
+    tell(0.0)
     reported = time.monotonic()
 
     def progress(simulated: float) -> None:
         nonlocal reported
         if time.monotonic() >= reported + REPORT_EVERY:
             reported = time.monotonic()
-            reports.send(float(simulated))
+            tell(float(simulated))
 
     try:
         record = execute(spec, progress)
         try:
             store.write(record)
         except OSError as error:  # the next run would not fare better
-            reports.send((error.errno, error.strerror, error.filename))
+            tell((error.errno, error.strerror, error.filename))
     except Exception as error:  # noqa: BLE001 - whatever it is, it goes into the quarantine note
         place = traceback.extract_tb(error.__traceback__)[-1]
-        reports.send(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")
+        tell(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")
 
 
 def _end_with_driver() -> None:
