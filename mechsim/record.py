@@ -60,7 +60,13 @@ class RunSpec:
             raise ValueError(f"poses = {self.poses}; expected a finite interval in tu above 0, or none")
         if self.seed < 0 or self.run < 0:
             raise ValueError(f"seed = {self.seed}, run = {self.run}; neither may be negative")
-        species = book_of(self.scene.rules)[1].network.species
+        book, derivation = book_of(self.scene.rules)
+        if book.semantics.bonds == "hold" and self.scene.effect("breaking") is not None:
+            raise ValueError(
+                f"scene {self.scene.name} lists the effect 'breaking', but bonds of book {self.scene.rules} hold: "
+                "leave the effect out"
+            )
+        species = derivation.network.species
         for name, count in self.composition.items():
             if name not in species:
                 raise ValueError(f"unknown species {name!r}; book {self.scene.rules} has {', '.join(species)}")

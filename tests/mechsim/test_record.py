@@ -113,3 +113,10 @@ def test_a_run_that_the_guard_stops_says_so_and_ends_there(line4):
     record = execute(RunSpec(wild, {"monomer": 20}, 5.0, seed=1, run=0))
     assert record.outcome.startswith("stopped: ")
     assert record.path.end < 5.0
+
+
+def test_bonds_that_hold_do_not_go_with_breaking(line4):
+    holding = line4.model_copy(update={"rules": "pyramid45"})
+    with pytest.raises(ValueError, match="bonds of book pyramid45 hold"):
+        RunSpec(holding, {"monomer": 60}, 1.0, seed=1, run=0)
+    RunSpec(holding.without("breaking"), {"monomer": 60, "seed": 1}, 1.0, seed=1, run=0)
