@@ -100,7 +100,7 @@ def compare_first_times(
         observed=times,
         horizon=horizon,
         observed_mean=float(cut.mean()),
-        low=float(low),
+        low=max(float(low), 0.0),  # a wait is not negative, whatever the t interval of few runs says
         high=float(high),
         predicted_mean=float(np.trapezoid(1 - curve, grid)),
         mean=law.mean,
