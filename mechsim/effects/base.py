@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 from kinetics.config import Settings
@@ -36,6 +37,6 @@ class Effect(Settings):
             if scene.effect(need) is None:
                 raise ValueError(f"effect {self.effect!r} needs effect {need!r}, which the scene does not list")
 
+    @abstractmethod
     def attach(self, world: World) -> Action:
         """Build what the effect needs in this world."""
-        raise NotImplementedError
