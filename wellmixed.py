@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import warnings
 
 import click
+
+from kinetics.lazy import mount
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -18,28 +19,11 @@ COMMANDS = {
     "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
-    "rules": ("kinetics.assembly.cli", "rules", "Check rule books."),
+    "rules": ("kinetics.commands", "rules", "Check rule books."),
 }
 
 # package that a command may lack -> the extra that brings it
 EXTRAS = {"pybullet": "mech", "pandas": "data", "pyarrow": "data", "matplotlib": "plot"}
-
-
-class LazyCommand(click.Command):
-    """A command known by its help line; its room is imported when it runs or shows its own help."""
-
-    def __init__(self, name: str, module: str, attribute: str, help_line: str):
-        super().__init__(name, help=help_line, add_help_option=False)
-        self.source = (module, attribute)
-
-    def load(self) -> click.Command:
-        """Import the real command."""
-        module, attribute = self.source
-        return getattr(importlib.import_module(module), attribute)
-
-    def make_context(self, info_name, args, parent=None, **extra):
-        """Hand over to the real command."""
-        return self.load().make_context(info_name, args, parent=parent, **extra)
 
 
 class FrontDoor(click.Group):
@@ -82,8 +66,7 @@ def main(debug: bool) -> None:
     del debug
 
 
-for _name, (_module, _attribute, _help) in COMMANDS.items():
-    main.add_command(LazyCommand(_name, _module, _attribute, _help))
+mount(main, COMMANDS)
 
 if __name__ == "__main__":
     sys.exit(main())

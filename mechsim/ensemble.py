@@ -10,7 +10,8 @@ import threading
 import time
 import traceback
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
@@ -175,10 +176,9 @@ class _Driver:
                 self.records[spec.key] = record
                 claim.release()
                 continue
-            # The server and its workers inherit the mask: Ctrl-C is for the driver alone, once it knows the worker.
-            unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
-                self.running.append(self._worker(spec, claim))
+                with _interrupts_wait():  # until the driver knows the worker, and the server has all that it needs
+                    self.running.append(self._worker(spec, claim))
             except (EOFError, ConnectionError) as error:  # the server that workers are forked from was killed: no
                 claim.release()  # fault of the run, and a new server comes up in a moment
                 self.waiting.appendleft(spec)
@@ -188,10 +188,9 @@ class _Driver:
                 time.sleep(LOOK_EVERY / 4)
                 return
             except BaseException:
-                claim.release()
+                if not any(worker.claim is claim for worker in self.running):
+                    claim.release()
                 raise
-            finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
         """A started worker."""
@@ -271,6 +270,27 @@ class _Driver:
         worker.process.close()
         worker.reports.close()
         worker.claim.release()
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Put Ctrl-C off until the block has ended; processes started in it never see one.
+
+    The mask is for those, who inherit it. It does not protect this process: a library's thread takes the signal
+    instead, and Python then interrupts the main thread wherever that is. So the handler waits, too.
+    """
+    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    missed: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()  # no other one is ever interrupted
+    handler = signal.signal(signal.SIGINT, lambda number, _: missed.append(number)) if is_main else None
+    try:
+        yield
+    finally:
+        if is_main:
+            signal.signal(signal.SIGINT, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
+        if missed:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _ending(code: int | None) -> str:

@@ -15,7 +15,7 @@ import fake_runs
 import pytest
 from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
 
-from mechsim.ensemble import TRIES, run_all
+from mechsim.ensemble import TRIES, _interrupts_wait, run_all
 from mechsim.record import RunSpec
 from mechsim.record import execute as execute_run
 from mechsim.scene import Scene
@@ -317,3 +317,37 @@ def test_real_runs_are_the_same_here_in_workers_and_on_disk(tmp_path):
     outcome = run_all(specs, RunStore(tmp_path), workers=2)
     assert outcome.digest == digest_of(map(execute_run, specs)) == RunStore(tmp_path).digest(specs)
     assert all(one.path.end == pytest.approx(0.5, abs=scene.numerics.step) for one in outcome.records)
+
+
+@contextlib.contextmanager
+def masked():
+    """What does not suffice: the mask of the main thread alone."""
+    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
+
+
+@pytest.mark.parametrize(("waiting", "comes_through"), [(_interrupts_wait, True), (masked, False)])
+def test_ctrl_c_waits_until_a_worker_is_known(waiting, comes_through):
+    """A thread of some library takes the signal while the main one blocks it; Python then interrupts the main one."""
+    seen = []
+
+    def take_it():
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+
+    def start_worker():
+        thread = threading.Thread(target=take_it)
+        with waiting():
+            thread.start()
+            thread.join()
+            seen.append("worker is known")
+
+    with pytest.raises(KeyboardInterrupt):
+        start_worker()
+    assert bool(seen) is comes_through
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

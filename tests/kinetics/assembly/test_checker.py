@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
-from kinetics.assembly.cli import rules as command
 from kinetics.assembly.conditions import Combination, Internal
+from kinetics.commands import rules as command
 
 LINE4, T5 = RuleBook.load("line4"), RuleBook.load("t5")
 HOLD = Semantics(bonds="hold")

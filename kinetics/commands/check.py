@@ -1,4 +1,4 @@
-"""Commands about rule books: `wellmixed rules check`."""
+"""`wellmixed rules check`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from kinetics.options import echo_json, json_option
 NOT_CORRECT = 1  # exit code
 
 
-@click.group()
-def rules() -> None:
-    """Examine rule books."""
-
-
-@rules.command()
+@click.command()
 @click.argument("book")
 @click.option("--max-cubes", type=click.IntRange(min=1), help="Largest structure.  [default: 12, or the target's size]")
 @click.option("--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most structures.")

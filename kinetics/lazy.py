@@ -1,0 +1,33 @@
+"""Commands that are known by their help line alone until they are asked for."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+
+import click
+
+Commands = Mapping[str, tuple[str, str, str]]  # name -> (module, attribute, the line that `--help` shows)
+
+
+class LazyCommand(click.Command):
+    """A command whose module is imported when it runs or shows its own help."""
+
+    def __init__(self, name: str, module: str, attribute: str, help_line: str):
+        super().__init__(name, help=help_line, add_help_option=False)
+        self.source = (module, attribute)
+
+    def load(self) -> click.Command:
+        """Import the real command."""
+        module, attribute = self.source
+        return getattr(importlib.import_module(module), attribute)
+
+    def make_context(self, info_name, args, parent=None, **extra):
+        """Hand over to the real command."""
+        return self.load().make_context(info_name, args, parent=parent, **extra)
+
+
+def mount(group: click.Group, commands: Commands) -> None:
+    """Add commands to a group without importing them."""
+    for name, (module, attribute, help_line) in commands.items():
+        group.add_command(LazyCommand(name, module, attribute, help_line))
