@@ -3,10 +3,11 @@
 # Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
 from kinetics.assembly.checker import Finding, Report, check
 from kinetics.assembly.derive import Derivation, derive
-from kinetics.assembly.explore import Event, Exploration, RateClass, explore
+from kinetics.assembly.explore import Event, Exploration, explore
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
 from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, Senses, View
 from kinetics.assembly.structure import Placement, Structure, placements
+from kinetics.assembly.ways import RateClass
 
 __all__ = [
     "FACE_NORMALS",

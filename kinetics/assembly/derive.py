@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from kinetics.assembly.explore import MAX_SPECIES, Event, Exploration, Join, RateClass, explore
+from kinetics.assembly.explore import MAX_SPECIES, Event, Exploration, Join, explore
 from kinetics.assembly.rules import LivelockError, RuleBook
 from kinetics.assembly.structure import Structure
+from kinetics.assembly.ways import RateClass
 from kinetics.network import Network
 
 SIZE_NAMES = (

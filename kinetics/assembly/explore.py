@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
-from kinetics.assembly.faces import compose, scheme_of, turned
 from kinetics.assembly.rules import LivelockError, RuleBook, View
-from kinetics.assembly.structure import NORMALS, Placement, Structure, placements
+from kinetics.assembly.structure import Structure
+from kinetics.assembly.ways import RateClass, Site, breaks, joins_at, sites_of, squeezes
 
 MAX_CUBES = 12  # or the target's size
 MAX_SPECIES = 2000
 Indices = tuple[int, ...]
-_COMPOSE = compose.tolist()
-_TURNED = turned.tolist()
 
 
 class Event(NamedTuple):
@@ -29,18 +26,6 @@ class Event(NamedTuple):
 
     before: Indices
     after: Indices
-
-
-class RateClass(NamedTuple):
-    """Ways that have one rate constant in common: kind of event, sizes and face types of the two sides, rising."""
-
-    event: str
-    sizes: tuple[int, int]
-    faces: tuple[str, str]
-
-    def __str__(self) -> str:
-        """`join 1 f1 + 2 f1`."""
-        return f"{self.event} {' + '.join(f'{n} {face}' for n, face in zip(self.sizes, self.faces, strict=True))}"
 
 
 class Join(NamedTuple):
@@ -77,16 +62,6 @@ class Exploration:
     def is_closed(self) -> bool:
         """Whether these are proven to be all structures there are."""
         return self.beyond is None and not self.stopped and not self.livelocks
-
-
-class _Site(NamedTuple):
-    """One of the alike open faces of a structure."""
-
-    cube: int
-    face: int
-    view: View
-    alike: int  # how many faces the symmetry puts into this one's place
-    turns: tuple[int, ...]  # rotations that keep structure and face
 
 
 def explore(
@@ -143,7 +118,7 @@ class _Explorer:
         self.index: dict[Structure, int] = {}
         self.waiting: list[tuple[int, int]] = []  # (size, index), smallest first
         self.explored: list[int] = []
-        self.sites: dict[int, list[_Site]] = {}
+        self.sites: dict[int, list[Site]] = {}
         self.holders: defaultdict[View, list[int]] = defaultdict(list)  # explored structures that show a view
         self.partners: dict[View, list[View]] = {}
         self.events: defaultdict[Event, defaultdict[RateClass, float]] = defaultdict(lambda: defaultdict(float))
@@ -158,7 +133,7 @@ class _Explorer:
         while self.waiting:
             _, new = heapq.heappop(self.waiting)
             structure = self.order[new]
-            self.sites[new] = _sites(self.book, structure)
+            self.sites[new] = sites_of(self.book, structure)
             self.explored.append(new)
             for view in {site.view for site in self.sites[new]}:
                 self.show(view)
@@ -200,7 +175,7 @@ class _Explorer:
             return
         what = f"the join of {first} and {second}"
         try:
-            for made, share, rate_class in _joined(
+            for made, share, rate_class in joins_at(
                 self.book, first, self.sites[old], second, self.sites[new], not self.slow_waves
             ):
                 if size > self.max_cubes:
@@ -208,7 +183,7 @@ class _Explorer:
                     return
                 event = Event(before, (self.entered(made, what),))
                 self.events[event][rate_class] += share
-                if _squeezes(made, len(first)):
+                if squeezes(made, len(first)):
                     self.squeezed[event] += share
         except LivelockError as error:
             self.livelocks.append(f"{what}: {error}")
@@ -241,102 +216,3 @@ class _Explorer:
             heapq.heappush(self.waiting, (len(canonical), len(self.order)))
             self.order.append(canonical)
         return self.index[canonical]
-
-
-def joins(book: RuleBook, a: Structure, b: Structure) -> Iterator[tuple[Structure, float, RateClass]]:
-    """Every way to join two structures: (joined structure, its share in N, rate class); alike ways come as one.
-
-    N counts pairs of open faces, each of the four twists a quarter.
-    """
-    return _joined(book, a, _sites(book, a), b, _sites(book, b))
-
-
-def breaks(
-    book: RuleBook, structure: Structure, settle: bool = True
-) -> Iterator[tuple[tuple[Structure, Structure], float, RateClass]]:
-    """Every way to break one bond of a structure: (the two fragments, their share in N, rate class)."""
-    for i, j in structure.bonds:
-        if structure.sides(i, j) is None:
-            continue
-        face_i, face_j = (structure.face_towards(c, structure.positions[d]) for c, d in ((i, j), (j, i)))
-        bonds = [(i, j), (j, i)] if book.semantics.update == "sequential" else [(i, j)]
-        for bond in bonds:
-            (_, first), (_, second) = book.break_bond(structure, *bond, settle=settle)
-            sizes = (len(first), len(second)) if bond == (i, j) else (len(second), len(first))
-            yield (first, second), 1 / len(bonds), _class(book, "break", sizes, (face_i, face_j))
-
-
-def _joined(
-    book: RuleBook,
-    a: Structure,
-    sites_a: Sequence[_Site],
-    b: Structure,
-    sites_b: Sequence[_Site],
-    settle: bool = True,
-) -> Iterator[tuple[Structure, float, RateClass]]:
-    for s, t in product(sites_a, sites_b):
-        if not book.allows(s.view, t.view):
-            continue
-        rate_class = _class(book, "join", (len(a), len(b)), (s.face, t.face))
-        ways = [(a, s.cube, b, t.cube, p, n) for p, n in _twists(a, s, b, t)]
-        if book.semantics.update == "sequential":  # either cube may be the first to write
-            ways += [(b, t.cube, a, s.cube, p, n) for p, n in _twists(b, t, a, s)]
-        total = sum(way[-1] for way in ways)
-        for first, i, second, j, placement, alike in ways:
-            joined = book.join(first, i, second, j, placement, settle=settle)
-            if joined is not None:
-                yield joined, s.alike * t.alike * alike / total, rate_class
-
-
-def _twists(a: Structure, s: _Site, b: Structure, t: _Site) -> list[tuple[Placement, int]]:
-    """Placements that differ, and how many of the four each stands for."""
-    four = placements(a, s.cube, s.face, b, t.cube, t.face)
-    if len(s.turns) == len(t.turns) == 1:
-        return [(placement, 1) for placement in four]
-    found: dict[int, list[Placement]] = defaultdict(list)
-    for placement in four:
-        alike = (_COMPOSE[g][_COMPOSE[placement.rotation][h]] for g in s.turns for h in t.turns)
-        found[min(alike)].append(placement)
-    return [(group[0], len(group)) for group in found.values()]
-
-
-def _sites(book: RuleBook, structure: Structure) -> list[_Site]:
-    """One open face of each orbit of the structure's symmetry."""
-    symmetries = structure.symmetries(book.scheme)
-    reached: set[tuple[int, int]] = set()
-    sites = []
-    for cube, face in structure.open_faces():
-        direction = _TURNED[structure.rotations[cube]][face]
-        if (cube, direction) in reached:
-            continue
-        orbit, turns = {(cube, direction)}, []
-        for symmetry in symmetries:
-            image = structure.places[symmetry.of(structure.positions[cube])], _TURNED[symmetry.rotation][direction]
-            orbit.add(image)
-            if image == (cube, direction):
-                turns.append(symmetry.rotation)
-        reached |= orbit
-        view = book.view(structure, cube, face)
-        if view is not None:
-            sites.append(_Site(cube, face, view, len(orbit), tuple(turns)))
-    return sites
-
-
-def _class(book: RuleBook, event: str, sizes: tuple[int, int], faces: tuple[int, int]) -> RateClass:
-    types = scheme_of(book.scheme).types
-    (n, first), (m, second) = sorted(zip(sizes, (types[face] for face in faces), strict=True))
-    return RateClass(event, (n, m), (first, second))
-
-
-def _squeezes(joined: Structure, n_first: int) -> bool:
-    """Whether a cube of one part lies between two opposite cubes of the other, which it could hardly get past."""
-
-    def is_other(cube: int, place: tuple[int, int, int]) -> bool:
-        other = joined.cube_at(place)
-        return other is not None and (other < n_first) != (cube < n_first)
-
-    return any(
-        is_other(cube, (x + u, y + v, z + w)) and is_other(cube, (x - u, y - v, z - w))
-        for cube, (x, y, z) in enumerate(joined.positions)
-        for u, v, w in NORMALS[::2]
-    )

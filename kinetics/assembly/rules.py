@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +26,7 @@ from kinetics.assembly.conditions import (
     in_order,
 )
 from kinetics.assembly.faces import roll, scheme_of
+from kinetics.assembly.names import check_names
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.config import find, read_toml, validated
 
@@ -80,7 +80,7 @@ class RuleBook:
     _moving: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        self._check_names()
+        check_names(self)
         kinds: dict[str, tuple[Rule, ...]] = {
             "combine": self.combine,
             "dissociate": self.dissociate,
@@ -282,54 +282,6 @@ class RuleBook:
         if key not in self._answers:
             self._answers[key] = first_that_fits(self._tried[kind], reading)
         return self._answers[key]
-
-    def _check_names(self) -> None:
-        """Every letter, face and rule name is known, and known once."""
-        scheme = scheme_of(self.scheme)
-        if not self.letters or len(set(self.letters)) != len(self.letters) or not all(self.letters):
-            raise ValueError(f"letters are {list(self.letters)}; expected at least one, each named once")
-        self._known("initial", [self.initial])
-        self._known("seed", [self.seed_letter] if self.seed_letter is not None else [])
-        if self.seed_letter == self.initial:
-            raise ValueError(f"seed: {self.initial!r} is the letter of every free cube; give the seed another one")
-        for end in self.semantics.finished:
-            self._known("semantics.finished", [end.letter, end.neighbour])
-        if self.target is not None:
-            self._known("target", self.target.letters)
-        if self.senses.roll and not scheme.rolls:
-            raise ValueError(f"senses.roll: the faces of scheme {scheme.name!r} show no twist; set it to false")
-        rules = (*self.combine, *self.dissociate, *self.internal)
-        names = Counter(rule.rule for rule in rules)
-        for rule in rules:
-            if names[rule.rule] > 1:
-                raise ValueError(f"two rules are called {rule.rule!r}; give every rule a name of its own")
-            self._known(f"rule {rule.rule}, becomes", [rule.becomes])
-            for name, admitted in rule.conditions.items():
-                self._check_condition(f"rule {rule.rule}, {name}", name, admitted)
-
-    def _check_condition(self, place: str, name: str, admitted: tuple[str, ...] | None) -> None:
-        """A rule's condition asks for what there is, and for what the book's cubes can sense."""
-        scheme = scheme_of(self.scheme)
-        if admitted is None:
-            return
-        if not getattr(self.senses, name, True):
-            raise ValueError(f"{place}: the cubes do not sense this; set {name} = true in [senses], or leave it out")
-        kinds = {"face": scheme.names, "partner_face": scheme.names, "roll": scheme.rolls}
-        if name not in kinds:
-            self._known(place, (letter for letter in admitted if letter or name != "across"))
-        elif unknown := set(admitted) - set(kinds[name]):
-            kind = name.removeprefix("partner_")
-            raise ValueError(
-                f"{place}: unknown {kind} {min(unknown)!r}; the {kind}s of scheme {scheme.name!r} are "
-                f"{', '.join(kinds[name])}"
-            )
-
-    def _known(self, place: str, letters: Iterable[str]) -> None:
-        for letter in letters:
-            if letter not in self.letters:
-                raise ValueError(
-                    f"{place}: unknown letter {letter!r}; the book's letters are {', '.join(self.letters)}"
-                )
 
 
 def _content(rule: Rule) -> dict[str, Any]:

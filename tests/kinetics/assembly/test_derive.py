@@ -10,7 +10,8 @@ import pytest
 
 from kinetics.assembly import Placement, RuleBook, Semantics, Senses, Structure, derive, placements
 from kinetics.assembly.conditions import Combination, Dissociation
-from kinetics.assembly.explore import RateClass, breaks, explore, joins
+from kinetics.assembly.explore import explore
+from kinetics.assembly.ways import RateClass, breaks, joins
 
 LINE4 = RuleBook.load("line4")
 PRINTED = RuleBook.load("line4_as_printed")
