@@ -1,0 +1,5 @@
+"""Rule books from target structures."""
+
+from kinetics.assembly.compiler.target import Target
+
+__all__ = ["Target"]
