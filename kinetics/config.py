@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import tomllib
 from collections.abc import Sequence
@@ -61,6 +62,29 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is not valid TOML: {error}") from None
+
+
+def write_toml(data: dict[str, Any], target: Path) -> None:
+    """Write TOML: whole or not at all, so that an older file stays until the new one is safely there."""
+    import tomli_w
+
+    try:
+        content = tomli_w.dumps(data).encode()
+    except TypeError as error:
+        raise ValueError(f"the evidence of {target} does not fit into TOML: {error}") from None
+    if len(content) > MAX_BYTES:
+        raise ValueError(
+            f"{target} would have {len(content)} bytes; at most {MAX_BYTES} can be read back; shorten the evidence"
+        )
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def validated(kind: type[Model], data: Any, source: str | Path) -> Model:

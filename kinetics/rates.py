@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kinetics.arrays import Floats
-from kinetics.config import MAX_BYTES, Settings, find, read_toml, validated
+from kinetics.config import Settings, find, read_toml, validated, write_toml
 from kinetics.network import Network
 
 SHIPPED = Path(__file__).parent / "rate_tables"
@@ -71,26 +70,7 @@ class Rates(Settings):
 
     def save(self, path: str | Path) -> None:
         """Write as TOML: whole or not at all, so that an older file stays until the new one is safely there."""
-        import tomli_w
-
-        target = Path(path)
-        try:
-            content = tomli_w.dumps(self.model_dump(exclude_none=True)).encode()
-        except TypeError as error:
-            raise ValueError(f"the evidence of {target} does not fit into TOML: {error}") from None
-        if len(content) > MAX_BYTES:
-            raise ValueError(
-                f"{target} would have {len(content)} bytes; at most {MAX_BYTES} can be read back; shorten the evidence"
-            )
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-        try:
-            with temporary.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_toml(self.model_dump(exclude_none=True), Path(path))
 
     def apply(self, network: Network) -> Network:
         """`network` with this file's rates, ways and combinations.
