@@ -1,0 +1,259 @@
+"""Growth of a target from a seed, on its own lattice: in which order cubes come, and what each may read as it docks.
+
+For cubes with two face types, which sense the twist and all letters touched. Such a cube is known by the axis of its
+top; it cannot tell left from right, so places that a turn or a mirror takes into each other look alike to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import permutations, product
+
+from kinetics.assembly.structure import NORMALS, Position
+
+TOP, SIDE = "f1", "f2"
+ROLLS = ("parallel", "crossed")
+MOST_STATES = 4000  # of one stage
+Letters = dict[Position, int]
+HostView = tuple[int, str, tuple[int, ...], str, str]  # letter, face, neighbours, the newcomer's face, roll
+GuestView = tuple[str, int, str, str, tuple[int, ...]]  # face, the host's letter and face, roll, letters touched
+Contact = tuple[HostView, GuestView]
+Around = tuple[int, tuple[int, ...]]  # a letter, and those of its neighbours
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A rotation or a mirror about the seed: axis i comes from axis source[i], with a sign."""
+
+    source: tuple[int, int, int]
+    signs: tuple[int, int, int]
+
+    def of(self, place: Position) -> Position:
+        """Where a place comes to lie."""
+        (i, j, k), (s, t, u) = self.source, self.signs
+        return s * place[i], t * place[j], u * place[k]
+
+    def axis(self, axis: int) -> int:
+        """Which axis an axis becomes."""
+        return self.source.index(axis)
+
+    def after(self, first: Turn) -> Turn:
+        """First that one, then this."""
+        source = tuple(first.source[i] for i in self.source)
+        signs = tuple(s * first.signs[i] for s, i in zip(self.signs, self.source, strict=True))
+        return Turn(source, signs)  # type: ignore[arg-type]  # three of each
+
+    @property
+    def is_mirror(self) -> bool:
+        """Whether left becomes right."""
+        swaps = sum(a > b for n, a in enumerate(self.source) for b in self.source[n + 1 :])
+        return (-1) ** swaps * self.signs[0] * self.signs[1] * self.signs[2] < 0
+
+
+TURNS = tuple(Turn(p, s) for p in permutations(range(3)) for s in product((1, -1), repeat=3))  # type: ignore[arg-type]
+
+
+def beside(place: Position) -> list[Position]:
+    """The six places around a place; opposite ones one after the other."""
+    x, y, z = place
+    return [(x + u, y + v, z + w) for u, v, w in NORMALS]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What comes next, and when.
+
+    axes : of the tops of all cubes, standing and coming
+    standing : the cubes that are there
+    coming : place -> the letter that its cube takes as it docks
+    required : place -> the places that a coming cube needs to touch, exactly these
+    """
+
+    axes: Mapping[Position, int]
+    standing: Letters
+    coming: Mapping[Position, int]
+    required: Mapping[Position, frozenset[Position]]
+
+    def holds(self, turns: Iterable[Turn], letters: Mapping[Position, int]) -> list[Turn]:
+        """The turns that put some cubes onto themselves."""
+
+        def fits(turn: Turn) -> bool:
+            for place, letter in letters.items():
+                image = turn.of(place)
+                if letters.get(image) != letter or self.axes[image] != turn.axis(self.axes[place]):
+                    return False
+            return True
+
+        return [turn for turn in turns if fits(turn)]
+
+
+@dataclass
+class Facts:
+    """What may be read during growth, and what has to come of it.
+
+    events : for each cube that is to come, the contacts through which it may dock; with its letter
+    forbidden : contacts of cubes that must not come
+    internal : what a settled or settling cube reads, and its letter in the next round
+    examples : for each contact, a place, for messages
+    """
+
+    events: dict[frozenset[Contact], int] = field(default_factory=dict)
+    forbidden: set[Contact] = field(default_factory=set)
+    internal: dict[Around, int] = field(default_factory=dict)
+    examples: dict[Contact, Position] = field(default_factory=dict)
+    states: int = 0
+
+    def usable(self) -> set[Contact] | None:
+        """Contacts that may be enabled without enabling a forbidden one; None where some cube would have none left."""
+        allowed = {contact for event in self.events for contact in event} - self.forbidden
+        guests: dict[GuestView, int] = {}
+        for event, letter in self.events.items():
+            for contact in event & allowed:
+                if guests.setdefault(contact[1], letter) != letter:
+                    return None
+        # a bond takes a rule of either side, so a pair of rules may enable what neither was made for
+        hosts = {host for host, _ in allowed}
+        crossed = [c for c in self.forbidden if c[0] in hosts and c[1] in guests]
+        for host, guest in crossed:
+            without = {c for c in allowed if c[0] != host}
+            if not all(event & without for event in self.events):
+                without = {c for c in allowed if c[1] != guest}
+            allowed = without
+        return allowed if all(event & allowed for event in self.events) else None
+
+    def add(self, other: Facts) -> None:
+        """Put another one's facts to these."""
+        self.events.update(other.events)
+        self.forbidden |= other.forbidden
+        self.internal.update(other.internal)
+        self.examples.update(other.examples)
+        self.states += other.states
+
+
+class TooManyError(Exception):
+    """More states of a stage than the cap."""
+
+
+Follow = Callable[[Position, Letters], int]
+
+
+def explore_stage(
+    stage: Stage,
+    turns: Sequence[Turn],
+    is_last: bool,
+    follow: Follow | None = None,
+    most: int = MOST_STATES,
+) -> tuple[Facts, Letters]:
+    """Everything that may be read while a stage goes on, and the letters at its end.
+
+    turns : those that leave the lone seed as it is
+    is_last : also look at what may not dock to the complete stage (else its letters belong to the next)
+    follow : the letter of a cube in the next round of internal rules; None: letters stay
+    States that a turn takes into each other are visited once. TooManyError: more than `most` of them.
+    """
+    facts = Facts()
+    same = stage.holds(turns, stage.standing)
+    alike = stage.holds(same, stage.coming)
+    lopsided = len(alike) < len(same)  # then which places look alike changes as cubes come
+    places = sorted(stage.coming)
+    images = [[turn.of(place) for place in places] for turn in alike]
+    start = dict(stage.standing)
+    settle(start, list(start), follow, facts)
+    _read(stage, start, list(start), same if lopsided else (), facts)
+    seen = {()}
+    waiting = [((), start)]
+    final = start
+    while waiting:
+        come, letters = waiting.pop()
+        facts.states += 1
+        for place in places:
+            if place in letters or not _is_due(stage, place, letters):
+                continue
+            extended = frozenset((*come, place))
+            key = min(
+                tuple(sorted(image for image, p in zip(turned, places, strict=True) if p in extended))
+                for turned in images
+            )
+            grown = dict(letters)
+            grown[place] = stage.coming[place]
+            changed = settle(grown, [place], follow, facts)
+            if key in seen:
+                continue
+            if len(seen) >= most:
+                raise TooManyError
+            seen.add(key)
+            is_full = len(extended) == len(places)
+            if is_full:
+                final = grown
+            if not is_full or is_last:
+                if lopsided:
+                    _read(stage, grown, list(grown), stage.holds(same, {p: grown[p] for p in grown}), facts)
+                else:
+                    _read(stage, grown, changed, (), facts)
+            waiting.append((tuple(extended), grown))
+    return facts, final
+
+
+def settle(letters: Letters, fresh: Iterable[Position], follow: Follow | None, facts: Facts) -> set[Position]:
+    """Let the letters follow each other until they rest, reading all that may be read; the places that changed."""
+    changed = set(fresh)
+    moved = changed
+    while moved:
+        near = {p for place in moved for p in (place, *beside(place)) if p in letters}
+        following = {}
+        for place in near:
+            letter = letters[place] if follow is None else follow(place, letters)
+            facts.internal[letters[place], around(place, letters)] = letter
+            if letter != letters[place]:
+                following[place] = letter
+        letters.update(following)
+        moved = set(following)
+        changed |= moved
+    return changed
+
+
+def around(place: Position, letters: Letters) -> tuple[int, ...]:
+    """The letters of the cubes around a place, sorted."""
+    return tuple(sorted([letters[p] for p in beside(place) if p in letters]))
+
+
+def contacts(
+    axes: Mapping[Position, int], letters: Letters, place: Position, axis: int
+) -> Iterator[tuple[HostView, GuestView]]:
+    """What a cube and each of its hosts read as it comes to an empty place, its top along an axis."""
+    touched = around(place, letters)
+    for direction, host in enumerate(beside(place)):
+        if host not in letters:
+            continue
+        along, letter = direction // 2, letters[host]
+        own, other = (TOP if top == along else SIDE for top in (axis, axes[host]))
+        roll = ROLLS[axis != axes[host]]
+        yield (letter, other, around(host, letters), own, roll), (own, letter, other, roll, touched)
+
+
+def _is_due(stage: Stage, place: Position, letters: Letters) -> bool:
+    """Whether a cube may come to that place now: what it needs is there, and nothing else."""
+    return {p for p in beside(place) if p in letters} == stage.required[place]
+
+
+def _read(
+    stage: Stage, letters: Letters, changed: Iterable[Position], symmetries: Iterable[Turn], facts: Facts
+) -> None:
+    """Collect what may be read at the empty places near some cubes.
+
+    symmetries : turns of the structure as it stands; what they make of a place that is due is due as well
+    """
+    due = {(p, stage.axes[p]) for p in stage.coming if p not in letters and _is_due(stage, p, letters)}
+    due |= {(turn.of(p), turn.axis(axis)) for turn in symmetries for p, axis in due}
+    wanted = {p: letter for p, letter in stage.coming.items() if (p, stage.axes[p]) in due}
+    hosts = {p for place in changed for p in (place, *beside(place)) if p in letters}
+    for place in {p for host in hosts for p in beside(host) if p not in letters}:
+        for axis in range(3):
+            met = frozenset(contacts(stage.axes, letters, place, axis))
+            for contact in met:
+                facts.examples.setdefault(contact, place)
+            if (place, axis) not in due:
+                facts.forbidden |= met
+            elif place in wanted and stage.axes[place] == axis:
+                facts.events[met] = wanted[place]
