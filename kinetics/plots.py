@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,13 +51,20 @@ def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, targ
     return _finish(ax, "probability of having been reached")
 
 
-def save(path: str, draw: Any) -> None:
-    """Write one figure as PNG, PDF or SVG, by the end of its name. `draw(ax)` fills it."""
+def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int = 150) -> None:
+    """Write one figure as PNG, PDF or SVG, by the end of its name. `draw(ax)` fills it.
+
+    size : width and height, inches
+    The same drawing gives the same bytes.
+    """
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    figure = Figure(figsize=size, layout="constrained")
     draw(figure.add_subplot())
-    figure.savefig(path, dpi=150)
+    with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are drawn by lot
+        figure.savefig(path, dpi=dpi, metadata=undated.get(Path(path).suffix.lower()))
 
 
 def _finish(ax: Any, label: str) -> Any:

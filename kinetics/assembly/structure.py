@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -206,6 +206,12 @@ class Structure:
             for y in range(y1, y0 - 1, -1)
         ]
         return "\n".join(rows)
+
+    def plot(self, ax: Any, scheme: str = "two", **options: Any) -> Any:
+        """Draw onto axes, faces coloured by type; options as of `pictures.structure_drawing`. Returns `ax`."""
+        from kinetics.assembly import pictures
+
+        return pictures.structure_drawing(self, scheme, **options).onto(ax)
 
     def _beside(self, cube: int, direction: int) -> Position:
         (x, y, z), (u, v, w) = self.positions[cube], NORMALS[direction]
