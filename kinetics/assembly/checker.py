@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 from kinetics.assembly.compositions import MAX_COMPOSITIONS, compositions, events_to, leading_to
 from kinetics.assembly.derive import named
 from kinetics.assembly.explore import MAX_SPECIES, Event, Exploration, Indices, explore
-from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.history import Change, fits_into, shortest, way_to
 from kinetics.assembly.rules import RuleBook
-from kinetics.assembly.structure import Placement, Structure
+from kinetics.assembly.structure import Structure
 
 MORE_IN_WAVES = 10  # times as many structures may be found in the middle of waves as at rest
 SLOW = "slow internal waves: "
@@ -27,6 +28,7 @@ class Finding:
     is_error : whether the book is wrong; else it is a warning
     steps : the shortest way there, one event each
     structure : where it leads to
+    changes : the steps with their structures
     """
 
     kind: str
@@ -34,6 +36,7 @@ class Finding:
     text: str
     steps: tuple[str, ...] = ()
     structure: Structure | None = None
+    changes: tuple[Change, ...] = ()
 
     def __str__(self) -> str:
         """For people, the structure drawn in layers."""
@@ -66,6 +69,12 @@ class Report:
             f"{errors} errors, {len(self.findings) - errors} warnings"
         )
         return "\n".join([head, *map(str, self.findings)])
+
+    def plot(self, ax: Any) -> Any:
+        """Draw each finding, its counterexample made step by step; returns `ax`."""
+        from kinetics.assembly.counterexamples import report_drawing
+
+        return report_drawing(self).onto(ax)
 
 
 def check(
@@ -119,9 +128,10 @@ class _Examined:
         if found.beyond is not None:
             a, b, made = found.beyond
             known = {structure: index for index, structure in enumerate(found.structures)}
-            steps = (*self.way(known[a], known[b]), f"{self.names[known[a]]} + {self.names[known[b]]} -> {made}")
+            steps, changes = self.told(self.way(known[a], known[b]))
+            last = f"{self.names[known[a]]} + {self.names[known[b]]} -> {len(made)} cubes: {made}"
             text = f"structures grow beyond {found.max_cubes} cubes; the smallest join that does makes {len(made)}"
-            yield Finding("not closed", True, text, steps, made)
+            yield Finding("not closed", True, text, (*steps, last), made, (*changes, Change((a, b), (made,))))
         if found.stopped:
             yield Finding("not proven", True, found.stopped)
         for text in found.livelocks[:1]:
@@ -132,18 +142,18 @@ class _Examined:
         target, structures = self.book.target, self.found.structures
         if target is None:
             return
-        off = [n for n, structure in enumerate(structures) if not _fits_into(structure, target, self.book.scheme)]
+        off = [n for n, structure in enumerate(structures) if not fits_into(structure, target, self.book.scheme)]
         if off:
             worst = min(off, key=lambda n: (self.costs[n], len(structures[n])))
             text = f"{len(off)} of {len(structures)} structures are no part of the target; the nearest"
-            yield Finding("off-target", True, text, self.way(worst), structures[worst])
+            yield self.finding("off-target", True, text, worst)
         if self.target is None:
             yield from self._missing(target)
             return
         growing = [e for e in self.found.events if self.target in e.before and len(e.before) == 2]
         if growing:
             text = f"the finished structure still bonds: {self.words(growing[0])}"
-            yield Finding("target not final", True, text)
+            yield self.at_event("target not final", True, text, growing[0])
         if self.found.is_closed:
             yield from self._lost()
 
@@ -151,10 +161,10 @@ class _Examined:
         """The target is not among the structures."""
         canonical, scheme = target.canonical(self.book.scheme), self.book.scheme
         structures = self.found.structures
-        same = [n for n, s in enumerate(structures) if len(s) == len(target) and _fits_into(s, target, scheme)]
+        same = [n for n, s in enumerate(structures) if len(s) == len(target) and fits_into(s, target, scheme)]
         if same:
             text = f"its shape is made with other letters; the book's target is {canonical}"
-            yield Finding("target not reached", True, text, self.way(same[0]), structures[same[0]])
+            yield self.finding("target not reached", True, text, same[0])
         elif not self.found.stopped:
             yield Finding("target not reached", True, "no structure has the target's shape", (), canonical)
 
@@ -174,7 +184,7 @@ class _Examined:
         ):
             if which:
                 nearest = min(which, key=lambda n: (self.costs[n], len(structures[n])))
-                yield Finding(kind, True, f"{len(which)} {text}; the nearest", self.way(nearest), structures[nearest])
+                yield self.finding(kind, True, f"{len(which)} {text}; the nearest", nearest)
 
     def squeezes(self) -> Iterable[Finding]:
         """Cubes that come to lie between two others."""
@@ -182,8 +192,7 @@ class _Examined:
         if tight:
             event = min(tight, key=lambda e: sum(self.costs[n] for n in e.before))
             text = f"{len(tight)} joins put a cube between two opposite ones, where it hardly gets in; the nearest"
-            steps = (*self.way(*event.before), self.words(event))
-            yield Finding("squeezed", False, text, steps, self.found.structures[event.after[0]])
+            yield self.at_event("squeezed", False, text, event)
 
     @cached_property
     def costs(self) -> list[float]:
@@ -192,33 +201,27 @@ class _Examined:
 
     @cached_property
     def _shortest(self) -> tuple[list[float], dict[int, Event]]:
-        costs = [float("inf")] * len(self.found.structures)
-        made_by: dict[int, Event] = {}
-        costs[: 1 if self.book.seed_letter is None else 2] = [0.0] * (1 if self.book.seed_letter is None else 2)
-        better = True
-        while better:
-            better = False
-            for event in self.found.events:
-                cost = 1 + sum(costs[n] for n in event.before)
-                for after in event.after:
-                    if cost < costs[after]:
-                        costs[after], made_by[after], better = cost, event, True
-        return costs, made_by
+        starts = range(1 if self.book.seed_letter is None else 2)
+        return shortest(len(self.found.structures), starts, self.found.events)
 
-    def way(self, *indices: int) -> tuple[str, ...]:
-        """The shortest way to make some structures, in words; what is needed twice is told once."""
-        made_by, steps = self._shortest[1], dict[Event, None]()
+    def way(self, *indices: int) -> tuple[Event, ...]:
+        """The shortest way to make some structures."""
+        return way_to(indices, self._shortest[1])
 
-        def tell(index: int) -> None:
-            event = made_by.get(index)
-            if event is not None and event not in steps:
-                for before in event.before:
-                    tell(before)
-                steps[event] = None
+    def finding(self, kind: str, is_error: bool, text: str, index: int) -> Finding:
+        """A finding about one structure, with the shortest way to it."""
+        steps, changes = self.told(self.way(index))
+        return Finding(kind, is_error, text, steps, self.found.structures[index], changes)
 
-        for index in indices:
-            tell(index)
-        return tuple(map(self.words, steps))
+    def at_event(self, kind: str, is_error: bool, text: str, event: Event) -> Finding:
+        """A finding about a join, with the shortest way to it."""
+        steps, changes = self.told((*self.way(*event.before), event))
+        return Finding(kind, is_error, text, steps, self.found.structures[event.after[0]], changes)
+
+    def told(self, events: Iterable[Event]) -> tuple[tuple[str, ...], tuple[Change, ...]]:
+        """Events in words and as structures."""
+        told = [(self.words(e), Change(*(tuple(self.found.structures[n] for n in side) for side in e))) for e in events]
+        return tuple(words for words, _ in told), tuple(change for _, change in told)
 
     def words(self, event: Event) -> str:
         """`monomer + dimer -> trimer`, with the structure that a join makes."""
@@ -253,7 +256,8 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
         contents = " + ".join(examined.names[n] for n in stuck)
         what = "where nothing happens any more" if not tank[stuck] else "from which it does not get there"
         text = f"{cubes} cubes can end as {contents}, {what}: {stuck.count(target)} targets instead of {full}"
-        yield Finding("starvation", False, text, tuple(map(examined.words, events_to(stuck, start, tank))))
+        steps, changes = examined.told(events_to(stuck, start, tank))
+        yield Finding("starvation", False, text, steps, changes=changes)
         return
 
 
@@ -267,20 +271,3 @@ def _idle(book: RuleBook, structures: Iterable[Structure]) -> Iterable[Finding]:
     for letter in book.letters:
         if letter not in seen:
             yield Finding("unused letter", False, f"no cube of a settled structure is ever in state {letter!r}")
-
-
-def _fits_into(part: Structure, whole: Structure, scheme: str) -> bool:
-    """Whether a structure, turned and moved, lies within another one, letters aside."""
-    if len(part) > len(whole):
-        return False
-    reduced = scheme_of(scheme).reduced.tolist()
-    seen = {place: reduced[r] for place, r in zip(whole.positions, whole.rotations, strict=True)}
-    for rotation in range(24):
-        turned = part.moved(Placement(rotation, (0, 0, 0)))
-        cubes = [(*place, reduced[r]) for place, r in zip(turned.positions, turned.rotations, strict=True)]
-        x0, y0, z0, first = cubes[0]
-        for (x, y, z), looks in seen.items():
-            u, v, w = x - x0, y - y0, z - z0
-            if looks == first and all(seen.get((a + u, b + v, c + w)) == r for a, b, c, r in cubes):
-                return True
-    return False

@@ -141,7 +141,7 @@ def species_sheet(derivation: Derivation, most_wide: float = 24.0) -> Drawing:
     return sheet
 
 
-def arranged(pictures: Sequence[Drawing], captions: Sequence[str], most_wide: float) -> Drawing:
+def arranged(pictures: Sequence[Drawing], captions: Sequence[str], most_wide: float, gap: float = GAP) -> Drawing:
     """Pictures in rows, middles at one height, with their captions below."""
     sheet = Drawing()
     row: list[tuple[Drawing, str, float]] = []
@@ -165,7 +165,7 @@ def arranged(pictures: Sequence[Drawing], captions: Sequence[str], most_wide: fl
         if row and x + wide > most_wide:
             flush()
         row.append((picture, caption, x + wide / 2))
-        x += wide + GAP
+        x += wide + gap
     flush()
     return sheet
 
@@ -191,11 +191,11 @@ def note(text: str, size: float = CAPTION) -> Drawing:
     return line
 
 
-def below_left(drawing: Drawing, other: Drawing) -> None:
+def below_left(drawing: Drawing, other: Drawing, gap: float = GAP) -> None:
     """Put one drawing under another, flush left."""
     left, bottom, _, _ = drawing.bounds
     its_left, _, _, its_top = other.bounds
-    drawing.put(other, left - its_left, bottom - its_top - GAP)
+    drawing.put(other, left - its_left, bottom - its_top - gap)
 
 
 @lru_cache(maxsize=4096)

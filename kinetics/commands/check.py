@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from kinetics.options import echo_json, json_option
+from kinetics.options import echo_json, json_option, plot_option
 
 NOT_CORRECT = 1  # exit code
 
@@ -21,11 +21,14 @@ NOT_CORRECT = 1  # exit code
     show_default=True,
     help="Also let cubes collide while internal rules are under way.",
 )
+@plot_option
 @json_option
-def check(book: str, max_cubes: int | None, max_species: int, slow_waves: bool, as_json: bool) -> None:
+def check(
+    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_file: str | None, as_json: bool
+) -> None:
     """Exhaust the rules of BOOK, a shipped book or a .toml file, and tell all that is wrong with it.
 
-    Each finding comes with the shortest way that leads there. Exit code 1 where there are errors.
+    Each finding comes with the shortest way that leads there; --plot draws it. Exit code 1 where there are errors.
     """
     from kinetics.assembly import RuleBook
     from kinetics.assembly import check as examine
@@ -39,6 +42,10 @@ def check(book: str, max_cubes: int | None, max_species: int, slow_waves: bool, 
     report = examine(RuleBook.load(book), max_cubes, max_species, slow_waves, progress)
     if shows:
         click.echo("\r\033[K", err=True, nl=False)
+    if plot_file is not None:
+        from kinetics.assembly.counterexamples import report_drawing
+
+        report_drawing(report).save(plot_file)
     if as_json:
         echo_json(
             {
@@ -56,6 +63,7 @@ def check(book: str, max_cubes: int | None, max_species: int, slow_waves: bool, 
                     }
                     for finding in report.findings
                 ],
+                **({} if plot_file is None else {"plot": plot_file}),
             }
         )
     else:
