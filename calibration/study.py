@@ -20,10 +20,12 @@ from calibration.diagnostics import Diagnosis, diagnose
 from calibration.estimate import Calibration, estimate, paper_estimate
 from kinetics.assembly import Derivation
 from kinetics.rates import Rates
+from mechsim.effects import EFFECTS
 from mechsim.ensemble import Outcome, run_all
 from mechsim.preflight import check_starts
-from mechsim.record import RunRecord, RunSpec, book_of, open_channels
+from mechsim.record import RunRecord, RunSpec, book_of, kinds, open_channels
 from mechsim.scene import Scene
+from mechsim.species import single_cubes, some_of, species_of
 from mechsim.store import RunStore
 
 LONGEST = 500.0  # tu; longer experiments are cut into runs of equal length, so that workers share them
@@ -34,67 +36,80 @@ class Experiment:
     """Calibration runs of one kind: restarted after every event, from one composition.
 
     composition : species -> copies
-    bonding : False takes bonding out of the scene; then only breaks can happen, and nothing else uses up the time
+    joins : False takes what makes joins out of the scene; then only breaks can happen, and nothing else uses up the
+        time
     """
 
     composition: dict[str, int]
-    bonding: bool
+    joins: bool
 
 
 def experiments(derivation: Derivation, n_cubes: int) -> list[Experiment]:
     """What to run so that every channel of a network is seen at `n_cubes` cubes.
 
     A tank of all species in equal shares of cubes, and for each join one of its reactants. Breaks are rare, so for each
-    species that breaks there is a tank without bonding, half of it that species and half the same mixed crowd:
+    species that breaks there is a tank without joins, half of it that species and half the same mixed crowd:
     collisions break bonds, and a tank of few large structures has fewer of them than the assembly passes through.
     """
     network = derivation.network
     sizes = {name: len(structure) for name, structure in derivation.structures.items()}
+    free = str(species_of(derivation, derivation.book.monomer()))
     crowd = dict.fromkeys(network.species, 1.0)
-    wanted = [Experiment(_mixture(crowd, sizes, n_cubes), True)]
-    for reactants, change in zip(network.reactants, network.stoichiometry, strict=True):
+
+    def mixture(shares: dict[str, float]) -> dict[str, int]:
+        """Cubes in these shares among the species; what is left over becomes free cubes."""
+        whole = sum(shares.values())
+        counts = {name: int(n_cubes * share / whole / sizes[name]) for name, share in shares.items()}
+        counts[free] = counts.get(free, 0) + n_cubes - sum(sizes[name] * n for name, n in counts.items())
+        return {name: n for name, n in counts.items() if n}
+
+    wanted = [Experiment(mixture(crowd), True)]
+    for reactants, kind in zip(network.reactants, kinds(derivation), strict=True):
         before = [network.species[s] for s in np.flatnonzero(reactants)]
-        if change.sum() < 0:
-            wanted.append(Experiment(_mixture(dict.fromkeys(before, 1.0), sizes, n_cubes), True))
+        if kind == "join":
+            wanted.append(Experiment(mixture(dict.fromkeys(before, 1.0)), True))
         else:
             source = {before[0]: 1.0 + len(crowd)}
-            wanted.append(Experiment(_mixture(crowd | source, sizes, n_cubes), False))
+            wanted.append(Experiment(mixture(crowd | source), False))
     return list({repr(experiment): experiment for experiment in wanted}.values())
 
 
-def _mixture(shares: dict[str, float], sizes: dict[str, int], n_cubes: int) -> dict[str, int]:
-    """Cubes in these shares among the species; what is left over becomes single cubes."""
-    whole = sum(shares.values())
-    counts = {name: int(n_cubes * share / whole / sizes[name]) for name, share in shares.items()}
-    (single,) = (name for name, size in sizes.items() if size == 1)
-    left = n_cubes - sum(sizes[name] * n for name, n in counts.items())
-    counts[single] = counts.get(single, 0) + left
-    return {name: n for name, n in counts.items() if n}
-
-
 def calibration_specs(scene: Scene, n_cubes: int, join_time: float, break_time: float, seed: int) -> list[RunSpec]:
-    """Runs of all experiments: `join_time` tu for each with bonding, `break_time` tu for each without."""
+    """Runs of all experiments: `join_time` tu for each with joins, `break_time` tu for each without."""
     for name, value in (("join time", join_time), ("break time", break_time)):
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f"{name} = {value}; expected a finite number of tu above 0")
-    for name in ("bonding", "breaking"):
-        if scene.effect(name) is None:
-            raise ValueError(f"scene {scene.name} does not list the effect {name!r}; calibration measures both ways")
-    derivation = book_of(scene.rules)[1]
+    book, derivation = book_of(scene.rules)
     network = derivation.network
-    specs, measured = [], np.zeros(len(network.channels), bool)
-    for experiment in experiments(derivation, n_cubes):
-        total = join_time if experiment.bonding else break_time
-        runs = math.ceil(total / LONGEST)
-        setting = scene if experiment.bonding else scene.without("bonding")
-        specs += [
-            RunSpec(setting, experiment.composition, total / runs, seed, run, restart=True) for run in range(runs)
-        ]
+    if book.seed() is not None:
+        raise ValueError(
+            f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its {len(network.channels)} "
+            "channels are not measured one by one; simulate its growth instead"
+        )
+    for kind in dict.fromkeys(kinds(derivation)):
+        if not scene.openers(kind):
+            able = [effect.model_fields["effect"].default for effect in EFFECTS if kind in effect.opens]
+            raise ValueError(
+                f"scene {scene.name} lists no effect that makes {kind}s happen ({', '.join(able)}); calibration "
+                f"measures every channel of book {scene.rules}"
+            )
+    planned = [
+        (e, scene if e.joins else scene.without(*scene.openers("join"))) for e in experiments(derivation, n_cubes)
+    ]
+    measured = np.zeros(len(network.channels), bool)
+    for experiment, setting in planned:
         at_start = network.combinations_of(network.state(experiment.composition)) > 0
         measured |= at_start & open_channels(setting, derivation)
     if not measured.all():
-        names = ", ".join(name for name, seen in zip(network.channels, measured, strict=True) if not seen)
-        raise ValueError(f"cubes = {n_cubes}: too few to start runs from the reactants of {names}; take more")
+        names = [name for name, seen in zip(network.channels, measured, strict=True) if not seen]
+        raise ValueError(f"cubes = {n_cubes}: too few to start runs from the reactants of {some_of(names)}; take more")
+    specs = []
+    for experiment, setting in planned:
+        total = join_time if experiment.joins else break_time
+        runs = math.ceil(total / LONGEST)
+        specs += [
+            RunSpec(setting, experiment.composition, total / runs, seed, run, restart=True) for run in range(runs)
+        ]
     return specs
 
 
@@ -204,8 +219,9 @@ def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: fl
         raise ValueError(f"runs = {runs}; a mean with an interval needs at least 2")
     if not sizes or min(sizes) < 1:
         raise ValueError(f"cubes = {list(sizes)}; expected one or more sizes of at least 1")
-    (single,) = (name for name, s in book_of(scene.rules)[1].structures.items() if len(s) == 1)
-    return [RunSpec(scene, {single: n}, duration, seed, run) for n in dict.fromkeys(sizes) for run in range(runs)]
+    derivation = book_of(scene.rules)[1]
+    starts = [single_cubes(derivation, n) for n in dict.fromkeys(sizes)]
+    return [RunSpec(scene, start, duration, seed, run) for start in starts for run in range(runs)]
 
 
 def run_validation(
@@ -232,7 +248,7 @@ def run_validation(
     if rates.evidence.get("seed") == seed:
         raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
     outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
-    target = None if book.target is None else derivation.network.species[derivation.species_of(book.target)]
+    target = species_of(derivation, book.target)
     comparisons = []
     for n in dict.fromkeys(sizes):
         records = [r for r in outcome.records if r.spec.n_cubes == n and r.completed]

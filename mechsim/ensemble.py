@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
-import os
 import signal
 import threading
 import time
-import traceback
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
-from pathlib import Path
 from typing import Any
 
 from mechsim.record import RunRecord, RunSpec
 from mechsim.record import execute as execute_run
 from mechsim.store import Claim, RunStore, digest_of
+from mechsim.worker import Execute, work
 
 TRIES = 3
 MOST_LOST_STARTS = 100  # in one call, before we believe that no worker will ever start
-REPORT_EVERY = 0.25  # s between two reports of a worker
 LOOK_EVERY = 0.2  # s between two looks at runs that another process has claimed
-
-Execute = Callable[[RunSpec, Callable[[float], None]], RunRecord]
 
 
 @dataclass(frozen=True)
@@ -126,7 +120,7 @@ class _Driver:
         self.waiting = deque(spec for key, spec in specs.items() if key not in self.records)
         self.context = multiprocessing.get_context("forkserver")
         # What a run needs is imported once, in the server that workers are forked from.
-        self.context.set_forkserver_preload([execute.__module__, "mechsim.world"])
+        self.context.set_forkserver_preload([execute.__module__, "mechsim.worker", "mechsim.world"])
 
     def run(self, progress: bool | None) -> None:
         """Work until nothing waits and nothing runs."""
@@ -196,7 +190,7 @@ class _Driver:
         """A started worker."""
         reports, sender = self.context.Pipe(duplex=False)
         process = self.context.Process(
-            target=_work, args=(self.execute, spec, self.store, sender), name=spec.title, daemon=True
+            target=work, args=(self.execute, spec, self.store, sender), name=spec.title, daemon=True
         )
         with sender:
             process.start()
@@ -298,53 +292,3 @@ def _ending(code: int | None) -> str:
     if code is not None and code < 0:
         return f"killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code} and left no record"
-
-
-def _work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection) -> None:
-    """Body of a worker: make the run, keep it, say what went wrong."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.dup2(2, 1)  # standard output is the command's own; engines print too
-    _end_with_driver()
-
-    def tell(report: object) -> None:
-        try:
-            reports.send(report)
-        except OSError:  # the driver has stopped listening: it is being interrupted, and this run with it
-            os._exit(1)
-
-    tell(0.0)
-    reported = time.monotonic()
-
-    def progress(simulated: float) -> None:
-        nonlocal reported
-        if time.monotonic() >= reported + REPORT_EVERY:
-            reported = time.monotonic()
-            tell(float(simulated))
-
-    try:
-        record = execute(spec, progress)
-        try:
-            store.write(record)
-        except OSError as error:  # the next run would not fare better
-            tell((error.errno, error.strerror, error.filename))
-    except Exception as error:  # noqa: BLE001 - whatever it is, it goes into the quarantine note
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        tell(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")
-
-
-def _end_with_driver() -> None:
-    """End this process at once when its driver is gone, however that was killed.
-
-    The kernel signals the closing of the driver's end of a pipe (SIGIO, which ends a process), even while native code
-    holds the interpreter; the thread does the same where SIGIO is ignored.
-    """
-    driver = multiprocessing.parent_process()
-    assert driver is not None  # noqa: S101 - a worker has one
-
-    def watch() -> None:
-        driver.join()
-        os._exit(1)
-
-    fcntl.fcntl(driver.sentinel, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(driver.sentinel, fcntl.F_SETFL, fcntl.fcntl(driver.sentinel, fcntl.F_GETFL) | os.O_ASYNC)
-    threading.Thread(target=watch, daemon=True).start()

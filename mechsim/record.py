@@ -17,7 +17,9 @@ import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.paths import RESTART, JumpPath
+from mechsim.effects.base import EventKind
 from mechsim.scene import Scene
+from mechsim.species import some_of
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
 PHYSICS = 1
@@ -61,15 +63,16 @@ class RunSpec:
         if self.seed < 0 or self.run < 0:
             raise ValueError(f"seed = {self.seed}, run = {self.run}; neither may be negative")
         book, derivation = book_of(self.scene.rules)
-        if book.semantics.bonds == "hold" and self.scene.effect("breaking") is not None:
+        breaking = self.scene.openers("break")
+        if book.semantics.bonds == "hold" and breaking:
             raise ValueError(
-                f"scene {self.scene.name} lists the effect 'breaking', but bonds of book {self.scene.rules} hold: "
+                f"scene {self.scene.name} lists the effect {breaking[0]!r}, but bonds of book {self.scene.rules} hold: "
                 "leave the effect out"
             )
         species = derivation.network.species
         for name, count in self.composition.items():
             if name not in species:
-                raise ValueError(f"unknown species {name!r}; book {self.scene.rules} has {', '.join(species)}")
+                raise ValueError(f"unknown species {name!r}; book {self.scene.rules} has {some_of(species)}")
             if isinstance(count, bool) or int(count) != count or count < 0:
                 raise ValueError(f"{name} = {count}; expected a whole number, 0 or more")
         if self.n_cubes < 1:
@@ -244,8 +247,10 @@ def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> R
 
 
 def open_channels(scene: Scene, derivation: Derivation) -> np.ndarray:
-    """Channels (R,) bool that the scene's effects can make happen: joins need bonding, breaks need breaking."""
-    network = derivation.network
-    grows = network.stoichiometry.sum(axis=1) < 0
-    names = {effect.effect for effect in scene.effects}
-    return np.where(grows, "bonding" in names, "breaking" in names)
+    """Channels (R,) bool that the scene's effects can make happen."""
+    return np.array([bool(scene.openers(kind)) for kind in kinds(derivation)], bool)
+
+
+def kinds(derivation: Derivation) -> list[EventKind]:
+    """What each channel is."""
+    return ["join" if len(event.before) > 1 else "break" for event in derivation.events]

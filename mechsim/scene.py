@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from kinetics.config import Settings, find, read_toml, validated
 from mechsim.effects import AnyEffect
+from mechsim.effects.base import EventKind
 
 SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
@@ -85,6 +86,10 @@ class Scene(Settings):
     def effect(self, name: str) -> Any | None:
         """Settings of a listed effect, or None."""
         return next((e for e in self.effects if e.effect == name), None)
+
+    def openers(self, kind: EventKind) -> tuple[str, ...]:
+        """Names of the listed effects that make events of this kind happen."""
+        return tuple(e.effect for e in self.effects if kind in e.opens)
 
     def without(self, *names: str) -> Scene:
         """The same scene without these effects: their physics is absent. ValueError where another effect needs them."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kinetics.config import Settings
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
     from mechsim.world import World
+
+
+EventKind = Literal["join", "break"]
 
 
 class Action:
@@ -30,6 +33,7 @@ class Effect(Settings):
 
     effect: str
     needs: ClassVar[tuple[str, ...]] = ()  # names of effects it cannot act without
+    opens: ClassVar[tuple[EventKind, ...]] = ()  # kinds of event that it makes happen
 
     def check(self, scene: Scene) -> None:
         """ValueError where the effect does not go with the rest of the scene."""

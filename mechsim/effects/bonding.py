@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from kinetics.assembly import View
-from mechsim.effects.base import Action, Effect
+from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.latches import Encounter, MagnetDelay, Pair
 from mechsim.kernels.contact import facing_pairs
 
@@ -31,6 +31,7 @@ class Bonding(Effect):
 
     effect: Literal["bonding"] = "bonding"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # cubes that pass through each other have no faces that meet
+    opens: ClassVar[tuple[EventKind, ...]] = ("join",)
     capture_distance: float = Field(default=0.02, gt=0)
     capture_angle: float = Field(default=135.0, ge=90, lt=180)
     sideways: float = Field(default=0.5, gt=0, le=1)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from kinetics.assembly import Structure
-from mechsim.effects.base import Action, Effect
+from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.kernels.loads import bond_loads
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ class Breaking(Effect):
 
     effect: Literal["breaking"] = "breaking"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # impulses come from collisions
+    opens: ClassVar[tuple[EventKind, ...]] = ("break",)
     threshold: float = Field(gt=0)
     criterion: Literal["impulse", "wrench"] = "impulse"
     grace: float = Field(default=0.05, ge=0)

@@ -1,0 +1,75 @@
+"""What happens in a worker process: one run is made, kept, and its driver told how it goes."""
+
+from __future__ import annotations
+
+import fcntl
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from mechsim.record import RunRecord, RunSpec
+from mechsim.store import RunStore
+
+REPORT_EVERY = 0.25  # s between two reports
+
+Execute = Callable[[RunSpec, Callable[[float], None]], RunRecord]
+
+
+def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection) -> None:
+    """Body of a worker: make the run, keep it, say what went wrong.
+
+    reports : gets 0.0 at once, then now and then the simulated time, tu; text where the run failed; errno, message and
+        file where it could not be kept
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(2, 1)  # standard output is the command's own; engines print too
+    _end_with_driver()
+
+    def tell(report: object) -> None:
+        try:
+            reports.send(report)
+        except OSError:  # the driver has stopped listening: it is being interrupted, and this run with it
+            os._exit(1)
+
+    tell(0.0)
+    reported = time.monotonic()
+
+    def progress(simulated: float) -> None:
+        nonlocal reported
+        if time.monotonic() >= reported + REPORT_EVERY:
+            reported = time.monotonic()
+            tell(float(simulated))
+
+    try:
+        record = execute(spec, progress)
+        try:
+            store.write(record)
+        except OSError as error:  # the next run would not fare better
+            tell((error.errno, error.strerror, error.filename))
+    except Exception as error:  # noqa: BLE001 - whatever it is, it goes into the quarantine note
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        tell(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")
+
+
+def _end_with_driver() -> None:
+    """End this process at once when its driver is gone, however that was killed.
+
+    The kernel signals the closing of the driver's end of a pipe (SIGIO, which ends a process), even while native code
+    holds the interpreter; the thread does the same where SIGIO is ignored.
+    """
+    driver = multiprocessing.parent_process()
+    assert driver is not None  # noqa: S101 - a worker has one
+
+    def watch() -> None:
+        driver.join()
+        os._exit(1)
+
+    fcntl.fcntl(driver.sentinel, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(driver.sentinel, fcntl.F_SETFL, fcntl.fcntl(driver.sentinel, fcntl.F_GETFL) | os.O_ASYNC)
+    threading.Thread(target=watch, daemon=True).start()
