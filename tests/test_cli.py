@@ -72,7 +72,7 @@ def test_simulate_for_people(wellmixed, place, simulated):
     lines = done.out.splitlines()
     occurred = [name for name in SPECIES[:3] if name in lines[0]]
     assert lines[0].split() == [
-        *("run", *occurred, "largest", "quadmer", "first", "quadmer", "(tu)", "events", "CPU", "(s)", "outcome"),
+        *("run", *occurred, "quadmer", "largest", "first", "quadmer", "(tu)", "events", "CPU", "(s)", "outcome"),
     ]
     assert len(lines) == 1 + 2 + 1
     assert (place / "tank.png").read_bytes().startswith(b"\x89PNG")
