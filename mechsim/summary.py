@@ -14,7 +14,7 @@ from kinetics.paths import JumpPath
 from mechsim.record import RunRecord, book_of
 from mechsim.species import species_of
 
-MOST_SPECIES = 8  # of which each gets a column
+MOST_COLUMNS = 8  # of counts
 GRID = 401  # points of a plotted curve
 
 Columns = dict[str, NDArray[np.bool_]]
@@ -30,21 +30,24 @@ def columns_of(network: Network, paths: Sequence[JumpPath], target: str | None) 
     """Columns of a table of counts: title -> the species (S,) that it counts.
 
     A column for each species that ever was in one of the runs, and for the target; where these are more than eight,
-    for sizes of 1 cube, 2 cubes, 3 to 4, 5 to 8 and on.
+    for each size; where these too are more than eight, for 1 cube, 2, 3 to 4, 5 to 8 and on.
     """
     occurred = np.any([(path.states > 0).any(axis=0) for path in paths], axis=0)
     if target is not None:
         occurred[network.index(target)] = True
-    if occurred.sum() <= MOST_SPECIES:
+    if occurred.sum() <= MOST_COLUMNS:
         return {network.species[s]: np.arange(occurred.size) == s for s in np.flatnonzero(occurred)}
-    sizes = network.conserved["cubes"]
+    sizes = network.conserved["cubes"].astype(int)
+    present = np.unique(sizes[occurred]).tolist()
+    ends = present
+    if len(present) > MOST_COLUMNS:
+        powers = [2**k for k in range(present[-1].bit_length() + 1)]
+        ends = [top for top in powers if any(top // 2 < size <= top for size in present)]
     found: Columns = {}
-    low, high = 1, 1
-    while low <= sizes[occurred].max():
-        within = (low <= sizes) & (sizes <= high)
-        if (within & occurred).any():
-            found[f"{low}-{high} cubes" if low < high else "1 cube" if low == 1 else f"{low} cubes"] = within
-        low, high = high + 1, 2 * high
+    for top in ends:
+        low = top if ends is present else top // 2 + 1
+        title = f"{low}-{top} cubes" if low < top else f"{top} cube{'s' if top > 1 else ''}"
+        found[title] = (low <= sizes) & (sizes <= top)
     return found
 
 
