@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from kinetics.methods import Direct, Transient, sample_path, simulate, solve
     from kinetics.methods.passage import Passage, first_passage
     from kinetics.network import Network
+    from kinetics.networkfree import grow
+    from kinetics.networkfree_paths import Growth, Growths
     from kinetics.paths import RESTART, Ensemble, JumpPath
     from kinetics.prediction import Prediction, predict
     from kinetics.rates import ChannelRate, Convention, Rates
@@ -21,6 +23,8 @@ _HOMES = {
     "kinetics.methods": ("Direct", "Transient", "sample_path", "simulate", "solve"),
     "kinetics.methods.passage": ("Passage", "first_passage"),
     "kinetics.network": ("Network",),
+    "kinetics.networkfree": ("grow",),
+    "kinetics.networkfree_paths": ("Growth", "Growths"),
     "kinetics.paths": ("RESTART", "Ensemble", "JumpPath"),
     "kinetics.prediction": ("Prediction", "predict"),
     "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
@@ -33,6 +37,8 @@ __all__ = [
     "Convention",
     "Direct",
     "Ensemble",
+    "Growth",
+    "Growths",
     "JumpPath",
     "Network",
     "Passage",
@@ -41,6 +47,7 @@ __all__ = [
     "StateSpace",
     "Transient",
     "first_passage",
+    "grow",
     "predict",
     "reachable",
     "sample_path",

@@ -8,10 +8,18 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from kinetics.arrays import Floats
 from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
 from kinetics.network import Network, text_table
-from kinetics.options import NumbersCommand, counts_of, csv_option, echo_json, json_option, plot_option, seed_option
+from kinetics.options import (
+    NumbersCommand,
+    counts_of,
+    csv_option,
+    echo_json,
+    json_option,
+    plot_option,
+    seed_option,
+    time_grid,
+)
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
@@ -21,7 +29,6 @@ METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
     **{method.name: method for method in SAMPLING_METHODS},
     **{method.name: method for method in SOLVING_METHODS},
 }
-DURATION = 2000.0  # tu, the paper's
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
@@ -76,7 +83,7 @@ def predict(
     from kinetics.prediction import predict as make
 
     network, rates, state = _start(book, rates_name, cubes, initial)
-    grid = _grid(duration, times)
+    grid = time_grid(duration, times)
     made = make(network, rates, state, grid, METHODS[method](), runs, seed, draws, threads)
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
@@ -222,17 +229,6 @@ def _start(book: str, rates_name: str, cubes: int | None, initial: str | None) -
     network, monomer = _network(book)
     counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
     return network, rates, network.state(counts)
-
-
-def _grid(duration: float | None, times: tuple[float, ...]) -> Floats:
-    if times and duration is not None:
-        raise ValueError("give either --duration or --times, not both")
-    if times:
-        return np.array(times)
-    end = DURATION if duration is None else duration
-    if not 0 < end < np.inf:
-        raise ValueError(f"--duration {end:g}; expected a positive number of tu")
-    return np.linspace(0.0, end, 101)
 
 
 def _prediction_table(made: Prediction) -> str:

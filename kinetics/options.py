@@ -10,6 +10,10 @@ from typing import Any
 import click
 import numpy as np
 
+from kinetics.arrays import Floats
+
+DURATION = 2000.0  # tu, the paper's
+
 seed_option = click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="One seed, one result."
 )
@@ -84,6 +88,18 @@ def counts_of(text: str) -> dict[str, int]:
             raise ValueError(f"--initial names {name.strip()!r} twice")
         counts[name.strip()] = int(number)
     return counts
+
+
+def time_grid(duration: float | None, times: tuple[float, ...]) -> Floats:
+    """The times of a prediction, tu: those of `--times`, or 101 from 0 to `--duration`."""
+    if times and duration is not None:
+        raise ValueError("give either --duration or --times, not both")
+    if times:
+        return np.array(times)
+    end = DURATION if duration is None else duration
+    if not 0 < end < np.inf:
+        raise ValueError(f"--duration {end:g}; expected a positive number of tu")
+    return np.linspace(0.0, end, 101)
 
 
 def echo_json(data: dict[str, Any]) -> None:

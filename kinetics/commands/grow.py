@@ -1,0 +1,200 @@
+"""`wellmixed rules grow`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from kinetics.arrays import Floats
+from kinetics.network import text_table
+from kinetics.options import (
+    NumbersCommand,
+    csv_option,
+    echo_json,
+    json_option,
+    picture_of,
+    plot_option,
+    seed_option,
+    time_grid,
+)
+
+if TYPE_CHECKING:
+    from kinetics.classrates import ClassRates
+    from kinetics.networkfree_paths import Growths
+
+MAX_ROWS = 11  # of a table for people; --json and --csv give every time
+MAX_FINAL = 50  # structures in JSON
+SHOWN_FINAL = 5  # for people
+MAX_WIDTH = 100  # of a structure in words
+FRAMES = 8  # of a strip
+INTERRUPTED = 130  # exit code
+
+
+@click.command(cls=NumbersCommand)
+@click.argument("book")
+@click.option("--cubes", type=click.IntRange(min=1), required=True, help="Free cubes at time 0, besides the seed.")
+@click.option("--rates", "rates_file", metavar="FILE", help="Class rates, a .toml file.")
+@click.option("--join", type=float, help="Instead: one rate constant for every pair of faces, 1/tu.")
+@click.option("--break", "break_", type=float, help="With --join: one for every bond, 1/tu.  [default: 0]")
+@click.option("--duration", type=float, help="Grow from 0 to here, tu.  [default: 2000]")
+@click.option("--times", type=float, multiple=True, metavar="T ...", help="Tell of these times instead, tu.")
+@click.option("--runs", type=click.IntRange(min=1), default=20, show_default=True)
+@click.option(
+    "--strip", metavar="FILE", callback=picture_of, help="Draw the first run's growth into this PNG, PDF, SVG."
+)
+@csv_option
+@plot_option
+@seed_option
+@json_option
+def grow(
+    book: str,
+    cubes: int,
+    rates_file: str | None,
+    join: float | None,
+    break_: float | None,
+    duration: float | None,
+    times: tuple[float, ...],
+    runs: int,
+    strip: str | None,
+    csv_file: str | None,
+    plot_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Grow structures by the rules of BOOK, event by event, without listing what they can become.
+
+    Exact like `predict`, but no network is derived, so books with any number of structures run. Mean and standard
+    deviation of the runs over time. Ctrl-C keeps the runs that are finished.
+    """
+    from kinetics.assembly import RuleBook
+    from kinetics.networkfree import grow as make
+
+    began = time.process_time()
+    rules = RuleBook.load(book)
+    rates = _rates(rates_file, join, break_)
+    grid = time_grid(duration, times)
+    made = make(rules, rates, cubes, float(np.max(grid)), runs, seed, _progress(runs, float(np.max(grid))))
+    if sys.stderr.isatty():
+        click.echo("\r\033[K", err=True, nl=False)
+    cpu_seconds = time.process_time() - began
+    if csv_file:
+        made.to_dataframe(grid).to_csv(csv_file, index=False)
+    if plot_file:
+        from kinetics import plots
+
+        plots.save(plot_file, lambda ax: made.plot(ax, grid))
+    if strip:
+        from kinetics.assembly.pictures import strip as strip_of
+
+        moments = made.runs[0].milestones(FRAMES)
+        captions = [f"{moment:.4g} tu" for moment in moments]
+        strip_of(made.runs[0].frames(moments), captions, rules.scheme).save(strip)
+    if as_json:
+        echo_json({"book": book, "cubes": cubes, "seed": seed} | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})
+    else:
+        click.echo(_table(made, grid))
+        click.echo("\n".join(_notes(made, cpu_seconds)))
+    if made.interrupted:
+        click.echo(f"Interrupted: {len(made.runs)} of {runs} runs were finished, and only these are told of.", err=True)
+        raise SystemExit(INTERRUPTED)
+
+
+def _rates(rates_file: str | None, join: float | None, break_: float | None) -> ClassRates:
+    from kinetics.classrates import ClassRates
+
+    if rates_file is not None and join is None and break_ is None:
+        return ClassRates.load(rates_file)
+    if rates_file is None and join is not None:
+        return ClassRates.uniform(join, break_ or 0.0)
+    raise ValueError("say how fast faces bond by either --rates FILE, or --join 7e-5 with or without --break 1e-3")
+
+
+def _progress(runs: int, end: float) -> Callable[[int, float], None] | None:
+    """Tells of the work under way, on a terminal only."""
+    if not sys.stderr.isatty():
+        return None
+
+    def tell(finished: int, moment: float) -> None:
+        click.echo(f"\r\033[K{finished} of {runs} runs; the next at {moment:.4g} of {end:g} tu", err=True, nl=False)
+
+    return tell
+
+
+def _as_data(made: Growths, grid: Floats) -> dict[str, Any]:
+    final = made.final()
+    listed = list(final.items())[:MAX_FINAL]
+    data: dict[str, Any] = {
+        "runs": len(made.runs),
+        "interrupted": made.interrupted,
+        "times": grid,
+        "series": {
+            name: {
+                "mean": values.mean(axis=0),
+                "sd": _sd(values),
+                "low": np.quantile(values, 0.025, axis=0, method="inverted_cdf"),
+                "high": np.quantile(values, 0.975, axis=0, method="inverted_cdf"),
+            }
+            for name, values in made.series(grid).items()
+        },
+        "final": [{"structure": str(s), "cubes": len(s), "mean_copies": copies} for s, copies in listed],
+        "final_left_out": len(final) - len(listed),
+        "structures_met": _met(made),
+        "events": sum(run.times.size for run in made.runs),
+        "draws": sum(run.draws for run in made.runs),
+    }
+    if made.target is not None:
+        first = made.first_times(made.target)
+        data["target"] = {"reached": int(np.isfinite(first).sum()), "first_times": first.tolist()}
+    return data
+
+
+def _met(made: Growths) -> int:
+    """How many different structures came up in all runs together."""
+    return len({structure for run in made.runs for structure in run.structures})
+
+
+def _sd(values: np.ndarray) -> Floats:
+    """Standard deviation among the runs; nan for a single one."""
+    return values.std(axis=0, ddof=1) if len(values) > 1 else np.full(values.shape[1], np.nan)
+
+
+def _table(made: Growths, grid: Floats) -> str:
+    """Mean and sd at some of the times."""
+    step = max(1, -(-(grid.size - 1) // (MAX_ROWS - 1))) if grid.size > MAX_ROWS else 1
+    series = made.series(grid)
+    spread = {name: (values.mean(axis=0), _sd(values)) for name, values in series.items()}
+    rows = [
+        [f"{grid[i]:g}", *(f"{mean[i]:.4g} ± {sd[i]:.3g}" for mean, sd in spread.values())]
+        for i in range(0, grid.size, step)
+    ]
+    return text_table(("time (tu)", *series), rows)
+
+
+def _notes(made: Growths, cpu_seconds: float) -> list[str]:
+    """What the table means, what became of the target, what the runs end with and what they cost."""
+    n, events = len(made.runs), sum(run.times.size for run in made.runs)
+    draws = sum(run.draws for run in made.runs)
+    notes = ["mean ± sd of a run: structures by their number of cubes, and the cubes of the largest one"]
+    if made.target is not None:
+        first = made.first_times(made.target)
+        reached = int(np.isfinite(first).sum())
+        text = f"target reached in {reached} of {n} runs"
+        if reached == n > 1:
+            text += f", first after {first.mean():.4g} ± {first.std(ddof=1) / np.sqrt(n):.2g} tu (standard error)"
+        notes.append(text)
+    final = made.final()
+    notes.append(f"the runs end with {len(final)} different structures; most cubes are in")
+    for structure, copies in list(final.items())[:SHOWN_FINAL]:
+        words = str(structure)
+        words = words if len(words) <= MAX_WIDTH else words[: MAX_WIDTH - 3] + "..."
+        notes.append(f"  {copies:8.4g} a run, size {len(structure)}: {words}")
+    notes.append(
+        f"{n} runs, {_met(made)} structures met, {events} events, {draws / max(events, 1):.2f} draws an event, "
+        f"{cpu_seconds:.2g} s CPU"
+    )
+    return notes
