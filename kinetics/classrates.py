@@ -89,6 +89,27 @@ class ClassRates(Settings):
             raise ValueError(f"class rates file {source} does not exist; give the path of a TOML file")
         return validated(cls, read_toml(source), source)
 
+    @classmethod
+    def fitting(cls, name_or_path: str | Path, derivations: Iterable[Derivation]) -> ClassRates:
+        """A file of class rates, or the rates of a network, shipped or from a file, told by its book's classes.
+
+        derivations : among which the network is looked for; they are made one by one until one fits
+        """
+        path = Path(name_or_path)
+        if path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path):
+            return cls.load(path)
+        rates = Rates.load(name_or_path)
+        tried = []
+        for derivation in derivations:
+            try:
+                return cls.of_rates(derivation, rates)
+            except ValueError as error:
+                tried.append(f"{derivation.book.name}: {error}")
+        raise ValueError(
+            f"the rates {name_or_path} belong to the network of a book that is not here; name that book, or give rates "
+            f"by class. Tried {'; '.join(tried) or 'none'}"
+        )
+
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
         write_toml(self.model_dump(exclude_none=True), Path(path))

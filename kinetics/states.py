@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 MAX_STATES = 1_000_000
 
 
+class TooManyStatesError(ValueError):
+    """More states than allowed can be reached."""
+
+
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """All states reachable from the first one.
@@ -124,7 +128,7 @@ def _explore(
     while len(frontier):
         sizes.append(len(frontier))
         if sum(sizes) > max_states:
-            raise ValueError(_too_many(max_states, sizes))
+            raise TooManyStatesError(_too_many(max_states, sizes))
         is_stop = np.zeros(len(frontier), dtype=bool) if stop is None else stop(frontier)
         levels.append(frontier)
         level_stops.append(is_stop)

@@ -7,9 +7,8 @@ import click
 from kinetics.lazy import mount
 
 COMMANDS = {
-    "rank": ("kinetics.commands.rank", "rank", "Rank books of one target by time and yield."),
     "check": ("kinetics.commands.check", "check", "Tell all that is wrong with a rule book."),
-    "grow": ("kinetics.commands.grow", "grow", "Grow structures by a rule book, however many there can be."),
+    "rank": ("kinetics.commands.rank", "rank", "Rank books of one target by time and yield."),
 }
 
 
