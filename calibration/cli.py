@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -246,7 +247,8 @@ def _comparison_table(study: ValidationStudy) -> str:
         if "first_mean" in row:
             seen = f"{row['runs'] - row['first_censored']} of {row['runs']}"
             observed = f"{row['first_observed']:.4g} [{row['first_low']:.4g}, {row['first_high']:.4g}]"
-            first = (seen, observed, f"{row['first_predicted']:.4g}")
+            error = f" ± {row['first_predicted_error']:.1g}" if row["first_predicted_error"] else ""
+            first = (seen, observed, f"{row['first_predicted']:.4g}{error}")
         rows.append(
             (
                 row["label"],
@@ -257,7 +259,7 @@ def _comparison_table(study: ValidationStudy) -> str:
                 *first,
                 f"{row['cpu_mechanics_s']:.0f}",
                 f"{row['cpu_ssa_s']:.2g} ({row['ssa_runs']} runs)",
-                f"{row['cpu_exact_s']:.2g}",
+                "-" if math.isnan(row["cpu_exact_s"]) else f"{row['cpu_exact_s']:.2g}",
             )
         )
     titles = (
@@ -267,6 +269,8 @@ def _comparison_table(study: ValidationStudy) -> str:
     note = (
         "Coverage of a predicted 95 % band; waits for the first finished structure count to the end of a run at most."
     )
+    if any(not comparison.is_exact for comparison in study.comparisons):
+        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
     return text_table(titles, rows) + "\n" + note
 
 

@@ -1,4 +1,5 @@
-"""Predicted against simulated: mechanics runs that the rates never saw, beside SSA and the exact solution.
+"""Predicted against simulated: mechanics runs that the rates never saw, beside SSA and, where it can be, the exact
+solution.
 
 The measure is the predictive law of the held-out experiment itself: rates are drawn from their posterior, and with
 each draw the same number of runs is simulated. What n runs show should look like one more such group of n.
@@ -21,17 +22,22 @@ from kinetics.methods import Direct, Transient, simulate
 from kinetics.network import Network
 from kinetics.paths import RESTART, JumpPath
 from kinetics.rates import Rates
+from kinetics.states import TooManyStatesError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # The 25th of 999 groups from either end bound a 95 % band: one more group falls below it with chance 25 / 1000.
 GROUPS = 999
+EXACT_STATES = 200_000  # with more reachable states than these the prediction is the mean of SSA runs
 
 
 @dataclass(frozen=True)
 class Cost:
-    """CPU seconds: of the held-out mechanics runs, of `ssa_runs` SSA runs, of the exact solution at all times."""
+    """CPU seconds: of the held-out mechanics runs, of `ssa_runs` SSA runs, of the exact solution at all times.
+
+    exact is nan where there is no exact solution.
+    """
 
     mechanics: float
     ssa: float
@@ -46,9 +52,12 @@ class CrossValidation:
     label : which experiment, such as `80 cubes`
     runs : number n of held-out runs
     observed_mean, observed_low, observed_high : their mean with a Student t interval over the runs
-    ssa_mean, exact_mean, exact_sd : at the point rates; sd of a single run
+    ssa_mean : at the point rates
+    predicted_mean, predicted_sd : at the point rates; sd of a single run. Exact where the state space allows, else
+        those of the SSA runs
+    predicted_error : standard error of `predicted_mean` by sampling; 0 where that is exact
     low, high : band of the mean of n runs: intrinsic noise and rate uncertainty
-    z : (observed_mean - exact_mean) over the predicted sd of that difference; nan where nothing varies
+    z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
     misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups as far off
     run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
     scores : per species, then of all species summed
@@ -64,8 +73,9 @@ class CrossValidation:
     observed_low: Floats
     observed_high: Floats
     ssa_mean: Floats
-    exact_mean: Floats
-    exact_sd: Floats
+    predicted_mean: Floats
+    predicted_sd: Floats
+    predicted_error: Floats
     low: Floats
     high: Floats
     z: Floats
@@ -75,6 +85,11 @@ class CrossValidation:
     scores: tuple[Score, ...]
     first: FirstTimes | None
     cost: Cost
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the predicted mean is free of sampling error."""
+        return bool(np.isfinite(self.cost.exact))
 
     @property
     def coverage(self) -> float:
@@ -98,8 +113,9 @@ class CrossValidation:
             "observed_low": self.observed_low,
             "observed_high": self.observed_high,
             "ssa": self.ssa_mean,
-            "exact": self.exact_mean,
-            "exact_sd": self.exact_sd,
+            "predicted": self.predicted_mean,
+            "predicted_sd": self.predicted_sd,
+            "predicted_error": self.predicted_error,
             "low": self.low,
             "high": self.high,
             "z": self.z,
@@ -132,6 +148,7 @@ class CrossValidation:
                 "first_high": self.first.high,
                 "first_censored": self.first.censored,
                 "first_predicted": self.first.predicted_mean,
+                "first_predicted_error": self.first.predicted_error,
                 "first_mean": self.first.mean,
                 "first_sd": self.first.sd,
                 "p_first": self.first.p_value,
@@ -149,6 +166,7 @@ class CrossValidation:
             {
                 "summary": self.summary(),
                 "is_consistent": self.is_consistent,
+                "is_exact": self.is_exact,
                 "level": self.level,
                 "species": self.network.species,
                 "scores": [vars(score) for score in self.scores],
@@ -178,6 +196,7 @@ def crossvalidate(
     level: float = 0.95,
     seed: int = 0,
     mechanics_cpu: float = float("nan"),
+    exact_states: int = EXACT_STATES,
 ) -> CrossValidation:
     """Held-out `paths` (one initial state, not restarted, all channels open) against the prediction with `rates`.
 
@@ -186,6 +205,7 @@ def crossvalidate(
     runs : SSA runs at the point rates
     groups : draws of the rates, each with as many runs as there are paths; the smallest p-value is 1 / (groups + 1)
     mechanics_cpu : CPU seconds that the held-out runs took
+    exact_states : with more reachable states than these, mean and first times are predicted by SSA, and say how well
 
     Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
     """
@@ -199,9 +219,12 @@ def crossvalidate(
     ssa = simulate(known, Direct(), initial, grid, runs=runs, seed=seed)
     ssa_cpu = time.process_time() - begin
     begin = time.process_time()
-    exact = Transient().solve(known, initial, grid)
-    exact_mean, exact_sd = exact.mean(), exact.sd()
-    exact_cpu = time.process_time() - begin
+    try:
+        exact = Transient(max_states=exact_states).solve(known, initial, grid)
+        mean, sd = exact.mean(), exact.sd()
+        error, exact_cpu = np.zeros_like(mean), time.process_time() - begin
+    except TooManyStatesError:
+        mean, sd, error, exact_cpu = ssa.mean(), ssa.sd(), ssa.standard_error(), float("nan")
 
     draws = _rate_draws(known, rates, groups, seed)
     predicted = _predicted_groups(draws, known, initial, grid, len(paths), seed, first_run=runs)
@@ -213,7 +236,9 @@ def crossvalidate(
     if target:
         is_exact = len(rates.without_evidence()) == len(rates.channels)
         beyond = runs + groups * len(paths)  # runs numbered from here on share no random numbers with those above
-        first = compare_first_times(known, paths, target, level, seed, None if is_exact else draws, beyond)
+        first = compare_first_times(
+            known, paths, target, level, seed, None if is_exact else draws, beyond, exact_states
+        )
     observed = counts.mean(axis=0)
     misfit, p_misfit = mean_misfit(observed, means)
     observed_low, observed_high = student_interval(counts, level)
@@ -227,11 +252,12 @@ def crossvalidate(
         observed_low=observed_low,
         observed_high=observed_high,
         ssa_mean=ssa.mean(),
-        exact_mean=exact_mean,
-        exact_sd=exact_sd,
+        predicted_mean=mean,
+        predicted_sd=sd,
+        predicted_error=error,
         low=low,
         high=high,
-        z=_z(observed - exact_mean, exact_sd / np.sqrt(len(paths)), means),
+        z=_z(observed - mean, sd / np.sqrt(len(paths)), error, means),
         misfit=misfit,
         p_misfit=p_misfit,
         run_coverage=float(((run_low <= counts) & (counts <= run_high))[:, after].mean()),
@@ -278,13 +304,14 @@ def _predicted_groups(
     return counts
 
 
-def _z(difference: Floats, intrinsic: Floats, means: Floats) -> Floats:
+def _z(difference: Floats, intrinsic: Floats, error: Floats, means: Floats) -> Floats:
     """Difference over its predicted sd (T, S).
 
     means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; where events are so rare that the
-        groups hardly show them, the exact intrinsic sd is the larger and the better known
+        groups hardly show them, the intrinsic sd at the point rates is the larger and the better known
+    error : of the prediction itself, by sampling
     """
-    sd = np.maximum(intrinsic, means.std(axis=0, ddof=1))
+    sd = np.hypot(np.maximum(intrinsic, means.std(axis=0, ddof=1)), error)
     return np.divide(difference, sd, out=np.full(sd.shape, np.nan), where=sd > 1e-9)
 
 

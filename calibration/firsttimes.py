@@ -1,8 +1,8 @@
-"""Time to the first copy of a species: observed in runs, and by the exact law of first passage."""
+"""Time to the first copy of a species: observed in runs, and by the law of first passage, exact where it can be."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,15 @@ from kinetics.arrays import Floats, Ints
 from kinetics.methods import Direct
 from kinetics.network import Network
 from kinetics.paths import JumpPath
+from kinetics.states import MAX_STATES, TooManyStatesError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DRAWS = 9999  # of the null distribution of the test; the smallest p-value is 1 / (DRAWS + 1)
-CURVE = 401  # points of the exact curve, from 0 to the horizon
+CURVE = 401  # points of the predicted curve, from 0 to the horizon
+SAMPLES = 10_000  # SSA runs that stand in for the exact law; the error of their curve is 0.005 at most
+PIECE = 1000  # of them at a time, so that they do not fill the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +30,11 @@ class FirstTimes:
     observed : (n,) first times, nan where none was seen by the horizon (censored)
     horizon : every run was watched at least so long; later first times count as censored
     observed_mean, low, high : mean of min(time, horizon) with its Student t interval over the runs
-    predicted_mean : exact mean of min(time, horizon), to stand beside it
-    mean, sd : exact, without a horizon
-    curve_times, curve : exact distribution function
+    predicted_mean : mean of min(time, horizon), to stand beside it; predicted_error : its standard error by sampling, 0
+        where it is exact
+    mean, sd : exact, without a horizon; nan where the law is sampled
+    curve_times, curve : distribution function
+    samples : number of SSA runs that stand in for the exact law; 0 where it is exact
     distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the chance of one as large
     """
 
@@ -40,12 +45,24 @@ class FirstTimes:
     low: float
     high: float
     predicted_mean: float
+    predicted_error: float
     mean: float
     sd: float
     curve_times: Floats
     curve: Floats
+    samples: int
     distance: float
     p_value: float
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the predicted law is free of sampling error."""
+        return self.samples == 0
+
+    @property
+    def curve_error(self) -> float:
+        """Largest standard error of the curve by sampling; 0 where it is exact."""
+        return 0.0 if self.is_exact else float(np.sqrt(self.curve * (1 - self.curve) / self.samples).max())
 
     @property
     def censored(self) -> int:
@@ -53,7 +70,7 @@ class FirstTimes:
         return int(np.isnan(self.observed).sum())
 
     def plot(self, ax: Axes) -> Axes:
-        """Share of runs with a copy, with its 95 % band, beside the exact curve; returns `ax`."""
+        """Share of runs with a copy, with its 95 % band, beside the predicted curve; returns `ax`."""
         from calibration import plots
 
         return plots.first_times(ax, self)
@@ -67,32 +84,32 @@ def compare_first_times(
     seed: int = 0,
     rate_draws: Floats | None = None,
     first_run: int = 0,
+    max_states: int = MAX_STATES,
 ) -> FirstTimes:
-    """First times of `paths` against the exact law of `network` (with rate constants) from the same initial state.
+    """First times of `paths` against the law of `network` (with rate constants) from the same initial state.
 
     rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
     first_run : number of the first simulated run, see `Direct.simulate`
+    max_states : with more states on the way than these, the law is that of 10,000 SSA runs
 
     Runs still waiting at the horizon are not thrown away: they enter both means as `horizon`, and the test compares the
     curves only up to there, with the null distribution drawn under the same censoring.
     """
-    from kinetics.methods.passage import first_passage
-
     if paths[0].initial[network.index(species)]:
         raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")
     horizon = float(min(path.end for path in paths))
     times = np.array([path.first_time(species) for path in paths])
     times[times > horizon] = np.nan
     cut = np.nan_to_num(times, nan=horizon)
-    law = first_passage(network, paths[0].initial, species)
     grid = np.linspace(0.0, horizon, CURVE)
-    curve = law.cdf(grid)
+    law = _law(network, paths[0].initial, species, grid, seed, first_run, max_states)
+    curve = law.curve
     levels = np.where(np.isfinite(times), law.cdf(cut), np.inf)
     null = None
     if rate_draws is not None:
         cells = np.unique(np.append(np.interp(np.linspace(0.0, curve[-1], CURVE), curve, grid), horizon))
         bounds = np.append(law.cdf(cells), np.inf)
-        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run)
+        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run + law.samples)
     distance, p_value = censored_ks_test(levels, curve[-1], null, seed)
     low, high = student_interval(cut, level)
     return FirstTimes(
@@ -103,12 +120,61 @@ def compare_first_times(
         low=max(float(low), 0.0),  # a wait is not negative, whatever the t interval of few runs says
         high=float(high),
         predicted_mean=float(np.trapezoid(1 - curve, grid)),
+        predicted_error=law.mean_error,
         mean=law.mean,
         sd=law.sd,
         curve_times=grid,
         curve=curve,
+        samples=law.samples,
         distance=distance,
         p_value=p_value,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """Law of a first passage: its distribution function, and the same on a grid up to the horizon.
+
+    mean, sd : without a horizon; nan where unknown
+    mean_error : standard error of the mean of min(time, horizon); samples : runs behind it, 0 where it is exact
+    """
+
+    cdf: Callable[[Floats], Floats]
+    curve: Floats
+    mean: float
+    sd: float
+    mean_error: float = 0.0
+    samples: int = 0
+
+
+def _law(
+    network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
+) -> _Law:
+    """The exact law, or that of SSA runs where the states are too many."""
+    from kinetics.methods.passage import first_passage
+
+    try:
+        exact = first_passage(network, initial, species, max_states=max_states)
+        return _Law(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
+    except TooManyStatesError:
+        pass
+    index = network.index(species)
+    lasting = network.with_rates(network.known_rates * (network.reactants[:, index] == 0))
+    waiting = np.concatenate(
+        [
+            Direct().simulate(lasting, initial, grid, PIECE, seed, first_run=first_run + begin).counts[:, :, index] < 1
+            for begin in range(0, SAMPLES, PIECE)
+        ]
+    )
+    curve = 1.0 - waiting.mean(axis=0)
+    waits = np.trapezoid(waiting.astype(float), grid, axis=1)
+    return _Law(
+        cdf=lambda times: np.interp(times, grid, curve),
+        curve=curve,
+        mean=float("nan"),
+        sd=float("nan"),
+        mean_error=float(waits.std(ddof=1) / np.sqrt(SAMPLES)),
+        samples=SAMPLES,
     )
 
 

@@ -126,10 +126,11 @@ def trajectory(ax: Axes, comparison: CrossValidation, species: str) -> Axes:
     """Mean copies of one species: held-out runs with their interval, the prediction with its band."""
     s, times, percent = comparison.network.index(species), comparison.times, f"{100 * comparison.level:g} %"
     ax.fill_between(times, comparison.low[:, s], comparison.high[:, s], color=PREDICTED, alpha=0.25, linewidth=0)
-    ax.plot(
-        times, comparison.exact_mean[:, s], color=PREDICTED, label=f"exact, {percent} band for {comparison.runs} runs"
-    )
-    ax.plot(times, comparison.ssa_mean[:, s], ":", color=THIRD, label=f"SSA, {comparison.cost.ssa_runs} runs")
+    sampled = f"SSA, {comparison.cost.ssa_runs} runs"
+    label = f"{'exact' if comparison.is_exact else sampled}, {percent} band for {comparison.runs} runs"
+    ax.plot(times, comparison.predicted_mean[:, s], color=PREDICTED, label=label)
+    if comparison.is_exact:
+        ax.plot(times, comparison.ssa_mean[:, s], ":", color=THIRD, label=sampled)
     low, high = comparison.observed_low[:, s], comparison.observed_high[:, s]
     ax.fill_between(times, low, high, color=OBSERVED, alpha=0.2, linewidth=0)
     ax.plot(times, comparison.observed_mean[:, s], "--", color=OBSERVED, label=f"mechanics, {percent} interval")
@@ -142,7 +143,7 @@ def trajectory(ax: Axes, comparison: CrossValidation, species: str) -> Axes:
 
 
 def first_times(ax: Axes, first: FirstTimes) -> Axes:
-    """Share of runs that have the first copy, with exact pointwise 95 % limits, beside the exact law."""
+    """Share of runs that have the first copy, with exact pointwise 95 % limits, beside the predicted law."""
     from scipy.special import betaincinv
 
     n = first.observed.size
@@ -153,7 +154,8 @@ def first_times(ax: Axes, first: FirstTimes) -> Axes:
     high = np.where(reached < n, betaincinv(reached + 1, np.maximum(n - reached, 1), 0.975), 1.0)
     # with a rate of 0 the chain may end elsewhere, and the mean is infinite
     mean = f", mean {first.mean:.4g} tu" if np.isfinite(first.mean) else ""
-    ax.plot(first.curve_times, first.curve, color=PREDICTED, label=f"exact{mean}")
+    law = f"exact{mean}" if first.is_exact else f"SSA, within {first.curve_error:.1g} (1 s.e.)"
+    ax.plot(first.curve_times, first.curve, color=PREDICTED, label=law)
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)
     ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs")
     if seen.size == n:  # the curve is flat from the last one on

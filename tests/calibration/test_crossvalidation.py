@@ -111,9 +111,9 @@ def test_both_sides_and_their_cost_in_one_table(comparison):
     assert {score.species for score in comparison.scores} == {*line_network().species, "all"}
     table = comparison.table()
     assert len(table) == TIMES.size * 4
-    assert table[0]["observed"] == table[0]["exact"] == 30.0
+    assert table[0]["observed"] == table[0]["predicted"] == 30.0
     assert np.isnan(table[0]["z"])  # nothing varies at time 0
-    np.testing.assert_allclose(comparison.ssa_mean, comparison.exact_mean, atol=6 * 3 / np.sqrt(50))
+    np.testing.assert_allclose(comparison.ssa_mean, comparison.predicted_mean, atol=6 * 3 / np.sqrt(50))
 
 
 def test_is_json(comparison):
@@ -275,3 +275,72 @@ def test_what_the_rates_call_impossible_is_seen():
     assert first.p_value < 1e-3
     excused = compare_first_times(never, paths, "B", rate_draws=np.random.default_rng(0).gamma(0.5, 0.5, (999, 1)))
     assert excused.p_value > 0.05
+
+
+# Without an exact solution
+
+
+@pytest.fixture(scope="module")
+def both_ways():
+    """The same comparison with the exact solution, and as where the states are too many for it."""
+    made = [
+        crossvalidate(
+            line_network(), calibrated(5), held_out(5, n=10), TIMES, "quadmer", groups=199, seed=3, exact_states=limit
+        )
+        for limit in (200_000, 50)
+    ]
+    assert [each.is_exact for each in made] == [True, False]
+    return made
+
+
+def test_sampled_predictions_say_how_well_they_are_known(both_ways):
+    """Within 6 of their standard errors of the exact ones: 28 numbers, false alarm 6e-8 were the errors normal."""
+    exact, sampled = both_ways
+    np.testing.assert_array_equal(exact.predicted_error, 0.0)
+    assert sampled.predicted_error[1:].max() > 0.01
+    off = np.abs(sampled.predicted_mean - exact.predicted_mean)
+    assert (off <= 6 * sampled.predicted_error + 1e-12).all()
+    assert (off[1:] > 0).any()
+    np.testing.assert_allclose(sampled.predicted_sd[1:], exact.predicted_sd[1:], rtol=0.2, atol=0.05)
+    np.testing.assert_array_equal(sampled.low, exact.low)  # bands, misfit and scores never needed it
+    assert sampled.p_misfit == exact.p_misfit
+    finite = np.isfinite(exact.z) & np.isfinite(sampled.z)
+    assert np.abs(sampled.z - exact.z)[finite].max() < 0.5
+
+
+def test_sampled_first_times_say_how_well_they_are_known(both_ways):
+    exact, sampled = (each.first for each in both_ways)
+    assert (exact.samples, exact.curve_error, exact.predicted_error) == (0, 0.0, 0.0)
+    assert not sampled.is_exact
+    assert 0.004 < sampled.curve_error <= 0.005
+    assert abs(sampled.predicted_mean - exact.predicted_mean) < 6 * sampled.predicted_error
+    assert np.abs(sampled.curve - exact.curve).max() < 6 * sampled.curve_error
+    assert np.isnan(sampled.mean)
+    assert sampled.p_value == pytest.approx(exact.p_value, abs=0.15)  # another null sample of 199 groups
+
+
+def test_sampled_predictions_see_wrong_rates_too():
+    found = crossvalidate(
+        line_network(), calibrated(0, length=3000.0), held_out(1, n=100, factor=1.3), TIMES, "quadmer", seed=1,
+        exact_states=50,
+    )  # fmt: skip
+    assert not found.is_consistent
+    assert np.nanmax(np.abs(found.z)) > 5
+    assert found.first.p_value < 0.01
+
+
+def test_sampled_predictions_in_tables_and_pictures(both_ways):
+    from matplotlib.figure import Figure
+
+    _, sampled = both_ways
+    told = json.loads(json.dumps(sampled.to_dict(), allow_nan=False))
+    assert told["is_exact"] is False
+    assert told["summary"]["cpu_exact_s"] is None
+    assert told["summary"]["first_predicted_error"] > 0
+    assert told["first"]["samples"] == 10_000
+    axes = [Figure().add_subplot() for _ in range(2)]
+    sampled.plot(axes[:1], ["quadmer"])
+    sampled.first.plot(axes[1])
+    labels = [text.get_text() for ax in axes for text in ax.get_legend().get_texts()]
+    assert labels[0] == "SSA, 1000 runs, 95 % band for 10 runs"
+    assert not any("exact" in label for label in labels)
