@@ -5,37 +5,53 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.arrays import Ints, read_only
+from kinetics.arrays import Floats, Ints, read_only
 from kinetics.network import Network
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 MAX_STATES = 1_000_000
+CHUNK = 2**22  # propensities that are computed at a time
 
 
 class TooManyStatesError(ValueError):
     """More states than allowed can be reached."""
 
 
+class Table(NamedTuple):
+    """States as `kernels.exploration` looks them up: factors of the keys, a key each, and the rows by key."""
+
+    multipliers: NDArray[np.uint64]
+    keys: NDArray[np.uint64]
+    slots: Ints
+
+
+class Transitions(NamedTuple):
+    """Which state leads to which: from rows (K,) to columns (K,) at rates (K,), 1/tu; leaks (N,) lead elsewhere."""
+
+    rows: Ints
+    columns: Ints
+    rates: Floats
+    leaks: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """All states reachable from the first one.
+    """States of a network: all that can be reached from the first one, or those that a projection kept.
 
-    states : (N, S) counts; row 0 is the initial state
+    states : (N, S) counts, none twice; row 0 is the initial state
     is_stopped : (N,) bool, states that the chain never leaves because it was told to stop there
-    multipliers : (S,) uint64; a state's key is its product with them, and no two states share a key
     """
 
     network: Network
     states: Ints
     is_stopped: NDArray[np.bool_]
-    multipliers: NDArray[np.uint64]
 
     def __post_init__(self) -> None:
         for name, weights in self.network.conserved.items():
@@ -43,46 +59,67 @@ class StateSpace:
             drift = np.abs(amounts - amounts[0]).max()
             if drift > 1e-9 * max(1.0, abs(amounts[0])):
                 raise ArithmeticError(f"{name} is not conserved over the state space: it varies by {drift:g}")
-        for array in (self.states, self.is_stopped, self.multipliers):
+        for array in (self.states, self.is_stopped):
             read_only(array)
 
     def __len__(self) -> int:
         return len(self.states)
 
     @cached_property
-    def _sorted_keys(self) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
-        keys = _keys(self.states, self.multipliers)
-        order = np.argsort(keys)
-        return keys[order], order
+    def _table(self) -> Table:
+        from kinetics.kernels import exploration
+
+        multipliers = _multipliers(len(self.network.species))
+        keys = _keys(self.states, multipliers)
+        return Table(multipliers, keys, exploration.tabulate(keys, keys.size, _slots_for(keys.size)))
 
     def index_of(self, states: ArrayLike) -> NDArray[np.intp]:
-        """Rows (...) of states (..., S); -1 for a state that cannot be reached."""
-        asked = np.asarray(states, dtype=np.int64)
-        keys, order = self._sorted_keys
-        places = np.searchsorted(keys, _keys(asked, self.multipliers))
-        rows = order[np.minimum(places, keys.size - 1)]
-        return np.where((self.states[rows] == asked).all(axis=-1), rows, -1)
+        """Rows (...) of states (..., S); -1 for a state that is not among these."""
+        from kinetics.kernels import exploration
+
+        asked = np.ascontiguousarray(states, dtype=np.int64)
+        flat = asked.reshape(-1, len(self.network.species))
+        table = self._table
+        rows = exploration.find(flat, _keys(flat, table.multipliers), self.states, table.keys, table.slots)
+        return rows.reshape(asked.shape[:-1])
+
+    def transitions(self) -> Transitions:
+        """Every channel in every state, one entry each; channels that change nothing are left out."""
+        from kinetics.kernels import exploration
+
+        network, table = self.network, self._table
+        changes = network.stoichiometry
+        key_changes = _keys(changes, table.multipliers)
+        leaks = np.zeros(len(self))
+        rows, columns, rates = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        length = max(1, CHUNK // max(len(network.channels), 1))
+        for begin in range(0, len(self), length):
+            part = slice(begin, min(begin + length, len(self)))
+            propensities = network.propensities(self.states[part])
+            propensities[self.is_stopped[part]] = 0.0
+            propensities[:, ~changes.any(axis=1)] = 0.0  # A -> A changes nothing
+            ends = exploration.neighbours(
+                begin, propensities, changes, key_changes, self.states, table.keys, table.slots
+            )
+            leaks[part] = np.where(ends == exploration.OUTSIDE, propensities, 0.0).sum(axis=1)
+            here, channels = np.nonzero(ends >= 0)
+            rows.append(here + begin)
+            columns.append(ends[here, channels])
+            rates.append(propensities[here, channels])
+        return Transitions(np.concatenate(rows), np.concatenate(columns), np.concatenate(rates), leaks)
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
         from scipy.sparse import csr_array, dia_array
 
-        network = self.network
-        propensities = network.propensities(self.states)
-        propensities[self.is_stopped] = 0.0
-        propensities[:, ~network.stoichiometry.any(axis=1)] = 0.0  # A -> A changes nothing
-        rows, channels = np.nonzero(propensities)
-        columns = self.index_of(self.states[rows] + network.stoichiometry[channels])
-        if columns.size and columns.min() < 0:
+        rows, columns, rates, leaks = self.transitions()
+        if leaks.any():
             raise ArithmeticError("the state space is not closed: a channel leads out of it")
         n = len(self)
-        exits = propensities.sum(axis=1)
-        jumps = csr_array((propensities[rows, channels], (rows, columns)), shape=(n, n))
-        generator = csr_array(jumps - dia_array((exits[None, :], [0]), shape=(n, n)))
-        excess = np.abs(generator.sum(axis=1))
-        if np.any(excess > 1e-12 * exits):
-            raise ArithmeticError(f"a row of the generator sums to {excess.max():g} instead of 0")
-        return generator
+        exits = np.bincount(rows, rates, minlength=n)
+        jumps = csr_array((rates, (rows, columns)), shape=(n, n))
+        diagonal: Any = dia_array((exits[None, :], [0]), shape=(n, n))
+        return csr_array(jumps - diagonal)
 
 
 def reachable(
@@ -97,62 +134,93 @@ def reachable(
     max_states : more than that are refused
     Channels whose rate is known to be 0 lead nowhere.
     """
-    start = network.state(initial)
-    rng = np.random.default_rng(0)  # the keys decide the order of states, so they are always the same ones
-    while True:
-        multipliers = rng.integers(1, 2**64 - 1, size=start.size, dtype=np.uint64, endpoint=True)
-        found = _explore(network, start, stop, max_states, multipliers)
-        if found is not None:
-            return StateSpace(network, *found, multipliers)
+    search = Search(network, network.state(initial)[None, :], max_states)
+    if stop is None:
+        search.go_on(0)
+        return StateSpace(network, search.states.copy(), np.zeros(len(search), dtype=bool))
+    is_stopped = np.zeros(1024, dtype=bool)
+    begin = 0
+    while begin < len(search):
+        end = len(search)
+        if end > is_stopped.size:
+            is_stopped = np.append(is_stopped, np.zeros(end, dtype=bool))
+        is_stopped[begin:end] = stop(search.states[begin:])
+        search.go_on(begin, end, is_stopped)
+        begin = end
+    return StateSpace(network, search.states.copy(), is_stopped[: len(search)].copy())
 
 
-def _explore(
-    network: Network,
-    start: Ints,
-    stop: Callable[[Ints], NDArray[np.bool_]] | None,
-    max_states: int,
-    multipliers: NDArray[np.uint64],
-) -> tuple[Ints, NDArray[np.bool_]] | None:
-    """States and which of them are stops; None where two states shared a key (chance N**2 / 2**65)."""
-    works = np.ones(len(network.channels), dtype=bool)
-    if network.rate_constants is not None:
-        works = network.rate_constants * network.ways > 0
-    reactants, changes = network.reactants[works], network.stoichiometry[works]
+class Search:
+    """A growing set of states.
 
-    states = start[None, :]
-    keys = _keys(states, multipliers)
-    levels, level_stops = [], []
-    seen_keys, seen_rows = keys, np.zeros(1, dtype=np.intp)
-    sizes: list[int] = []
-    frontier = states
-    while len(frontier):
-        sizes.append(len(frontier))
-        if sum(sizes) > max_states:
-            raise TooManyStatesError(_too_many(max_states, sizes))
-        is_stop = np.zeros(len(frontier), dtype=bool) if stop is None else stop(frontier)
-        levels.append(frontier)
-        level_stops.append(is_stop)
+    states : (n, S) to begin with, none twice
+    max_states : more are refused
+    levels : how many states each further event added, by breadth
+    """
 
-        able = (frontier[:, None, :] >= reactants).all(axis=2) & ~is_stop[:, None]
-        rows, channels = np.nonzero(able)
-        targets = frontier[rows] + changes[channels]
-        if targets.size and targets.min() < 0:
+    def __init__(self, network: Network, states: Ints, max_states: int = MAX_STATES) -> None:
+        from kinetics.kernels import exploration
+
+        works = network.stoichiometry.any(axis=1)
+        if network.rate_constants is not None:
+            works &= network.rate_constants * network.ways > 0
+        multipliers = _multipliers(len(network.species))
+        changes = np.ascontiguousarray(network.stoichiometry[works])
+        self._channels = np.ascontiguousarray(network.reactants[works]), changes, _keys(changes, multipliers)
+        self._network, self._max_states = network, max_states
+        self._n = len(states)
+        self._states = np.concatenate([states, states])  # room to grow into
+        self._keys = _keys(self._states, multipliers)
+        self._slots = exploration.tabulate(self._keys, self._n, _slots_for(2 * self._n))
+        self.levels = [self._n]
+
+    def __len__(self) -> int:
+        return self._n
+
+    @property
+    def states(self) -> Ints:
+        """The states found so far (N, S)."""
+        return self._states[: self._n]
+
+    def go_on(self, begin: int, end: int = -1, is_stopped: NDArray[np.bool_] | None = None) -> None:
+        """Add what the states begin, begin + 1, ... before `end` lead to in one event; without an end, in any number.
+
+        is_stopped : (N,) bool, states that lead nowhere
+        """
+        from kinetics.kernels import exploration
+
+        stopped = np.empty(0, dtype=bool) if is_stopped is None else is_stopped
+        self._states, self._keys, self._slots, self._n, outcome, levels = exploration.explore(
+            *self._channels, self._states, self._keys, self._slots, self._n, begin, end, stopped, self._max_states
+        )
+        self.levels += [int(size) for size in levels if size]
+        if outcome == exploration.OVERFLOW:
             raise ValueError("a count grows beyond 2**63 - 1")
-        keys, first, again = np.unique(_keys(targets, multipliers), return_index=True, return_inverse=True)
-        if not np.array_equal(targets[first][again], targets):
-            return None
-        targets = targets[first]
-        places = np.minimum(np.searchsorted(seen_keys, keys), seen_keys.size - 1)
-        is_new = seen_keys[places] != keys
-        everything = np.concatenate(levels)
-        if not np.array_equal(everything[seen_rows[places[~is_new]]], targets[~is_new]):
-            return None
-        frontier = targets[is_new]
-        new_rows = np.arange(len(frontier)) + len(everything)
-        spots = np.searchsorted(seen_keys, keys[is_new])
-        seen_keys = np.insert(seen_keys, spots, keys[is_new])
-        seen_rows = np.insert(seen_rows, spots, new_rows)
-    return np.concatenate(levels), np.concatenate(level_stops)
+        if outcome == exploration.TOO_MANY:
+            raise TooManyStatesError(self._too_many())
+
+    def _too_many(self) -> str:
+        recent = ", ".join(str(size) for size in self.levels[-5:-1])
+        last = sum(self.levels[-2:])  # the very last level may be cut short
+        tops, before = self.states[-last:].max(axis=0), self.states[:-last].max(axis=0, initial=0)
+        risen = [
+            f"{name} up to {top}"
+            for name, top, old in zip(self._network.species, tops, before, strict=True)
+            if top > old
+        ]
+        growing = f" ({', '.join(risen[:3])} and rising)" if risen else ""
+        return (
+            f"over {self._max_states} states are reachable: {len(self.levels) - 1} events away from the initial state, "
+            f"and the number of states still goes {recent} with each further event{growing}. Start from fewer copies, "
+            f"stop the network's growth, keep only the likely states by the method 'fsp', sample with the direct "
+            f"method instead, or raise max_states"
+        )
+
+
+def _multipliers(n_species: int) -> NDArray[np.uint64]:
+    """Random odd numbers (S,), always the same ones."""
+    rng = np.random.default_rng(0)
+    return rng.integers(0, 2**63, size=n_species, dtype=np.uint64) * np.uint64(2) + np.uint64(1)
 
 
 def _keys(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -160,10 +228,6 @@ def _keys(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return (states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64)
 
 
-def _too_many(max_states: int, sizes: list[int]) -> str:
-    recent = ", ".join(str(size) for size in sizes[-4:])
-    return (
-        f"over {max_states} states are reachable: {len(sizes)} events away from the initial state, and the number of "
-        f"states still goes {recent} with each further event. Start from fewer copies, stop the network's growth, "
-        f"sample with the direct method instead, or raise max_states"
-    )
+def _slots_for(n: int) -> int:
+    """Size of a table, a power of two, that n states fill to a half at most."""
+    return int(2 ** max(4, (2 * n - 1).bit_length()))

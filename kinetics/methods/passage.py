@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, reals
 from kinetics.methods.direct import whole_number
-from kinetics.methods.uniformisation import EPSILON, MAX_STEPS, Absorption, DiscreteChain
+from kinetics.methods.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.network import Network
 from kinetics.states import MAX_STATES, reachable
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+EPSILON = 2.0**-52
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
 TRUST = 1e-10  # relative error above which elimination without subtractions takes over from sparse LU
 MAX_DENSE = 2000  # states that elimination takes on: its cost grows with their cube

@@ -8,97 +8,138 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.arrays import Floats
+from kinetics.arrays import Floats, Ints
+from kinetics.methods.poisson import ROUNDOFF, poisson_bounds, poisson_window, window_error
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
+BLOCK_BYTES = 2**29  # of these vectors
 MAX_STEPS = 5_000_000
-EPSILON = float(np.finfo(float).eps)
+RATE_ERROR = 8  # roundings in a rate of the generator: constant, ways and combinations of up to six reactants
+
+
+class Arrays(NamedTuple):
+    """A chain as `kernels.markov` reads it."""
+
+    begins: Ints
+    sources: NDArray[np.int32]
+    shares: Floats
+    exits: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class DiscreteChain:
-    """The uniformised chain of a generator.
+    """The uniformised chain of a generator; where exits exceed the rates that stay inside, it loses mass.
 
     rate : q, 1/tu
-    transposed : csr_array (N, N), P transposed, so that p P is a product with a row-major matrix
+    arrays : inflows and exits of every state as shares of q
+    terms : most rates into plus most rates out of one state
     """
 
     rate: float
-    transposed: Any
+    arrays: Arrays
+    terms: int
 
     @classmethod
     def of(cls, generator: csr_array) -> DiscreteChain:
-        """The chain of a generator (N, N) whose rows sum to 0."""
-        from scipy.sparse import csr_array, eye_array
+        """The chain of a generator (N, N) in 1/tu whose rows sum to 0, or to less where mass is lost."""
+        entries = generator.tocoo()
+        off = entries.row != entries.col
+        return cls.from_rates(entries.row[off], entries.col[off], entries.data[off], -generator.diagonal())
 
-        rate = float(-generator.diagonal().min(initial=0.0)) or 1.0
-        step = csr_array((eye_array(generator.shape[0]) + generator / rate).T)
-        np.maximum(step.data, 0.0, out=step.data)  # a diagonal of 1 - 1 may come out as -1e-16
-        return cls(rate, step)
+    @classmethod
+    def from_rates(cls, rows: Ints, columns: Ints, rates: Floats, exits: Floats) -> DiscreteChain:
+        """The chain that goes from rows (K,) to columns (K,) at rates (K,), and leaves its states at exits (N,)."""
+        from scipy.sparse import csr_array
+
+        rate = float(exits.max(initial=0.0)) or 1.0
+        n = exits.size
+        moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
+        terms = sum(int(np.bincount(ends, minlength=1).max()) for ends in (rows, columns))
+        arrays = Arrays(moves.indptr.astype(np.int64), moves.indices.astype(np.int32), moves.data, exits / rate)
+        return cls(rate, arrays, terms)
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return self.arrays.exits.size
+
+    @cached_property
+    def transposed(self) -> Any:
+        """csr_array (N, N), P transposed: `transposed @ p` is p P."""
+        from scipy.sparse import csr_array, dia_array
+
+        n = self.size
+        moves: Any = csr_array((self.arrays.shares, self.arrays.sources, self.arrays.begins), shape=(n, n))
+        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=(n, n))
+        return csr_array(moves + stays)
 
     def steps_until(self, time: float, tolerance: float) -> int:
         """Steps after which, but for `tolerance`, all of the Poisson law at `time` has been seen."""
         return poisson_bounds(self.rate * time, tolerance)[1]
 
-    def rounding(self, steps: int) -> float:
-        """Bound on the total error by rounding of a vector after so many steps.
+    def rounding(self, steps: float, jumps: float | None = None) -> float:
+        """Bound on the summed error by rounding of a vector after so many steps, and of the rates behind them.
 
-        A step adds at most as many positive products as a row of the transposed matrix holds, each right to two
-        roundings, and its matrix is wrong by one more.
+        jumps : expected number of events on the way; at most the steps
+
+        The last addition of a step rounds each probability once. All else in it is in proportion to what moves: a
+        product and a sum of `terms` positive numbers, and rates that came with errors of their own.
         """
-        longest = int(np.diff(self.transposed.indptr).max(initial=0))
-        return steps * (longest + 3) * EPSILON
+        jumps = steps if jumps is None else jumps
+        return 1.001 * ROUNDOFF * (steps + (self.terms + 2 * RATE_ERROR + 6) * jumps)
 
 
-def poisson_bounds(mean: float, tolerance: float) -> tuple[int, int]:
-    """First and last number outside which a Poisson law has at most `tolerance` (Chernoff's bound on both sides)."""
-    depth = np.log(2.0 / tolerance)
-    below = np.sqrt(2.0 * mean * depth)
-    above = depth / 3.0 + np.sqrt(depth**2 / 9.0 + 2.0 * mean * depth)
-    return max(0, int(np.floor(mean - below))), int(np.ceil(mean + above))
+class Mixtures(NamedTuple):
+    """p(t) (T, N) at several times; steps (N,) spent in each state on the way; bound on the summed absolute error."""
+
+    probabilities: Floats
+    stays: Floats
+    error: float
 
 
-def poisson_window(mean: float, tolerance: float) -> tuple[int, Floats]:
-    """The numbers first, first + 1, ... and their Poisson probabilities, scaled to sum to 1.
+def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Floats, tolerance: float) -> Mixtures:
+    """Probabilities at all `times` from one pass of steps.
 
-    Grown from the mode by ratios, as Fox & Glynn (1988) do: no factorial, no underflow.
+    start : (N,), not negative, with a sum of at most 1
+    tolerance : largest probability that may be left out at a time; the error holds it and every rounding
     """
-    if mean == 0.0:
-        return 0, np.ones(1)
-    first, last = poisson_bounds(mean, tolerance)
-    mode = int(mean)
-    rising = np.cumprod(mean / np.arange(mode + 1, last + 1))
-    falling = np.cumprod(np.arange(mode, first, -1) / mean)[::-1]
-    weights = np.concatenate([falling, [1.0], rising])
-    return first, weights / weights.sum()
+    from kinetics.kernels import markov
 
-
-def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Floats, tolerance: float) -> Floats:
-    """p(t) (T, N) at all `times` from one pass of steps, each right to `tolerance` and rounding."""
-    windows = [poisson_window(chain.rate * float(time), tolerance) for time in times]
+    if not chain.arrays.exits.any():
+        return Mixtures(np.tile(start, (len(times), 1)), np.zeros_like(start), 0.0)
+    means = [chain.rate * float(time) for time in times]
+    windows = [poisson_window(mean, tolerance / 2) for mean in means]
     ends = np.array([first + weights.size for first, weights in windows])
     firsts = np.array([first for first, _ in windows])
-    mixed = np.zeros((len(windows), start.size))
-    vector = start
-    n_steps = int(ends.max(initial=0))
-    for begin in range(0, n_steps, BLOCK):
-        end = min(begin + BLOCK, n_steps)
-        vectors = np.empty((end - begin, start.size))
-        for row in vectors:
-            row[:] = vector
-            vector = chain.transposed @ vector
+    n_steps = int(ends.max(initial=1))
+    block = max(1, min(BLOCK, BLOCK_BYTES // (8 * start.size), n_steps))
+    vectors, flows = np.empty((block + 1, start.size)), np.empty(block)
+    mixed, stays, jumps = np.zeros((len(windows), start.size)), np.zeros(start.size), 0.0
+    vectors[-1] = start
+    for begin in range(0, n_steps, block):
+        end = min(begin + block, n_steps)
+        vectors[0] = vectors[-1]
+        markov.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
+        jumps += float(flows[: end - begin].sum())
+        stays += vectors[: end - begin].sum(axis=0)
         active = np.flatnonzero((firsts < end) & (ends > begin))
         if active.size:
-            mixed[active] += _weights_between(begin, end, [windows[i] for i in active]) @ vectors
-    return mixed
+            weights = _weights_between(begin, end, [windows[i] for i in active])
+            markov.mix(active, weights, vectors[: end - begin], mixed)
+    errors = [
+        window_error(mean, first, window, tolerance / 2) + ROUNDOFF * (block + window.size / block + 2)
+        for mean, (first, window) in zip(means, windows, strict=True)
+    ]
+    return Mixtures(mixed, stays, max(errors, default=0.0) + chain.rounding(n_steps, jumps))
 
 
 def _weights_between(begin: int, end: int, windows: Sequence[tuple[int, Floats]]) -> Floats:
@@ -115,10 +156,10 @@ class Absorption:
 
     def __init__(self, chain: DiscreteChain) -> None:
         self._chain = chain
-        self._vector = np.zeros(chain.transposed.shape[0])
+        self._vector = np.zeros(chain.size)
         self._vector[0] = 1.0
-        self._absorbed: NDArray[np.float64] = np.empty(0)
-        self._alive: NDArray[np.float64] = np.empty(0)
+        self._absorbed: Floats = np.empty(0)
+        self._alive: Floats = np.empty(0)
 
     def at(self, time: float, tolerance: float) -> tuple[float, float]:
         """Probability that the last state has been reached by `time`, and that it has not."""
@@ -128,14 +169,14 @@ class Absorption:
         return float(weights @ self._absorbed[window]), float(weights @ self._alive[window])
 
     def _extend(self, n_steps: int) -> None:
+        from kinetics.kernels import markov
+
         begin = self._absorbed.size
         if n_steps <= begin:
             return
         # By half as much again each time, so that many small requests copy little.
-        end = max(n_steps, begin + begin // 2)
-        self._absorbed = np.concatenate([self._absorbed, np.empty(end - begin)])
-        self._alive = np.concatenate([self._alive, np.empty(end - begin)])
-        for n in range(begin, end):
-            self._absorbed[n] = self._vector[-1]
-            self._alive[n] = self._vector[:-1].sum()
-            self._vector = self._chain.transposed @ self._vector
+        more = max(n_steps, begin + begin // 2) - begin
+        absorbed, alive = np.empty(more), np.empty(more)
+        markov.absorb(*self._chain.arrays, self._vector, absorbed, alive)
+        self._absorbed = np.concatenate([self._absorbed, absorbed])
+        self._alive = np.concatenate([self._alive, alive])

@@ -1,0 +1,153 @@
+"""States in a hash table: finding new ones, and where each channel leads.
+
+A state's key is the product of its counts with random odd numbers, wrapping at 2**64; a channel adds a constant to it.
+Equal keys are never trusted: the counts themselves are compared.
+"""
+
+import numpy as np
+from numba import njit
+
+# Outcomes of an exploration
+COMPLETE = 0
+TOO_MANY = 1
+OVERFLOW = 2  # a count beyond int64
+
+EMPTY = -1
+OUTSIDE = -2
+MIX = np.uint64(0x9E3779B97F4A7C15)
+
+
+@njit(cache=True, nogil=True)
+def first_slot(key, size):
+    """Where in a table of a power of two slots the search for a key begins."""
+    mixed = (key ^ (key >> np.uint64(29))) * MIX
+    return np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(size - 1))
+
+
+@njit(cache=True, nogil=True)
+def tabulate(keys, n, size):
+    """Table of `size` slots that hold the rows of the first n keys."""
+    table = np.full(size, EMPTY, dtype=np.int64)
+    for i in range(n):
+        slot = first_slot(keys[i], size)
+        while table[slot] != EMPTY:
+            slot = (slot + 1) & (size - 1)
+        table[slot] = i
+    return table
+
+
+@njit(cache=True, nogil=True)
+def find(asked, asked_keys, states, keys, table):
+    """Rows (n,) of the states `asked` (n, S); -1 where there is none."""
+    rows = np.full(asked.shape[0], -1, dtype=np.int64)
+    for i in range(asked.shape[0]):
+        slot = first_slot(asked_keys[i], table.size)
+        while table[slot] != EMPTY:
+            row = table[slot]
+            if keys[row] == asked_keys[i]:
+                same = True
+                for s in range(states.shape[1]):
+                    same &= states[row, s] == asked[i, s]
+                if same:
+                    rows[i] = row
+                    break
+            slot = (slot + 1) & (table.size - 1)
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def explore(reactants, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
+    """Add to the first n states all to which those from `begin` on lead.
+
+    reactants, changes : (R, S) of the channels that work
+    key_changes : (R,) uint64, what a channel adds to the key
+    states, keys, table : room for states; where it does not suffice, larger copies come back
+    end : look no further than the states before it; -1 until nothing new is found
+    is_stopped : (n,) bool, states that lead nowhere; with end = -1 it may be empty
+    most : more states than that end the search
+
+    Returns states, keys, table, their number, the outcome, and the sizes (L,) of the levels that were found.
+    """
+    n_species = states.shape[1]
+    level_end = n if end < 0 else end
+    sizes = np.zeros(64, dtype=np.int64)
+    n_levels = 0
+    i = begin
+    outcome = COMPLETE
+    while i < (n if end < 0 else end):
+        if i == level_end:
+            if n_levels == sizes.size:
+                sizes = np.append(sizes, np.zeros_like(sizes))
+            sizes[n_levels] = n - level_end
+            n_levels += 1
+            level_end = n
+        if i < is_stopped.size and is_stopped[i]:
+            i += 1
+            continue
+        for r in range(changes.shape[0]):
+            able = True
+            for s in range(n_species):
+                able &= states[i, s] >= reactants[r, s]
+            if not able:
+                continue
+            key = keys[i] + key_changes[r]
+            slot = first_slot(key, table.size)
+            known = False
+            while table[slot] != EMPTY and not known:
+                row = table[slot]
+                known = keys[row] == key
+                if known:
+                    for s in range(n_species):
+                        known &= states[row, s] == states[i, s] + changes[r, s]
+                slot = (slot + 1) & (table.size - 1)
+            if known:
+                continue
+            if n >= most:
+                return states, keys, table, n, TOO_MANY, np.append(sizes[:n_levels], n - level_end)
+            if n == keys.size:
+                larger = np.empty((2 * n, n_species), dtype=np.int64)
+                larger[:n] = states
+                states = larger
+                keys = np.append(keys, keys)
+                table = tabulate(keys, n, 2 * table.size)
+            for s in range(n_species):
+                count = states[i, s] + changes[r, s]
+                if count < 0:
+                    return states, keys, table, n, OVERFLOW, sizes[:n_levels]
+                states[n, s] = count
+            keys[n] = key
+            slot = first_slot(key, table.size)
+            while table[slot] != EMPTY:
+                slot = (slot + 1) & (table.size - 1)
+            table[slot] = n
+            n += 1
+        i += 1
+    return states, keys, table, n, outcome, np.append(sizes[:n_levels], n - level_end)
+
+
+@njit(cache=True, nogil=True)
+def neighbours(begin, propensities, changes, key_changes, states, keys, table):
+    """Row (n, R) to which each channel leads from the states begin, begin + 1, ...
+
+    propensities : (n, R); -1 is given where one is 0, OUTSIDE where the channel leads out of the table
+    """
+    n, n_channels = propensities.shape
+    columns = np.full((n, n_channels), -1, dtype=np.int64)
+    for i in range(n):
+        for r in range(n_channels):
+            if propensities[i, r] == 0.0:
+                continue
+            columns[i, r] = OUTSIDE
+            key = keys[begin + i] + key_changes[r]
+            slot = first_slot(key, table.size)
+            while table[slot] != EMPTY:
+                row = table[slot]
+                same = keys[row] == key
+                if same:
+                    for s in range(states.shape[1]):
+                        same &= states[row, s] == states[begin + i, s] + changes[r, s]
+                if same:
+                    columns[i, r] = row
+                    break
+                slot = (slot + 1) & (table.size - 1)
+    return columns

@@ -1,0 +1,79 @@
+"""Steps of a uniformised Markov chain on a sparse generator.
+
+A step adds to every state what flows in and takes what flows out: p + (inflow - outflow). All but the last addition
+round in proportion to the flow, not to the probability, so a chain that mostly rests loses little.
+"""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def advance(begins, sources, shares, exits, vectors, flows):
+    """Fill the rows of `vectors` after the first, each one step after the row before.
+
+    begins : (N + 1,) int64, where the inflow of each state begins in the next two
+    sources : (K,) int32, the state that it comes from
+    shares : (K,) rate / q
+    exits : (N,) exit rate / q, none above 1
+    vectors : (B + 1, N), row 0 given
+    flows : (B,) receives the mass that left its state in each step
+    """
+    n = exits.size
+    for b in range(flows.size):
+        flow = 0.0
+        for i in range(n):
+            inflow = 0.0
+            for k in range(begins[i], begins[i + 1]):
+                inflow += shares[k] * vectors[b, sources[k]]
+            outflow = exits[i] * vectors[b, i]
+            flow += outflow
+            # Not negative: a rounded product with exits <= 1 is no larger than the probability itself.
+            vectors[b + 1, i] = vectors[b, i] + (inflow - outflow)
+        flows[b] = flow
+
+
+@njit(cache=True, nogil=True)
+def absorb(begins, sources, shares, exits, vector, absorbed, alive):
+    """Step on a chain whose last state is never left; before each step, note its mass and the summed rest.
+
+    vector : (N,), changed in place
+    absorbed, alive : (B,) receive the mass in the last state and in all others
+    """
+    n = exits.size
+    now = vector.copy()
+    after = np.empty(n)
+    for b in range(absorbed.size):
+        absorbed[b] = now[n - 1]
+        rest = 0.0
+        for i in range(n):
+            if i < n - 1:
+                rest += now[i]
+            inflow = 0.0
+            for k in range(begins[i], begins[i + 1]):
+                inflow += shares[k] * now[sources[k]]
+            after[i] = now[i] + (inflow - exits[i] * now[i])
+        alive[b] = rest
+        now, after = after, now
+    vector[:] = now
+
+
+@njit(cache=True, nogil=True)
+def mix(rows, weights, vectors, mixed):
+    """Add to mixed[rows[a]] the sum over b of weights[a, b] * vectors[b].
+
+    A matrix product in tiles that stay in the cache: BLAS would wake threads that cost more than they bring.
+    """
+    tile = 64
+    total = np.empty(tile)
+    for left in range(0, vectors.shape[1], tile):
+        right = min(left + tile, vectors.shape[1])
+        for a in range(rows.size):
+            total[:] = 0.0
+            for b in range(weights.shape[1]):
+                weight = weights[a, b]
+                if weight != 0.0:
+                    for j in range(left, right):
+                        total[j - left] += weight * vectors[b, j]
+            for j in range(left, right):
+                mixed[rows[a], j] += total[j - left]
