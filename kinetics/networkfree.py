@@ -72,6 +72,8 @@ def free_cubes(book: RuleBook, cubes: int) -> dict[Structure, int]:
 def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> Rate:
     """The constant of a class, from rates that are made for this way of counting and these faces."""
     if not isinstance(rates, ClassRates):
+        if not callable(rates):
+            raise ValueError(f"rates = {rates!r}; expected ClassRates, or a function of a rate class")
         return rates
     if rates.convention.combinations != "distinct":
         raise ValueError(

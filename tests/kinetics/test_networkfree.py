@@ -99,10 +99,8 @@ def test_agrees_with_the_master_equation_of_the_derived_network(book, cubes, tim
 
 
 def test_agrees_with_the_direct_method_in_a_larger_tank():
-    """60 cubes of line4: mean quadmers of the two samples within six standard errors of their difference, and a 5 %
-    error in the rates of joins seen.
-    """
-    times = [20.0, 200.0]
+    """60 cubes of line4: the means of the two samples differ by chance alone; joins a fifth too fast are seen."""
+    times = [1.0, 200.0]
     _, network = network_of(LINE4, varied, 4)
     ours = grow(LINE4, varied, 60, times[-1], runs=150, seed=5).by_size(times)[:, :, 1:5]
     theirs = simulate(network, Direct(), [60, 0, 0, 0], times, runs=5000, seed=5)
@@ -113,7 +111,7 @@ def test_agrees_with_the_direct_method_in_a_larger_tank():
 
     assert gaps(theirs).max() < 5.7  # 8 comparisons at 1e-6 in all
     joins = network.reactants.sum(axis=1) == 2
-    faster = network.with_rates(network.rate_constants * np.where(joins, 1.6, 1.0))
+    faster = network.with_rates(network.rate_constants * np.where(joins, 1.2, 1.0))
     assert gaps(simulate(faster, Direct(), [60, 0, 0, 0], times, runs=5000, seed=5)).max() > 5.7
 
 
@@ -333,6 +331,7 @@ UNIFORM = ClassRates.uniform(1e-3, 1e-3)
         ({"end": float("inf")}, "expected finite numbers"),
         ({"runs": 0}, "runs = 0"),
         ({"seed": -1}, "seed = -1"),
+        ({"rates": {"join": 1.0}}, "expected ClassRates, or a function of a rate class"),
         ({"rates": lambda _: -1.0}, r"the rate of class `join 1 f1 \+ 1 f1` is -1.0; expected a number >= 0"),
         ({"rates": lambda _: float("nan")}, "is nan; expected a number >= 0"),
         ({"rates": lambda _: None}, "is None; expected a number >= 0"),
