@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kinetics.classrates import ClassRates
     from kinetics.methods import Direct, Transient, sample_path, simulate, solve
     from kinetics.methods.passage import Passage, first_passage
     from kinetics.network import Network
@@ -16,10 +17,12 @@ if TYPE_CHECKING:
     from kinetics.networkfree_paths import Growth, Growths
     from kinetics.paths import RESTART, Ensemble, JumpPath
     from kinetics.prediction import Prediction, predict
+    from kinetics.ranking import Ranking, rank
     from kinetics.rates import ChannelRate, Convention, Rates
     from kinetics.states import StateSpace, reachable
 
 _HOMES = {
+    "kinetics.classrates": ("ClassRates",),
     "kinetics.methods": ("Direct", "Transient", "sample_path", "simulate", "solve"),
     "kinetics.methods.passage": ("Passage", "first_passage"),
     "kinetics.network": ("Network",),
@@ -27,6 +30,7 @@ _HOMES = {
     "kinetics.networkfree_paths": ("Growth", "Growths"),
     "kinetics.paths": ("RESTART", "Ensemble", "JumpPath"),
     "kinetics.prediction": ("Prediction", "predict"),
+    "kinetics.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
     "kinetics.states": ("StateSpace", "reachable"),
 }
@@ -34,6 +38,7 @@ _HOMES = {
 __all__ = [
     "RESTART",
     "ChannelRate",
+    "ClassRates",
     "Convention",
     "Direct",
     "Ensemble",
@@ -43,12 +48,14 @@ __all__ = [
     "Network",
     "Passage",
     "Prediction",
+    "Ranking",
     "Rates",
     "StateSpace",
     "Transient",
     "first_passage",
     "grow",
     "predict",
+    "rank",
     "reachable",
     "sample_path",
     "simulate",

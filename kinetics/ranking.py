@@ -76,9 +76,12 @@ class Ranking:
             places.append(leads)
         return tuple(places)
 
-    def ties(self, candidate: Candidate) -> tuple[str, ...]:
+    def ties_of(self, name: str) -> tuple[str, ...]:
         """Names of the other books that cannot be told from this one."""
-        return tuple(c.name for c in self.candidates if c is not candidate and self.are_tied(candidate, c))
+        found = [candidate for candidate in self.candidates if candidate.name == name]
+        if not found:
+            raise ValueError(f"unknown book {name!r}; ranked are {', '.join(c.name for c in self.candidates)}")
+        return tuple(c.name for c in self.candidates if c is not found[0] and self.are_tied(found[0], c))
 
     @property
     def pathways(self) -> dict[str, tuple[str, ...]]:
@@ -113,10 +116,13 @@ class Ranking:
             "value (sd of a run); e: exact, by so many states; ±: 95 % of so many sampled runs, r"
             + ("; []: 95 % from the rates" if self.draws else ""),
         ]
-        for candidate in self.candidates:
-            ties = self.ties(candidate)
+        places = {candidate.name: place for candidate, place in zip(self.candidates, self.places, strict=True)}
+        if len(set(places.values())) < len(places):
+            lines.append(f"= books that their {self.by} does not tell apart from the first one of that place")
+        for name, place in places.items():
+            ties = [other for other in self.ties_of(name) if places[other] < place]
             if ties:
-                lines.append(f"{candidate.name} is not told apart from {', '.join(ties)} by {self.by}")
+                lines.append(f"{name} is not told apart from {', '.join(ties)} either")
         if self.unfinished:
             lines.append(f"interrupted before {', '.join(self.unfinished)}")
         return [*lines, *self.notes]
@@ -140,7 +146,7 @@ class Ranking:
                 {
                     "place": place,
                     "book": candidate.name,
-                    "ties": list(self.ties(candidate)),
+                    "ties": list(self.ties_of(candidate.name)),
                     "letters": candidate.letters,
                     "rules": candidate.rules,
                     **_plain(candidate),
@@ -166,26 +172,32 @@ class Ranking:
         return pd.DataFrame(rows)
 
     def plot(self, ax: Any) -> Any:
-        """Yield against time to the first target, each book a point with its 95 % intervals; returns `ax`."""
+        """Yield against time to the first target, each book a point with its 95 % intervals; returns `ax`.
+
+        The first eight have a colour and a name each, the others are grey.
+        """
         from kinetics import plots
 
+        shown = min(len(self.candidates), len(plots.COLOURS))
         for number, candidate in enumerate(self.candidates):
             spans = {measure: _span(candidate, measure) for measure in MEASURES}
             first, amount = (candidate.figure(measure) for measure in ("first", "yield"))
-            exact = {first.method, amount.method} == {"exact"}
-            colour = plots.colour(number)
+            is_exact = {first.method, amount.method} == {"exact"}
+            colour = plots.colour(number) if number < shown else "0.6"
+            label = f"{candidate.name}: {_short(candidate.pathway)}" if number < shown else ""
             ax.errorbar(
                 first.value,
                 amount.value,
                 xerr=[[span] for span in spans["first"]],
                 yerr=[[span] for span in spans["yield"]],
-                marker="osD^vP*X"[number % 8],
+                marker="osD^vP*X"[number] if number < shown else ".",
                 markersize=7,
                 color=colour,
-                markerfacecolor=colour if exact else "white",
+                markerfacecolor=colour if is_exact else "white",
                 capsize=3,
                 linestyle="none",
-                label=f"{candidate.name}: {_short(candidate.pathway)}",
+                label=label or (f"{len(self.candidates) - shown} more" if number == shown else None),
+                zorder=3 if number < shown else 2,
             )
         ax.set_xlabel("mean time to the first target (tu)")
         ax.set_ylabel(f"yield at {self.horizon:g} tu")
