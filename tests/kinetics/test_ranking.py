@@ -197,7 +197,7 @@ def test_pairs_beat_the_papers_line():
     assert found["line4_no22"] == (pytest.approx(62.93, abs=0.05), pytest.approx(6.37, abs=0.005))
     by_first = rank([LINE4, PAIRS, NO_TRIMERS, NO_PAIRS], TABLE3, by="first")
     assert by_first.places == (1, 2, 2, 4)  # neither the second nor the third joins a trimer before its first line
-    assert by_first.ties(by_first.candidates[1]) == (by_first.candidates[2].name,)
+    assert by_first.ties_of("line4_no12") == ("line4_pairs",)
 
 
 def test_bar_and_dimer_beat_the_papers_t_and_all_joins_ruin_it():
@@ -231,9 +231,8 @@ def test_differences_within_the_intervals_are_ties():
     exact, sampled = (rank([NO_TRIMERS, PAIRS], TABLE3, runs=50, max_states=n) for n in (100_000, 0))
     assert exact.places == (1, 2)
     assert sampled.places == (1, 1)
-    assert sampled.ties(sampled.candidates[0]) == (sampled.candidates[1].name,)
+    assert sampled.ties_of("line4_no12") == ("line4_pairs",)
     assert "1=" in str(sampled)
-    assert "is not told apart from" in str(sampled)
 
 
 def test_a_place_is_shared_with_its_leader_only():
@@ -247,7 +246,10 @@ def test_a_place_is_shared_with_its_leader_only():
     candidates = tuple(like(name, value) for name, value in (("x", 0.50), ("y", 0.45), ("z", 0.40)))
     made = ranking.Ranking(candidates, "yield", 2, 1, 1.0, 100, 0, 0, 0)
     assert made.places == (1, 1, 3)
-    assert [made.ties(c) for c in candidates] == [("y",), ("x", "z"), ("y",)]
+    assert [made.ties_of(name) for name in "xyz"] == [("y",), ("x", "z"), ("y",)]
+    assert "z is not told apart from y either" in made.table()
+    with pytest.raises(ValueError, match="unknown book 'w'; ranked are x, y, z"):
+        made.ties_of("w")
 
 
 # --- rates that are not known exactly ---
