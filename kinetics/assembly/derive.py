@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,12 @@ class Derivation:
             sides = (" + ".join(self.network.species[s] for s in side) for side in key)
             raise KeyError(f"no channel of book {self.book.name!r} turns {' into '.join(sides)}")
         return self._channels[key]
+
+    def plot(self, ax: Any) -> Any:
+        """Draw the network as a graph; a large one is lumped by size. Returns `ax`."""
+        from kinetics.assembly.network_diagram import network_drawing
+
+        return network_drawing(self).onto(ax)
 
     @cached_property
     def _species(self) -> dict[Structure, int]:

@@ -21,7 +21,7 @@ PRINT_DPI = 300
 MARGIN = 0.15  # around a drawing, in units
 CAP_HEIGHT = 0.73  # of the font, in font sizes
 HEAD = (0.26, 0.16)  # length and width of an arrow's head
-MOVE, LINE, QUADRATIC, CLOSE = 1, 2, 3, 79  # matplotlib's codes of the points of a path
+MOVE, LINE, QUADRATIC, CUBIC, CLOSE = 1, 2, 3, 4, 79  # matplotlib's codes of the points of a path
 
 Point = tuple[float, float]
 
@@ -74,8 +74,8 @@ class Drawing:
     def curve(
         self, points: Sequence[Point], line: str = INK, width: float = 0.8, style: Any = "solid", tag: Any = None
     ) -> None:
-        """A straight line through two points, or a quadratic Bezier curve of three."""
-        codes = (MOVE, LINE) if len(points) == 2 else (MOVE, QUADRATIC, QUADRATIC)
+        """A straight line through two points, or a Bezier curve of three or four."""
+        codes = (MOVE, *((LINE,), (QUADRATIC,) * 2, (CUBIC,) * 3)[len(points) - 2])
         self.shapes.append(Shape(np.array(points, dtype=float), codes, None, line, width, style, tag))
 
     def arrow(

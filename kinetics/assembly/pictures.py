@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinetics.arrays import Floats
 from kinetics.assembly.drawing import INK, Drawing, width_of
 from kinetics.assembly.faces import FACE_NORMALS, scheme_of, turned
-from kinetics.assembly.structure import Placement, Structure
+from kinetics.assembly.structure import NORMALS, Placement, Position, Structure
 from kinetics.plots import COLOURS
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ HIGHLIGHT = COLOURS[5]
 LETTER = 0.62  # font size on a face, in cube edges
 CAPTION = 0.36  # font size under a picture
 GAP = 0.55  # between pictures
+SPOTS = (-0.28, 0.0, 0.28)  # along both sides of a face: where a letter must not be hidden
+N_SPOTS = len(SPOTS) ** 2
 TURNED = turned.tolist()
 
 
@@ -209,7 +211,15 @@ def posed(structure: Structure) -> Structure:
 
     best = max(map(merit, range(24)))
     copies = [structure.moved(Placement(r, (0, 0, 0))) for r in range(24) if merit(r) == best]
-    return max(copies, key=lambda copy: (len(_lettered(copy, CAMERA)), *_low_first(copy)))
+    return max(copies, key=lambda copy: (*_shown(copy), *_low_first(copy)))
+
+
+def _shown(structure: Structure) -> tuple[int, int, int]:
+    """How many cubes and faces are in view, in part at least, and how many letters."""
+    faces, hidden = _in_view(structure, CAMERA)
+    seen = [face for face, covered in zip(faces, np.all(hidden, axis=1), strict=True) if not covered]
+    letters = {cube for (cube, _), covered in zip(faces, np.any(hidden, axis=1), strict=True) if not covered}
+    return len({cube for cube, _ in seen}), len(seen), len(letters)
 
 
 def shaded(colour: str, direction: int, camera: Camera = CAMERA) -> str:
@@ -229,13 +239,10 @@ def shaded(colour: str, direction: int, camera: Camera = CAMERA) -> str:
 SQUARE: Floats = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def _low_first(structure: Structure) -> tuple[int, ...]:
+def _low_first(structure: Structure) -> tuple[int, int]:
     """Prefers cubes low and to the left: a T lies with its bar at the bottom."""
-    low = [min(c) for c in zip(*structure.positions, strict=True)]
-    x, _, z = (
-        sum(c) - len(structure) * start for c, start in zip(zip(*structure.positions, strict=True), low, strict=True)
-    )
-    return (-z, -x)
+    x, _, z = (sum(c) - len(c) * min(c) for c in zip(*structure.positions, strict=True))
+    return -z, -x
 
 
 def _painted(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
@@ -249,13 +256,16 @@ def _painted(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
     facing = [direction for direction in range(6) if FACE_NORMALS[direction] @ towards > 0]
     depth = np.array(structure.positions) @ sign
     order = sorted(range(len(structure)), key=lambda cube: (depth[cube], structure.positions[cube]))
-    beside = [tuple(int(c) for c in normal) for normal in FACE_NORMALS]
     return [
         (cube, direction)
         for cube in order
         for direction in facing
-        if tuple(np.add(structure.positions[cube], beside[direction]).tolist()) not in structure.places
+        if structure.cube_at(_beside(structure.positions[cube], NORMALS[direction])) is None
     ]
+
+
+def _beside(place: Position, step: Position) -> Position:
+    return place[0] + step[0], place[1] + step[1], place[2] + step[2]
 
 
 def _lettered(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
@@ -263,53 +273,63 @@ def _lettered(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
 
     Letters that look the same way read best: of the directions, the one with most such faces comes first.
     """
-    faces = _painted(structure, camera)
-    if not faces:
-        return []
-    cubes, directions = (np.array(part) for part in zip(*faces, strict=True))
-    places = np.array(structure.positions, dtype=float)
-    points = []
-    for direction in range(6):  # where a letter's corners and middle would be
-        right, up = _frame(direction, camera)
-        grid = [FACE_NORMALS[direction] / 2 + u * right + v * up for u in (-0.28, 0, 0.28) for v in (-0.28, 0, 0.28)]
-        points.append(grid)
-    spots = (places[cubes][:, None, :] + np.array(points)[directions]).reshape(-1, 3)
-    hidden = np.any(_is_hidden(spots, places, camera.towards).reshape(len(faces), -1), axis=1)
-    seen = [face for face, covered in zip(faces, hidden, strict=True) if not covered]
+    faces, hidden = _in_view(structure, camera)
+    seen = [face for face, covered in zip(faces, np.any(hidden, axis=1), strict=True) if not covered]
     shown = Counter(direction for _, direction in seen)
     order = sorted(shown, key=lambda d: (shown[d], round(float(FACE_NORMALS[d] @ camera.towards), 9)))
     chosen = {cube: direction for last in order for cube, direction in seen if direction == last}
     return sorted(chosen.items())
 
 
+def _in_view(structure: Structure, camera: Camera) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+    """The painted faces, and (faces, N_SPOTS) whether each of the spots where a letter would be is hidden."""
+    faces = _painted(structure, camera)
+    if not faces:
+        return faces, np.empty((0, N_SPOTS), dtype=bool)
+    cubes, directions = (np.array(part) for part in zip(*faces, strict=True))
+    places = np.array(structure.positions, dtype=float)
+    grids = []
+    for direction in range(6):
+        right, up, normal = _frame(direction, camera)
+        grids.append([normal / 2 + u * right + v * up for u in SPOTS for v in SPOTS])
+    spots = (places[cubes][:, None, :] + np.array(grids)[directions]).reshape(-1, 3)
+    return faces, _is_hidden(spots, places, camera.towards).reshape(len(faces), N_SPOTS)
+
+
 def _is_hidden(points: Floats, places: Floats, towards: Floats) -> NDArray[np.bool_]:
     """(n,): whether the ray from each point (n, 3) to the eye enters a cube."""
-    along = np.where(towards == 0, 1e-12, towards)
-    apart = places[None] - points[:, None]
-    near, far = np.sort([(apart - 0.5) / along, (apart + 0.5) / along], axis=0)
-    enters, leaves = near.max(axis=2), far.min(axis=2)
+    enters, leaves = np.full((2, len(points), len(places)), -np.inf)
+    leaves[:] = np.inf
+    for axis in range(3):
+        along = towards[axis] or 1e-12
+        middle = (places[:, axis] - points[:, axis, None]) / along
+        np.maximum(enters, middle - 0.5 / abs(along), out=enters)
+        np.minimum(leaves, middle + 0.5 / abs(along), out=leaves)
     covers: NDArray[np.bool_] = (leaves > enters + 1e-9) & (leaves > 1e-9)
     return np.any(covers, axis=1)
 
 
-def _frame(direction: int, camera: Camera) -> tuple[Floats, Floats]:
-    """To the right and up on a face, as a letter on it is read."""
+@lru_cache(maxsize=256)
+def _frame(direction: int, camera: Camera) -> tuple[Floats, Floats, Floats]:
+    """To the right and up on a face, as a letter on it is read, and out of it."""
     normal = FACE_NORMALS[direction].astype(float)
     right = max(
         (axis.astype(float) for axis in FACE_NORMALS if axis @ normal == 0 and (direction > 3 or axis[2] == 0)),
         key=lambda axis: round(float(camera.screen[0] @ axis), 9),
     )
-    return right, np.cross(normal, right)
+    return right, np.cross(normal, right), normal
 
 
-def _on_screen(place: Sequence[int], frame: tuple[Floats, Floats], spots: Floats, camera: Camera) -> Floats:
+def _on_screen(place: Sequence[int], frame: tuple[Floats, Floats, Floats], spots: Floats, camera: Camera) -> Floats:
     """Points (n, 2) given within a face of the cube at a place, as they appear in the picture."""
-    right, up = frame
-    middle = np.array(place) + np.cross(right, up) / 2
+    right, up, normal = frame
+    middle = np.array(place) + normal / 2
     return (middle + spots[:, :1] * right + spots[:, 1:] * up) @ camera.screen.T
 
 
-def _write(drawing: Drawing, text: str, place: Sequence[int], frame: tuple[Floats, Floats], camera: Camera) -> None:
+def _write(
+    drawing: Drawing, text: str, place: Sequence[int], frame: tuple[Floats, Floats, Floats], camera: Camera
+) -> None:
     """A text in the middle of a face, slanted with it, and small enough for it."""
     flat = Drawing()
     flat.write(text, 0, 0, min(LETTER, 0.8 * LETTER / max(width_of(text, LETTER), 1e-9)))

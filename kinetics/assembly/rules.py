@@ -121,6 +121,12 @@ class RuleBook:
         """The name of the face scheme."""
         return self.senses.faces
 
+    def plot(self, ax: Any) -> Any:
+        """Draw the rules as a state diagram; returns `ax`."""
+        from kinetics.assembly.diagrams import book_drawing
+
+        return book_drawing(self).onto(ax)
+
     def monomer(self) -> Structure:
         """A free cube."""
         return self.settle(Structure(((0, 0, 0),), (0,), (self.initial,)))

@@ -1,0 +1,167 @@
+"""`wellmixed rules draw`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinetics.options import echo_json, json_option, picture_of, seed_option
+
+if TYPE_CHECKING:
+    from kinetics.assembly import Derivation, RuleBook, Structure
+    from kinetics.assembly.drawing import Drawing
+
+Drawn = tuple["Drawing", dict[str, Any]]  # and what there is to tell about it
+FRAMES = 8
+PLACEHOLDER = "#"  # of cubes that have no letter yet
+
+
+@click.command()
+@click.argument("book", metavar="BOOK|TARGET")
+@click.option(
+    "--what",
+    type=click.Choice(["structure", "book", "network", "species", "growth"]),
+    default="structure",
+    show_default=True,
+    help="The finished structure; the rules as a state diagram; the derived network as a graph; all its species; "
+    "a growth from the first cube to the last.",
+)
+@click.option(
+    "--out", "out", metavar="FILE", required=True, callback=picture_of, help="Draw into this PNG, PDF or SVG file."
+)
+@click.option("--frames", type=click.IntRange(min=2), default=FRAMES, show_default=True, help="Of a growth.")
+@click.option("--max-cubes", type=click.IntRange(min=1), help="Largest structure.  [default: 12, or the target's size]")
+@click.option("--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most species.")
+@seed_option
+@json_option
+def draw(
+    book: str,
+    what: str,
+    out: str,
+    frames: int,
+    max_cubes: int | None,
+    max_species: int,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Draw a rule book, shipped or a .toml file; the structure alone also of a target that a book is compiled for.
+
+    A growth of a book with a seed is drawn by lot from all that the rules let happen; of another book, it is the
+    shortest chain to the finished structure. Networks of more than 24 species are lumped by size.
+    """
+
+    from kinetics.assembly import RuleBook
+
+    def network() -> Derivation:
+        return _derived(RuleBook.load(book), max_cubes, max_species)
+
+    makers: dict[str, Callable[[], Drawn]] = {
+        "structure": lambda: _structure(book),
+        "book": lambda: _book(RuleBook.load(book)),
+        "network": lambda: _network(network()),
+        "species": lambda: _species(network()),
+        "growth": lambda: _growth(RuleBook.load(book), frames, seed, max_cubes, max_species),
+    }
+    drawing, told = makers[what]()
+    drawing.save(out)
+    if as_json:
+        echo_json({"book": book, "what": what, "out": out, "inches": drawing.size, **told})
+    else:
+        facts = ", ".join(f"{name} {value}" for name, value in told.items())
+        click.echo(f"{out}: {what} of {book} ({facts})")
+
+
+def _structure(name: str) -> Drawn:
+    from kinetics.assembly.pictures import below_left, face_key, structure_drawing
+
+    structure, scheme = _finished(name)
+    labels = ["" if letter == PLACEHOLDER else letter for letter in structure.letters]
+    drawing = structure_drawing(structure, scheme, labels=labels)
+    below_left(drawing, face_key(scheme))
+    return drawing, {"cubes": len(structure)}
+
+
+def _finished(name: str) -> tuple[Structure, str]:
+    """The finished structure of a book, or a compiler's target, with the face scheme of its cubes."""
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly.compiler.target import TARGETS, Target
+    from kinetics.assembly.rules import BOOKS
+    from kinetics.config import find, read_toml
+
+    if Path(name).suffix == ".toml" or len(Path(name).parts) > 1:
+        is_target = not {"layers", "cubes"}.isdisjoint(read_toml(find(name, BOOKS, "rule book or target")))
+    else:
+        is_target = (TARGETS / f"{name}.toml").exists() and not (BOOKS / f"{name}.toml").exists()
+    if is_target:
+        target = Target.load(name)
+        scheme = "two" if target.senses is None else target.senses.faces
+        return target.structure(scheme), scheme
+    book = RuleBook.load(name)
+    if book.target is None:
+        raise ValueError(f"book {name!r} names no target to draw; give it a [target], or draw --what species")
+    return book.target, book.scheme
+
+
+def _book(book: RuleBook) -> Drawn:
+    from kinetics.assembly.diagrams import book_drawing
+
+    n_rules = len(book.combine) + len(book.dissociate) + len(book.internal)
+    return book_drawing(book), {"letters": len(book.letters), "rules": n_rules}
+
+
+def _network(derivation: Derivation) -> Drawn:
+    from kinetics.assembly.network_diagram import network_drawing
+
+    return network_drawing(derivation), _size(derivation)
+
+
+def _species(derivation: Derivation) -> Drawn:
+    from kinetics.assembly.pictures import species_sheet
+
+    return species_sheet(derivation), _size(derivation)
+
+
+def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_species: int) -> Drawn:
+    """A growth, thinned to so many frames of which the first and the last are kept."""
+    from kinetics.assembly.history import chain, random_growth
+    from kinetics.assembly.pictures import below_left, face_key, strip
+
+    told: dict[str, Any] = {}
+    if book.seed_letter is not None:
+        grown, told = random_growth(book, seed, max_cubes), {"seed": seed}
+    else:
+        grown = chain(_derived(book, max_cubes, max_species))
+    steps = sorted({round(n * (len(grown) - 1) / (frames - 1)) for n in range(frames)})
+    shown = [grown[step] for step in steps]
+    captions = [f"{len(structure)} cube{'s' * (len(structure) > 1)}" for structure in shown]
+    drawing = strip(shown, captions, book.scheme)
+    below_left(drawing, face_key(book.scheme))
+    return drawing, {"frames": [len(structure) for structure in shown], **told}
+
+
+def _size(derivation: Derivation) -> dict[str, Any]:
+    return {
+        "species": len(derivation.structures),
+        "channels": len(derivation.events),
+        "closed": derivation.is_closed,
+    }
+
+
+def _derived(book: RuleBook, max_cubes: int | None, max_species: int) -> Derivation:
+    """The network as far as the caps; the drawing says where that is not all."""
+    from kinetics.assembly import derive
+
+    shows = sys.stderr.isatty()
+
+    def progress(explored: int, found: int) -> None:
+        if shows and explored % 20 == 0:
+            click.echo(f"\r{explored} of {found} structures explored", err=True, nl=False)
+
+    derivation = derive(book, max_cubes, max_species, partial=True, progress=progress)
+    if shows:
+        click.echo("\r\033[K", err=True, nl=False)
+    return derivation
