@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 NOTHING = -1  # in `before` and `after` of an event that takes or makes one structure only
 FEW_SIZES = 6  # up to which each size is shown by itself
+MOST_CLASSES = 7  # of sizes; with the target as many as there are colours
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +110,10 @@ class Growth:
         copies = np.append(0, np.cumsum(changes[mine])) + self.initial[index]
         return copies[np.searchsorted(self.times[events[mine]], grid, side="right")]
 
-    def by_size(self, times: ArrayLike) -> Ints:
-        """Structures (T, n_cubes + 1) of 0, 1, 2, ... cubes at times (T,), tu."""
+    def by_size(self, times: ArrayLike, most: int | None = None) -> Ints:
+        """Structures (T, most + 1) of 0, 1, 2, ... cubes at times (T,), tu; `most` is by default the largest met."""
         grid = self._grid(times)
-        table = np.zeros((grid.size + 1, self.n_cubes + 1), dtype=np.int64)
+        table = np.zeros((grid.size + 1, max(int(self.sizes.max()), most or 0) + 1), dtype=np.int64)
         np.add.at(table[0], self.sizes, self.initial)
         events, sides, changes = self._changes
         np.add.at(table, (np.searchsorted(grid, self.times[events]), self.sizes[sides]), changes)
@@ -139,9 +140,9 @@ class Growth:
 
     def milestones(self, n: int) -> Floats:
         """At most n times, tu, at which the largest structure outgrew all before, the start and the last among them."""
-        moments = np.unique(np.append(0.0, self.times))
-        record = np.maximum.accumulate(_largest(self.by_size(moments)))
-        outgrown = moments[np.append(True, np.diff(record) > 0)]
+        made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
+        record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
+        outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
         return outgrown[np.unique(np.linspace(0, outgrown.size - 1, n).round().astype(int))]
 
     def frames(self, times: ArrayLike) -> list[Structure]:
@@ -213,9 +214,14 @@ class Growths:
         """The finished structure, if the book names one."""
         return self.book.target
 
+    @property
+    def most(self) -> int:
+        """Cubes of the largest structure that was met."""
+        return max(int(run.sizes.max()) for run in self.runs)
+
     def by_size(self, times: ArrayLike) -> Ints:
-        """Structures (runs, T, n_cubes + 1) of 0, 1, 2, ... cubes at times (T,), tu."""
-        return np.stack([run.by_size(times) for run in self.runs])
+        """Structures (runs, T, M + 1) of 0, 1, 2, ..., M cubes at times (T,), tu; M is the largest met in any run."""
+        return np.stack([run.by_size(times, self.most) for run in self.runs])
 
     def count(self, structure: Structure, times: ArrayLike) -> Ints:
         """Copies (runs, T) of a structure at times (T,), tu."""
@@ -223,7 +229,8 @@ class Growths:
 
     def largest(self, times: ArrayLike) -> Ints:
         """Cubes (runs, T) of the largest structure at times (T,), tu."""
-        return _largest(self.by_size(times))
+        present = self.by_size(times)[..., ::-1] > 0
+        return self.most - np.argmax(present, axis=-1)
 
     def first_times(self, structure: Structure) -> Floats:
         """Times (runs,) in tu at which there first was such a structure; nan where not by the end."""
@@ -239,12 +246,15 @@ class Growths:
         return {structure: totals[structure] / len(self.runs) for structure in order}
 
     def classes(self) -> list[tuple[int, int]]:
-        """Ranges of sizes, (smallest, largest): each size by itself where they are few, else doubling."""
-        most = max(int(run.sizes.max()) for run in self.runs)
+        """Ranges of sizes, (smallest, largest): each size by itself where they are few, else growing by a factor."""
+        most = self.most
         if most <= FEW_SIZES:
             return [(size, size) for size in range(1, most + 1)]
-        edges = [1 << power for power in range(most.bit_length())]
-        return [(low, min(2 * low - 1, most)) for low in edges]
+        factor = 2
+        while factor**MOST_CLASSES <= most:
+            factor *= 2
+        edges = [factor**power for power in range(MOST_CLASSES) if factor**power <= most]
+        return [(low, min(factor * low - 1, most)) for low in edges]
 
     def series(self, times: ArrayLike) -> dict[str, Ints]:
         """Copies (runs, T) by class of sizes, copies of the target, and the cubes of the largest structure."""
@@ -285,11 +295,6 @@ class Growths:
         if seeded:
             ax.set_ylabel("cubes (mean, middle 95 %)")
         return ax
-
-
-def _largest(by_size: Ints) -> Ints:
-    """Size (...) of the largest structure, of tables (..., sizes) of copies by size."""
-    return by_size.shape[-1] - 1 - np.argmax(by_size[..., ::-1] > 0, axis=-1)
 
 
 def _class_name(low: int, high: int) -> str:

@@ -163,7 +163,7 @@ def test_books_beyond_enumeration(cubes):
     """Identical sticky cubes: the polycubes of 60 cubes are beyond counting, and bonds in loops do not break."""
     growths = grow(STICKY, ClassRates.uniform(1e-3, 3e-2), cubes, 10.0, runs=2, seed=4)
     times = np.linspace(0.0, 10.0, 21)
-    assert (growths.by_size(times) @ np.arange(cubes + 1) == cubes).all()
+    assert (growths.by_size(times) @ np.arange(growths.most + 1) == cubes).all()
     assert (growths.largest([10.0]) > cubes // 2).all()
     for run in growths.runs:
         for structure, copies in run.at(10.0).items():
@@ -260,6 +260,9 @@ def test_series_and_frames():
     assert sum(len(s) * copies for s, copies in final.items()) == pytest.approx(40)
     sticky = grow(STICKY, ClassRates.uniform(1e-2), 40, 10.0, seed=2)
     assert list(sticky.series([10.0]))[:3] == ["1 cube", "2 to 3 cubes", "4 to 7 cubes"]
+    many = grow(STICKY, ClassRates.uniform(1e-3), 150, 100.0, seed=2)
+    assert [low for low, _ in many.classes()] == [1, 4, 16, 64]  # doubling would take more than there are colours
+    assert many.classes()[-1] == (64, many.largest([100.0])[0, 0])
     run = growths.runs[0]
     rows = run.to_dataframe()
     assert list(rows.columns) == ["time", "before", "after"]
