@@ -13,7 +13,7 @@ import numpy as np
 from kinetics.arrays import Floats, read_only
 from kinetics.assembly import Derivation, Event, RuleBook, Structure, check, derive
 from kinetics.classrates import ClassRates
-from kinetics.outcomes import Figure, Outcome, Question, outcome
+from kinetics.outcomes import Figure, Outcome, Question, load_kernels, outcome
 
 Measure = Literal["yield", "first"]
 MEASURES: tuple[Measure, ...] = ("yield", "first")
@@ -112,6 +112,7 @@ def candidate_of(
     max_states: int,
 ) -> Candidate:
     """The figures of one book at `rates` and under each of the drawn sets; see `ranking.rank`."""
+    load_kernels()
     began = time.process_time()
     book = derivation.book
     # A stream for each book, so that the figures of different books are independent in whatever order they come.

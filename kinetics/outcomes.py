@@ -7,7 +7,9 @@ Sampled: runs of the direct method, with 95 % intervals.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,8 @@ from numpy.typing import NDArray
 from kinetics.arrays import Floats, Ints
 from kinetics.methods import sample_path
 from kinetics.methods.direct import whole_number
-from kinetics.methods.uniformisation import DiscreteChain, poisson_window
+from kinetics.methods.poisson import poisson_window, window_error
+from kinetics.methods.uniformisation import DiscreteChain
 from kinetics.network import Network
 from kinetics.states import StateSpace, TooManyStatesError, reachable
 
@@ -95,8 +98,7 @@ def outcome(
     first_run : number of the first run; with one seed, runs of different numbers are independent
     like : the outcome at other rates; what was too large there is not tried again
     """
-    import scipy.sparse  # noqa: F401  # here, so that loading it is not taken for a cost of the first figure
-
+    load_kernels()
     passage = amount = None
     if like is None or like.first.method == "exact":
         passage = _exact_passage(question, max_states)
@@ -110,12 +112,23 @@ def outcome(
     return Outcome(first, reached, sampled if amount is None else amount)
 
 
+@cache
+def load_kernels() -> None:
+    """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
+    network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
+    question = Question(network, np.array([1]), 0, 1, 1.0)
+    _exact_passage(question, MAX_STATES)
+    _exact_yield(question, MAX_STATES)
+    _sampled(question, 2, 0, 0)
+
+
 @dataclass(frozen=True)
 class _Chain:
     """A chain that is worth solving. weights : Poisson probabilities of the steps first, first + 1, ... by the end."""
 
     space: StateSpace
     chain: DiscreteChain
+    end: float
     first: int
     weights: Floats
 
@@ -134,7 +147,7 @@ class _Chain:
         # The window's own arrays have a place for each step, so the bound comes first.
         if chain.steps_until(question.horizon, TOLERANCE) * chain.transposed.nnz > MAX_WORK:
             return None
-        return cls(space, chain, *poisson_window(chain.rate * question.horizon, TOLERANCE))
+        return cls(space, chain, question.horizon, *poisson_window(chain.rate * question.horizon, TOLERANCE))
 
     @property
     def steps(self) -> int:
@@ -143,28 +156,28 @@ class _Chain:
     @property
     def error(self) -> float:
         """Bound on the summed error of the probabilities."""
-        return TOLERANCE + self.chain.rounding(self.steps)
+        window = window_error(self.chain.rate * self.end, self.first, self.weights, TOLERANCE)
+        return window + self.chain.rounding(self.steps)
+
+    def vectors(self) -> Iterator[Floats]:
+        """Probability (N,) of each state after 0, 1, ... steps."""
+        vector = np.zeros(len(self.space))
+        vector[0] = 1.0
+        for _ in range(self.steps):
+            yield vector
+            vector = self.chain.transposed @ vector
 
     def alive(self) -> Floats:
         """Probability (steps,) of not being stopped after each step."""
-        vector = np.zeros(len(self.space))
-        vector[0] = 1.0
         goes_on = ~self.space.is_stopped
-        alive = np.empty(self.steps)
-        for n in range(self.steps):
-            alive[n] = vector @ goes_on
-            vector = self.chain.transposed @ vector
-        return alive
+        return np.array([vector @ goes_on for vector in self.vectors()])
 
-    def end(self) -> Floats:
+    def probabilities(self) -> Floats:
         """Probability (N,) of each state at the end."""
-        vector = np.zeros(len(self.space))
-        vector[0] = 1.0
         total = np.zeros(len(self.space))
-        for n in range(self.steps):
+        for n, vector in enumerate(self.vectors()):
             if n >= self.first:
                 total += self.weights[n - self.first] * vector
-            vector = self.chain.transposed @ vector
         return total
 
 
@@ -178,7 +191,7 @@ def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure]
     solved = _Chain.of(question, True, max_states)
     if solved is None:
         return None
-    alive, rate, end = solved.alive(), solved.chain.rate, question.horizon
+    alive, rate, end = solved.alive(), solved.chain.rate, solved.end
     # P(N > n) for n = 0, 1, ...: certain before the window, nothing after it
     tails = np.ones(solved.steps + 1)
     tails[solved.first :] = np.append(np.cumsum(solved.weights[::-1])[::-1][1:], [0.0, 0.0])
@@ -200,7 +213,7 @@ def _exact_yield(question: Question, max_states: int) -> Figure | None:
     solved = _Chain.of(question, False, max_states)
     if solved is None:
         return None
-    probabilities = solved.end()
+    probabilities = solved.probabilities()
     shares = solved.space.states[:, question.target] / question.possible
     mean = float(probabilities @ shares)
     variance = float(probabilities @ (shares - mean) ** 2)
@@ -216,7 +229,6 @@ def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[
     """First target, probability of it by the horizon, and yield."""
     n = whole_number("runs", runs, 2)
     name, end = question.network.species[question.target], question.horizon
-    sample_path(question.network, question.initial, 0.0)  # loads the compiled kernel, which is no cost of the method
     began = time.process_time()
     times, shares = np.empty(n), np.empty(n)
     for i in range(n):
