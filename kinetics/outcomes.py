@@ -49,8 +49,8 @@ class Figure:
 
     @property
     def error(self) -> float:
-        """Half the width of the interval."""
-        return (self.high - self.low) / 2
+        """How far the interval reaches from the value at most."""
+        return max(self.value - self.low, self.high - self.value)
 
 
 @dataclass(frozen=True)

@@ -57,15 +57,17 @@ class Ranking:
     def are_tied(self, a: Candidate, b: Candidate) -> bool:
         """Whether the difference of two books lies within its own 95 % interval.
 
-        With draws of the rates, that of the differences draw by draw; else of two independent means. Exact figures of
-        one value are tied too.
+        With draws of the rates, that of the differences draw by draw; else of two independent means, from the sides of
+        their intervals that look at each other (Zou & Donner 2008). The bounds of exact figures add up.
         """
         if self.draws:
             column = MEASURES.index(self.by)
             low, high = np.quantile(a.drawn[:, column] - b.drawn[:, column], LIMITS)
             return bool(low <= 0 <= high)
-        first, second = a.figure(self.by), b.figure(self.by)
-        return bool(abs(first.value - second.value) <= np.hypot(first.error, second.error))
+        less, more = sorted((a.figure(self.by), b.figure(self.by)), key=lambda figure: figure.value)
+        reaches = (less.high - less.value, more.value - more.low)
+        is_exact = less.method == more.method == "exact"
+        return bool(more.value - less.value <= (sum(reaches) if is_exact else np.hypot(*reaches)))
 
     @property
     def places(self) -> tuple[int, ...]:
