@@ -63,7 +63,7 @@ def book_drawing(book: RuleBook) -> Drawing:
         drawing.disc(place, NODE, "#FFFFFF", INK, 1.2)
         if letter in in_target:
             drawing.disc(place, NODE - 0.08, None, INK, 0.8)
-        drawing.write(letter, *place, min(LETTER, 0.7 * LETTER / width_of(letter, LETTER)))
+        drawing.write(letter, *place, min(LETTER, 0.7 * LETTER / max(width_of(letter, LETTER), 1e-9)))
         role = {book.initial: "free", book.seed_letter: "seed"}.get(letter, "")
         angle = math.atan2(place[1], place[0]) + (1.1 if letter in loops else 0.0)
         reach = NODE + 0.3 + abs(math.cos(angle)) * width_of(role, WORDS) / 2

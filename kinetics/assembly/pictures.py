@@ -144,32 +144,47 @@ def species_sheet(derivation: Derivation, most_wide: float = 24.0) -> Drawing:
 
 
 def arranged(pictures: Sequence[Drawing], captions: Sequence[str], most_wide: float, gap: float = GAP) -> Drawing:
-    """Pictures in rows, middles at one height, with their captions below."""
+    """Pictures in rows of about one length, middles at one height, with their captions below."""
+    boxes = [picture.bounds for picture in pictures]
+    wides = [
+        max(right - left, width_of(caption, CAPTION))
+        for (left, _, right, _), caption in zip(boxes, captions, strict=True)
+    ]
     sheet = Drawing()
-    row: list[tuple[Drawing, str, float]] = []
-    x, top = 0.0, 0.0
-
-    def flush() -> None:
-        nonlocal x, top, row
-        heights = [picture.bounds[3] - picture.bounds[1] for picture, _, _ in row]
-        middle = top - max(heights) / 2
-        foot = top - max(heights) - 0.35
-        for picture, caption, centre in row:
-            left, bottom, right, upper = picture.bounds
-            sheet.put(picture, centre - (left + right) / 2, middle - (bottom + upper) / 2)
-            sheet.write(caption, centre, foot, CAPTION)
-        top = foot - (CAPTION if any(caption for _, caption, _ in row) else 0.0) - GAP
-        x, row = 0.0, []
-
-    for picture, caption in zip(pictures, captions, strict=True):
-        left, _, right, _ = picture.bounds
-        wide = max(right - left, width_of(caption, CAPTION))
-        if row and x + wide > most_wide:
-            flush()
-        row.append((picture, caption, x + wide / 2))
-        x += wide + gap
-    flush()
+    top = 0.0
+    for row in _broken(wides, most_wide, gap):
+        high = max(boxes[n][3] - boxes[n][1] for n in row)
+        x, foot = 0.0, top - high - 0.35
+        for n in row:
+            left, bottom, right, upper = boxes[n]
+            centre = x + wides[n] / 2
+            sheet.put(pictures[n], centre - (left + right) / 2, top - high / 2 - (bottom + upper) / 2)
+            sheet.write(captions[n], centre, foot, CAPTION)
+            x += wides[n] + gap
+        top = foot - (CAPTION if any(captions[n] for n in row) else 0.0) - GAP
     return sheet
+
+
+def _broken(wides: Sequence[float], most_wide: float, gap: float) -> list[list[int]]:
+    """Numbers of pictures in rows: as few rows as the width allows, and those as even as can be."""
+
+    def rows(limit: float) -> list[list[int]]:
+        found: list[list[int]] = []
+        x = math.inf
+        for number, wide in enumerate(wides):
+            if x + wide > limit:
+                found.append([])
+                x = 0.0
+            found[-1].append(number)
+            x += wide + gap
+        return found
+
+    low, high = max(wides), max(most_wide, *wides)
+    fewest = len(rows(high))
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (low, middle) if len(rows(middle)) == fewest else (middle, high)
+    return rows(high)
 
 
 def face_key(scheme: str) -> Drawing:
