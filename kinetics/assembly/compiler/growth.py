@@ -1,23 +1,49 @@
 """Growth of a target from a seed, on its own lattice: in which order cubes come, and what each may read as it docks.
 
-For cubes with two face types, which sense the twist and all letters touched. Such a cube is known by the axis of its
-top; it cannot tell left from right, so places that a turn or a mirror takes into each other look alike to it.
+For cubes with two face types. Such a cube is known by the axis of its top; it cannot tell left from right, so places
+that a turn or a mirror takes into each other look alike to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import permutations, product
+from typing import NamedTuple
 
+from kinetics.assembly.conditions import Senses
 from kinetics.assembly.structure import NORMALS, Position
 
 TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")
+UNSEEN = ""  # a twist that is not sensed
+NOBODY = -1  # the letter across where there is no cube, or where it is not sensed
 MOST_STATES = 4000  # of one stage
 Letters = dict[Position, int]
-HostView = tuple[int, str, tuple[int, ...], str, str]  # letter, face, neighbours, the newcomer's face, roll
-GuestView = tuple[str, int, str, str, tuple[int, ...]]  # face, the host's letter and face, roll, letters touched
+
+
+class HostView(NamedTuple):
+    """What a bonded cube reads as a free one docks: near are its neighbours' letters, sorted."""
+
+    letter: int
+    face: str
+    near: tuple[int, ...]
+    guest_face: str
+    roll: str
+    across: int
+
+
+class GuestView(NamedTuple):
+    """What the free cube reads: touched are the letters of all cubes that it touches, sorted."""
+
+    face: str
+    host: int
+    host_face: str
+    roll: str
+    touched: tuple[int, ...]
+
+
 Contact = tuple[HostView, GuestView]
 Around = tuple[int, tuple[int, ...]]  # a letter, and those of its neighbours
 
@@ -54,22 +80,25 @@ class Turn:
 TURNS = tuple(Turn(p, s) for p in permutations(range(3)) for s in product((1, -1), repeat=3))  # type: ignore[arg-type]
 
 
-def beside(place: Position) -> list[Position]:
+@cache
+def beside(place: Position) -> tuple[Position, ...]:
     """The six places around a place; opposite ones one after the other."""
     x, y, z = place
-    return [(x + u, y + v, z + w) for u, v, w in NORMALS]
+    return tuple([(x + u, y + v, z + w) for u, v, w in NORMALS])
 
 
 @dataclass(frozen=True)
 class Stage:
     """What comes next, and when.
 
+    senses : of the cubes
     axes : of the tops of all cubes, standing and coming
     standing : the cubes that are there
     coming : place -> the letter that its cube takes as it docks
     required : place -> the places that a coming cube needs to touch, exactly these
     """
 
+    senses: Senses
     axes: Mapping[Position, int]
     standing: Letters
     coming: Mapping[Position, int]
@@ -157,53 +186,50 @@ def explore_stage(
     alike = stage.holds(same, stage.coming)
     lopsided = len(alike) < len(same)  # then which places look alike changes as cubes come
     places = sorted(stage.coming)
-    images = [[turn.of(place) for place in places] for turn in alike]
-    start = dict(stage.standing)
-    settle(start, list(start), follow, facts)
-    _read(stage, start, list(start), same if lopsided else (), facts)
-    seen = {()}
-    waiting = [((), start)]
-    final = start
+    bit = {place: 1 << number for number, place in enumerate(places)}
+    images = [[bit[turn.of(place)] for place in places] for turn in alike]
+    full = (1 << len(places)) - 1
+    letters = dict(stage.standing)
+    settle(letters, list(letters), follow, facts)
+    _read(stage, letters, list(letters), same if lopsided else (), facts)
+    seen = {0}
+    waiting = [(0, letters)]
+    final = letters
     while waiting:
         come, letters = waiting.pop()
         facts.states += 1
         for place in places:
-            if place in letters or not _is_due(stage, place, letters):
+            extended = come | bit[place]
+            if extended == come or (extended in seen and follow is None) or not _is_due(stage, place, letters):
                 continue
-            extended = frozenset((*come, place))
-            key = min(
-                tuple(sorted(image for image, p in zip(turned, places, strict=True) if p in extended))
-                for turned in images
-            )
-            grown = dict(letters)
-            grown[place] = stage.coming[place]
+            grown = {**letters, place: stage.coming[place]}
             changed = settle(grown, [place], follow, facts)
-            if key in seen:
+            if extended in seen:
                 continue
-            if len(seen) >= most:
+            if facts.states + len(waiting) >= most:
                 raise TooManyError
-            seen.add(key)
-            is_full = len(extended) == len(places)
-            if is_full:
+            for image in images:
+                seen.add(sum([b for number, b in enumerate(image) if extended >> number & 1]))
+            if extended == full:
                 final = grown
-            if not is_full or is_last:
-                if lopsided:
-                    _read(stage, grown, list(grown), stage.holds(same, {p: grown[p] for p in grown}), facts)
-                else:
-                    _read(stage, grown, changed, (), facts)
-            waiting.append((tuple(extended), grown))
+            if extended != full or is_last:
+                near, turns = (grown, stage.holds(same, grown)) if lopsided else (changed, ())
+                _read(stage, grown, near, turns, facts)
+            waiting.append((extended, grown))
     return facts, final
 
 
 def settle(letters: Letters, fresh: Iterable[Position], follow: Follow | None, facts: Facts) -> set[Position]:
     """Let the letters follow each other until they rest, reading all that may be read; the places that changed."""
     changed = set(fresh)
+    if follow is None:
+        return changed
     moved = changed
     while moved:
         near = {p for place in moved for p in (place, *beside(place)) if p in letters}
         following = {}
         for place in near:
-            letter = letters[place] if follow is None else follow(place, letters)
+            letter = follow(place, letters)
             facts.internal[letters[place], around(place, letters)] = letter
             if letter != letters[place]:
                 following[place] = letter
@@ -218,18 +244,21 @@ def around(place: Position, letters: Letters) -> tuple[int, ...]:
     return tuple(sorted([letters[p] for p in beside(place) if p in letters]))
 
 
-def contacts(
-    axes: Mapping[Position, int], letters: Letters, place: Position, axis: int
-) -> Iterator[tuple[HostView, GuestView]]:
+def contacts(stage: Stage, letters: Letters, place: Position, axis: int) -> Iterator[Contact]:
     """What a cube and each of its hosts read as it comes to an empty place, its top along an axis."""
-    touched = around(place, letters)
+    senses = stage.senses
+    touched = around(place, letters) if senses.touched else ()
     for direction, host in enumerate(beside(place)):
         if host not in letters:
             continue
         along, letter = direction // 2, letters[host]
-        own, other = (TOP if top == along else SIDE for top in (axis, axes[host]))
-        roll = ROLLS[axis != axes[host]]
-        yield (letter, other, around(host, letters), own, roll), (own, letter, other, roll, touched)
+        own, other = (TOP if top == along else SIDE for top in (axis, stage.axes[host]))
+        roll = ROLLS[axis != stage.axes[host]] if senses.roll else UNSEEN
+        across = letters.get(beside(host)[direction], NOBODY) if senses.across else NOBODY
+        yield (
+            HostView(letter, other, around(host, letters), own, roll, across),
+            GuestView(own, letter, other, roll, touched),
+        )
 
 
 def _is_due(stage: Stage, place: Position, letters: Letters) -> bool:
@@ -250,7 +279,7 @@ def _read(
     hosts = {p for place in changed for p in (place, *beside(place)) if p in letters}
     for place in {p for host in hosts for p in beside(host) if p not in letters}:
         for axis in range(3):
-            met = frozenset(contacts(stage.axes, letters, place, axis))
+            met = frozenset(contacts(stage, letters, place, axis))
             for contact in met:
                 facts.examples.setdefault(contact, place)
             if (place, axis) not in due:

@@ -1,0 +1,296 @@
+"""Rule books for large targets, grown cube by cube from a seed.
+
+Two routes. With two face types, the target is filled orbit by orbit in stages (`stages`, `waves`) and then letters are
+merged (`merging`). With six, it grows along a spanning tree (`spanning`), which is always possible, but each cube then
+fits at one face and one twist alone, and may have to slip in between two others.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from kinetics.assembly.compiler.merging import Tables, letter_name, named, reduced
+from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
+from kinetics.assembly.compiler.spanning import centre, distances, spanning_tree
+from kinetics.assembly.compiler.stages import AXIS_NAMES, Course, NoCourseError, Planner, about, orbits_of, symmetries
+from kinetics.assembly.compiler.tables import FREE, rules_of
+from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
+from kinetics.assembly.compiler.waves import facts_of
+from kinetics.assembly.conditions import DIRECTIONS, Semantics, Senses
+from kinetics.assembly.conditions import Target as Placed
+from kinetics.assembly.rules import RuleBook
+from kinetics.assembly.structure import Position, Structure
+
+TIME_LIMIT = 120.0  # s
+TRIES = 300  # orders of merging
+MOVES = 20_000  # of the search for a tree
+TRIALS = 500  # of orbits in one search for an order of growth
+SEEDS = 4  # places tried for the seed where the target names none
+SIX = Senses(faces="six", roll=True)
+LADDER = (
+    Senses(faces="two", roll=True, touched=True),
+    Senses(faces="two", roll=True, across=True, touched=True),
+    SIX,
+)  # tried in this order where the target names no senses; what of it is not needed is then left out
+HOLD = Semantics(bonds="hold")
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A book before its last check; is_minimal and verified as in Compiled."""
+
+    book: RuleBook
+    is_minimal: bool
+    verified: tuple[str, ...]
+
+
+def compile_seeded(
+    target: Target,
+    *,
+    max_letters: int | None = None,
+    time_limit: float = TIME_LIMIT,
+    seed: int = 0,
+    tries: int = TRIES,
+    growths: int = GROWTHS,
+    progress: Tell | None = None,
+) -> Compiled:
+    """A rule book that grows the target from a seed; bonds hold, free cubes come one at a time.
+
+    max_letters : most letters; None: what the target says, or any number
+    time_limit : s of wall time for the search; the checks of the book come on top
+    seed : of the search and of the random growths; the same seed gives the same book, if time does not run out
+    tries : orders in which letters are merged (two face types)
+    growths : random ones that the book has to pass
+    progress : told what is being done
+    Where the target names no senses, those of LADDER are tried, and what is not needed is left out.
+    Ctrl-C ends the search for fewer letters; the best book so far is still checked.
+    InfeasibleError: no book of this kind with this sensing. UndecidedError: none found, or none with so few letters.
+    """
+    if target.breaks:
+        raise ValueError(
+            f"target {target.name!r}: the bonds of a book that grows from a seed hold, since news that a stage is "
+            "complete is not taken back; set breaks = false"
+        )
+    if target.joins is not None:
+        raise ValueError(f"target {target.name!r}: from a seed, cubes come one at a time; leave out joins")
+    if not time_limit > 0 or tries < 1 or growths < 1:
+        raise ValueError(f"time_limit = {time_limit} s, tries = {tries}, growths = {growths}; all must be more than 0")
+    start = time.monotonic()
+    tell = progress or (lambda _: None)
+    clock = _Clock(start + time_limit)
+    draft = _draft(target, seed, tries, clock, tell)
+    most = target.max_letters if max_letters is None else max_letters
+    if most is not None and len(draft.book.letters) > most:
+        raise UndecidedError(
+            f"target {target.name!r} with {told(draft.book.senses)}: not found within {tries} tries and "
+            f"{time_limit:g} s; the best book has {len(draft.book.letters)} letters, max_letters is {most}"
+        )
+    found = grown(draft.book, growths, seed, lambda n, all_: tell(f"random growth {n} of {all_}"))
+    if found.fault:
+        raise RuntimeError(f"the book compiled for {target.name!r} is wrong, please report it: {found.fault}")
+    verified = (
+        *draft.verified,
+        f"{found.runs} random growths, seeds {seed} to {seed + found.runs - 1}, all end in the target",
+        f"{found.squeezed:.2g} cubes a growth come in between two opposite ones, on average",
+    )
+    return Compiled(draft.book, draft.is_minimal, (), time.monotonic() - start, verified)
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """When the search has to end (time.monotonic)."""
+
+    end: float
+
+    def check(self) -> None:
+        """TimeoutError when time is up."""
+        if time.monotonic() > self.end:
+            raise TimeoutError
+
+
+def _draft(target: Target, seed: int, tries: int, clock: _Clock, tell: Tell) -> _Draft:
+    """A book with the senses asked for, or those that are enough."""
+    reasons = []
+    undecided = False
+    for senses in LADDER if target.senses is None else (target.senses,):
+        tell(f"trying {told(senses)}")
+        try:
+            if senses.faces == "six":
+                return _by_tree(target, senses, seed, clock, tell)
+            return _by_stages(target, senses, seed, tries, clock, tell)
+        except (InfeasibleError, UndecidedError) as error:
+            undecided |= isinstance(error, UndecidedError)
+            reasons.append(str(error))
+    raise (UndecidedError if undecided else InfeasibleError)("\n".join(reasons))
+
+
+def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, tell: Tell) -> _Draft:
+    """Along a spanning tree; the cubes turn as the letters need it."""
+    if not senses.roll:
+        raise UndecidedError(
+            f"target {target.name!r} with {told(senses)}: a cube docks at any of four twists, and nothing tells which; "
+            "set roll = true in its senses"
+        )
+    if target.tops is not None:
+        raise UndecidedError(
+            f"target {target.name!r} with {told(senses)}: the turns of the cubes are chosen so that few letters are "
+            "needed; leave out tops and fronts (and draw cubes as #)"
+        )
+    places = target.positions
+    root = target.seed or centre(places)
+    tree = spanning_tree(
+        places,
+        root,
+        np.random.default_rng(seed),
+        MOVES,
+        lambda t: tell(f"a tree with {len(t.letters)} letters"),
+        clock.check,
+    )
+    names = {kind: letter_name(number) for number, kind in enumerate(tree.letters, 1)}
+    letters = {place: names[kind] for place, (kind, _) in tree.hung.items()}
+    finished = Structure(places, tuple(tree.rotations[p] for p in places), tuple(letters[p] for p in places))
+    book = RuleBook(
+        target.name, (FREE, *names.values()), FREE, senses, finished, letters[root], HOLD, tuple(tree.rules(names))
+    )
+    bound = max(distances(places, root).values()) + 1
+    verified = (
+        f"a spanning tree of {len(names)} different subtrees; from this seed it takes at least {bound}",
+        "no rule reads what else is there, so what comes to a face does not depend on the order of growth",
+    )
+    return _Draft(book, len(names) == bound, verified)
+
+
+def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Clock, tell: Tell) -> _Draft:
+    """Orbit by orbit, then with merged letters."""
+    course, root = _course(target, senses, clock)
+    tell(f"a growth in {len(course.stages)} stages; reading along")
+    for weaker in _weaker(senses) if target.senses is None else (senses,):
+        facts, seed_letter, final = facts_of(replace(course, senses=weaker))
+        if facts.usable() is not None:
+            senses = weaker
+            break
+    tables = Tables.of(facts)
+    best, rng = None, np.random.default_rng(seed)
+    try:
+        for number in range(tries):
+            if best is not None:
+                clock.check()
+            found = reduced(tables, rng)
+            if best is not None and len(found.letters) > best[0][0]:
+                continue
+            names = named(found, seed_letter)
+            rules = rules_of(found, names, senses)
+            size = len(found.letters), sum(map(len, rules))
+            if best is None or size < best[0]:
+                best = size, names, rules
+                tell(f"{size[0] + 1} letters, {size[1]} rules after {number + 1} tries")
+    except (TimeoutError, KeyboardInterrupt):
+        if best is None:
+            raise
+    assert best is not None  # noqa: S101  there is at least one try
+    _, names, rules = best
+    tops = tuple(AXIS_NAMES[course.axes[_minus(p, root)]] for p in target.positions)
+    letters = tuple(names[final[_minus(p, root)]] for p in target.positions)
+    finished = Placed(cubes=target.positions, letters=letters, tops=tops).structure()  # type: ignore[arg-type]
+    book = RuleBook(
+        target.name, (FREE, *dict.fromkeys(names.values())), FREE, senses, finished, names[seed_letter], HOLD,
+        rules[0], (), rules[1],
+    )  # fmt: skip
+    merged = (
+        f"letters were merged from {len(tables.letters)} such that nobody is misled in any of {facts.states} states "
+        "(up to turns and mirrors) nor in the middle of a wave"
+    )
+    return _Draft(book, False, (merged, _exhaustive(book, facts.states, tell)))
+
+
+def _exhaustive(book: RuleBook, states: int, tell: Tell) -> str:
+    """What exploring every event of the book says; RuntimeError where the book is wrong."""
+    if states > MOST_STRUCTURES:
+        return f"not explored again as a book: more than {MOST_STRUCTURES} structures"
+    found = exhausted(book, progress=lambda n, all_: tell(f"explored {n} of {all_} structures found"))
+    if found.fault:
+        raise RuntimeError(f"the book compiled for {book.name!r} is wrong, please report it: {found.fault}")
+    if found.stopped:
+        return f"explored again as a book only in part: {found.stopped}"
+    return (
+        f"every event of the book explored: {found.structures} structures up to rotation, all of which become the "
+        "target and no more, none by squeezing a cube in"
+    )
+
+
+def _course(target: Target, senses: Senses, clock: _Clock) -> tuple[Course, Position]:
+    """An order of growth, and where the seed is."""
+    head = f"with this sensing ({told(senses)})"
+    mirrored = replace(target, positions=tuple((-x, y, z) for x, y, z in target.positions), seed=None)
+    scheme = "one" if target.tops is None else "two"
+    if target.structure(scheme).canonical(scheme) != mirrored.structure(scheme).canonical(scheme):
+        raise InfeasibleError(
+            f"target {target.name!r} is infeasible {head} because it differs from its mirror image, and cubes with two "
+            "face types cannot tell left from right; use six face types"
+        )
+    clash, all_tried = "", True
+    for search, root in _searches(target, senses):
+        try:
+            clock.check()
+            return search.plan(clock.check), root
+        except NoCourseError as error:
+            clash = clash or str(error)
+            all_tried &= error.is_proof
+        except TimeoutError:
+            all_tried = False
+            break
+    if all_tried and target.seed is not None:
+        raise InfeasibleError(
+            f"target {target.name!r} is infeasible {head} from this seed, by growth in which a cube comes when all its "
+            f"earlier neighbours are there and none is squeezed in, because {clash}"
+        )
+    raise UndecidedError(f"target {target.name!r}: not found {head}; the first clash: {clash}")
+
+
+def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:
+    """What is tried: seeds, the axes of the cubes, which of them come under the same rules."""
+    for root in _roots(target):
+        places = [_minus(place, root) for place in target.positions]
+        for axes in _axes(target, places):
+            for axis in (2, 0, 1) if axes is None else (axes[0, 0, 0],):
+                for orbits in orbits_of(places, symmetries(places, about(axis), axes)):
+                    yield Planner(senses, orbits, axis, axes, TRIALS), root
+
+
+def _roots(target: Target) -> list[Position]:
+    """Places for the seed, the best first."""
+    if target.seed is not None:
+        return [target.seed]
+    places = target.positions
+    reach = {place: max(distances(places, place).values()) for place in places}
+    middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
+    return sorted(places, key=lambda place: (reach[place], math.dist(place, middle), place))[:SEEDS]
+
+
+def _weaker(senses: Senses) -> list[Senses]:
+    """The same senses, some left out; the fewest first."""
+    names = [name for name in ("across", "roll", "touched") if getattr(senses, name)]
+    kept = (some for size in range(len(names) + 1) for some in combinations(names, size))
+    return [Senses(faces=senses.faces, **dict.fromkeys(some, True)) for some in kept]
+
+
+def _axes(target: Target, places: list[Position]) -> Iterator[Mapping[Position, int] | None]:
+    """Axes of the tops: as asked; or all alike, then as they come (None)."""
+    if target.tops is not None:
+        yield {place: DIRECTIONS.index(top) // 2 for place, top in zip(places, target.tops, strict=True)}
+        return
+    for axis in (2, 0, 1):
+        yield dict.fromkeys(places, axis)
+    yield None
+
+
+def _minus(place: Position, root: Position) -> Position:
+    return place[0] - root[0], place[1] - root[1], place[2] - root[2]

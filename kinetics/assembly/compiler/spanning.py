@@ -1,0 +1,238 @@
+"""Growth along a spanning tree: six distinct faces and the twist are enough for any target.
+
+A cube's letter tells which subtree hangs on it, up to rotation, so each of its faces takes one kind of cube at one
+face and one twist, whatever else is there. Few letters means a tree with few different subtrees. A path from the seed
+to a leaf shows no subtree twice, so it takes at least as many letters as the seed is bonds from the farthest cube,
+and one more; and that of a free cube.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kinetics.assembly.compiler.growth import beside
+from kinetics.assembly.conditions import Combination
+from kinetics.assembly.faces import compose, inverse, roll, turned
+from kinetics.assembly.structure import Position
+
+FREE = "a"
+_COMPOSE, _INVERSE, _TURNED = compose.tolist(), inverse.tolist(), turned.tolist()
+Branches = tuple[tuple[int, int, int], ...]  # direction, kind and turn of each child, sorted
+Hung = tuple[int, int]  # the kind of a subtree, and how it is turned
+
+
+class Kinds:
+    """Subtrees up to rotation, each known by a number; the turn of one is that of its root's own frame."""
+
+    def __init__(self) -> None:
+        self.branches: list[Branches] = []
+        self.symmetry: list[list[int]] = []  # turns that leave a subtree as it is
+        self._known: dict[Branches, int] = {}
+        self._found: dict[Branches, Hung] = {}
+
+    def of(self, branches: Branches) -> Hung:
+        """Kind and turn of the subtree with these branches."""
+        if branches not in self._found:
+            images = [self._turned(branches, turn) for turn in range(24)]
+            smallest = min(images)
+            kind = self._known.setdefault(smallest, len(self.branches))
+            alike = [_INVERSE[turn] for turn in range(24) if images[turn] == smallest]
+            if kind == len(self.branches):
+                self.branches.append(smallest)
+                self.symmetry.append([turn for turn in range(24) if self._turned(smallest, turn) == smallest])
+            self._found[branches] = kind, min(alike)
+        return self._found[branches]
+
+    def _turned(self, branches: Branches, turn: int) -> Branches:
+        """The branches after a rotation of the whole; of a child's turns that look the same, the smallest."""
+        return tuple(
+            sorted(
+                (_TURNED[turn][direction], kind, min(_COMPOSE[_COMPOSE[turn][own]][s] for s in self.symmetry[kind]))
+                for direction, kind, own in branches
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A spanning tree of a target.
+
+    parents : place -> the place nearer to the seed; the seed has none
+    hung : place -> the subtree that hangs on it
+    kinds : what the numbers of the subtrees mean
+    """
+
+    parents: dict[Position, Position]
+    hung: dict[Position, Hung]
+    kinds: Kinds
+
+    @cached_property
+    def letters(self) -> list[int]:
+        """The kinds of subtrees that occur; the seed's first."""
+        return sorted({kind for kind, _ in self.hung.values()}, reverse=True)
+
+    @cached_property
+    def rotations(self) -> dict[Position, int]:
+        """How each cube is turned: as the rules make it come, from the seed on."""
+        seed = next(place for place in self.hung if place not in self.parents)
+        found = {seed: self.hung[seed][1]}
+        waiting = [seed]
+        for place in waiting:
+            turn = found[place]
+            for face, _, own in self.kinds.branches[self.hung[place][0]]:
+                child = beside(place)[_TURNED[turn][face]]
+                found[child] = _COMPOSE[turn][own]
+                waiting.append(child)
+        return found
+
+    def rules(self, names: dict[int, str]) -> list[Combination]:
+        """Two rules for each branch of each kind of subtree: the one that hosts and the one that comes."""
+        found = []
+        for kind in self.letters:
+            for face, child, turn in self.kinds.branches[kind]:
+                own = _TURNED[turn].index(face ^ 1)
+                twist = roll("six", turn, own, 0)
+                faces = {"face": (f"f{own + 1}",), "partner_face": (f"f{face + 1}",), "roll": (twist,)}
+                host = {"face": faces["partner_face"], "partner_face": faces["face"], "roll": faces["roll"]}
+                found += [
+                    Combination(
+                        rule=f"{FREE} docks at f{face + 1} of {names[kind]}",
+                        letter=(FREE,),
+                        partner=(names[kind],),
+                        becomes=names[child],
+                        **faces,
+                    ),
+                    Combination(
+                        rule=f"{names[kind]} takes {FREE} on f{face + 1}",
+                        letter=(names[kind],),
+                        partner=(FREE,),
+                        becomes=names[kind],
+                        **host,
+                    ),
+                ]
+        return found
+
+
+def centre(places: Sequence[Position]) -> Position:
+    """The place from which the farthest one is nearest; of several, the most central and first."""
+    middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
+    return min(places, key=lambda place: (max(distances(places, place).values()), math.dist(place, middle), place))
+
+
+def spanning_tree(
+    places: Sequence[Position],
+    seed: Position,
+    rng: np.random.Generator,
+    moves: int,
+    told: Callable[[Tree], None] = lambda _: None,
+    tick: Callable[[], None] = lambda: None,
+) -> Tree:
+    """A tree with few different subtrees, by annealing: cubes are hung on another neighbour, one at a time.
+
+    moves : how many are tried; told : hears of every better tree
+    tick : called at every move
+    Ctrl-C, or a TimeoutError of `tick`, ends the search; the best tree so far is returned.
+    """
+    search = _Search(places, seed)
+    best = search.tree()
+    told(best)
+    bound = max(search.distance.values()) + 1
+    others = [place for place in places if place != seed]
+    cost = search.cost()
+    try:
+        for move in range(moves):
+            if len(best.letters) == bound:
+                break
+            tick()
+            heat = 1.5 * (1 - move / moves)
+            place = others[rng.integers(len(others))]
+            choices = [p for p in search.near[place] if p != search.parents[place] and not search.is_under(p, place)]
+            if not choices:
+                continue
+            old = search.parents[place]
+            search.hang(place, choices[rng.integers(len(choices))])
+            changed = search.cost()
+            if changed <= cost or rng.random() < math.exp((cost - changed) / max(heat, 1e-9)):
+                cost = changed
+                if len(search.counts) < len(best.letters):
+                    best = search.tree()
+                    told(best)
+            else:
+                search.hang(place, old)
+    except (KeyboardInterrupt, TimeoutError):
+        pass
+    return best
+
+
+class _Search:
+    """A tree under change."""
+
+    def __init__(self, places: Sequence[Position], seed: Position):
+        known = set(places)
+        self.near = {place: [p for p in beside(place) if p in known] for place in places}
+        self.distance = distances(places, seed)
+        self.kinds = Kinds()
+        self.parents = {p: min(self.near[p], key=self.distance.__getitem__) for p in places if p != seed}
+        self.children: dict[Position, set[Position]] = {place: set() for place in places}
+        for place, parent in self.parents.items():
+            self.children[parent].add(place)
+        self.hung: dict[Position, Hung] = {}
+        self.counts: dict[int, int] = {}
+        for place in sorted(places, key=lambda p: -self.distance[p]):
+            self.refresh(place)
+
+    def refresh(self, place: Position) -> bool:
+        """Find out what hangs on a place now; whether that is something else."""
+        branches = tuple(sorted((beside(place).index(child), *self.hung[child]) for child in self.children[place]))
+        now, before = self.kinds.of(branches), self.hung.get(place)
+        if now == before:
+            return False
+        if before is not None:
+            self.counts[before[0]] -= 1
+            if not self.counts[before[0]]:
+                del self.counts[before[0]]
+        self.hung[place] = now
+        self.counts[now[0]] = self.counts.get(now[0], 0) + 1
+        return True
+
+    def hang(self, place: Position, parent: Position) -> None:
+        """Hang a cube, with all that hangs on it, on another one."""
+        old = self.parents[place]
+        self.children[old].discard(place)
+        self.children[parent].add(place)
+        self.parents[place] = parent
+        for start in (old, parent):
+            above: Position | None = start
+            while above is not None and self.refresh(above):
+                above = self.parents.get(above)
+
+    def is_under(self, place: Position, top: Position) -> bool:
+        """Whether a place hangs on another one."""
+        above: Position | None = place
+        while above is not None and above != top:
+            above = self.parents.get(above)
+        return above == top
+
+    def cost(self) -> float:
+        """Letters; of as many, the rarer a kind the better, as it may go next."""
+        return len(self.counts) - 0.01 * sum(n * n for n in self.counts.values()) / len(self.hung)
+
+    def tree(self) -> Tree:
+        return Tree(dict(self.parents), dict(self.hung), self.kinds)
+
+
+def distances(places: Sequence[Position], seed: Position) -> dict[Position, int]:
+    """Bonds from the seed to each place."""
+    known, found = set(places), {seed: 0}
+    waiting = [seed]
+    for place in waiting:
+        for p in beside(place):
+            if p in known and p not in found:
+                found[p] = found[place] + 1
+                waiting.append(p)
+    return found

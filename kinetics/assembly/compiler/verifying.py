@@ -1,0 +1,85 @@
+"""Whether a book that grows from a seed makes its target and nothing else: exhausted where that is affordable, and by
+random growths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from kinetics.assembly.explore import explore
+from kinetics.assembly.history import random_growth
+from kinetics.assembly.rules import RuleBook
+from kinetics.assembly.ways import squeezes
+
+MOST_STRUCTURES = 4000
+GROWTHS = 500
+
+
+@dataclass(frozen=True)
+class Exhausted:
+    """What trying every event has found.
+
+    fault : what is wrong, in words; "" for nothing
+    structures : how many there are, up to rotation
+    stopped : why it is no proof; "" where it is one
+    """
+
+    fault: str
+    structures: int
+    stopped: str
+
+
+def exhausted(
+    book: RuleBook, most: int = MOST_STRUCTURES, progress: Callable[[int, int], None] | None = None
+) -> Exhausted:
+    """Try every event of a seeded book: all growth must end in the target, and no cube be squeezed in."""
+    assert book.target is not None  # noqa: S101  the compiler's books have one
+    found = explore(book, len(book.target), most, first_beyond=True, progress=progress)
+    target = book.target.canonical(book.scheme)
+    fault = ""
+    if found.beyond is not None:
+        fault = f"a structure of {len(found.beyond.made)} cubes is made: {found.beyond.made}"
+    elif found.livelocks:
+        fault = found.livelocks[0]
+    elif found.squeezed:
+        fault = f"cubes are squeezed in between two others in {len(found.squeezed)} joins"
+    elif not found.stopped:
+        growing = {number for event in found.events for number in event.before}
+        free = book.monomer().canonical(book.scheme)
+        ends = [s for n, s in enumerate(found.structures) if n not in growing and s != free]
+        wrong = [structure for structure in ends if structure != target]
+        if wrong:
+            fault = f"growth ends with {wrong[0]}"
+        elif not ends:
+            fault = "growth has no end"
+    return Exhausted(fault, len(found.structures), found.stopped)
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What random growths have found.
+
+    fault : what is wrong, in words; "" for nothing
+    runs : how many there were
+    squeezed : cubes that had to slip in between two others, mean over the growths
+    """
+
+    fault: str
+    runs: int
+    squeezed: float
+
+
+def grown(book: RuleBook, runs: int, seed: int, progress: Callable[[int, int], None] | None = None) -> Grown:
+    """Let a seeded book grow at random; every growth must end in the target."""
+    assert book.target is not None  # noqa: S101
+    target = book.target.canonical(book.scheme)
+    tight = 0
+    for run in range(runs):
+        frames = random_growth(book, seed + run, len(target) + 1)
+        if frames[-1].canonical(book.scheme) != target:
+            return Grown(f"growth {seed + run} ends with {len(frames[-1])} cubes: {frames[-1]}", run + 1, 0.0)
+        tight += sum(squeezes(frame, len(frame) - 1) for frame in frames[1:])
+        if progress is not None:
+            progress(run + 1, runs)
+    return Grown("", runs, tight / max(runs, 1))

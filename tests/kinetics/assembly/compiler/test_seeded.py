@@ -1,0 +1,189 @@
+"""Books for large targets, grown from a seed: each is exhausted or grown at random, and a wrong one is seen."""
+
+from dataclasses import replace
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+from kinetics.assembly import RuleBook, Senses
+from kinetics.assembly.compiler.growth import TURNS
+from kinetics.assembly.compiler.merging import Tables, named, reduced
+from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError
+from kinetics.assembly.compiler.seeded import compile_seeded
+from kinetics.assembly.compiler.spanning import Kinds, spanning_tree
+from kinetics.assembly.compiler.stages import Planner, about, orbits_of, symmetries
+from kinetics.assembly.compiler.tables import covering, rules_of
+from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler.verifying import exhausted, grown
+from kinetics.assembly.compiler.waves import facts_of
+from kinetics.assembly.conditions import Semantics
+from kinetics.assembly.faces import compose, turned
+from kinetics.assembly.structure import Structure
+
+COOP = Senses(faces="two", roll=True, touched=True)
+SIX = Senses(faces="six", roll=True)
+PLATE = tuple(product(range(-1, 2), range(-1, 2), (0,)))  # 3x3
+CUBE = tuple(product(range(-1, 2), repeat=3))
+
+
+def target(positions, **fields):
+    return Target("made", tuple(positions), breaks=False, **fields)
+
+
+def quick(asked, **changes):
+    return compile_seeded(asked, **{"tries": 40, "growths": 10} | changes)
+
+
+def test_a_plate_with_two_face_types():
+    made = quick(target(PLATE, senses=COOP))
+    assert made.letters <= 4
+    assert made.book.seed_letter == "b"
+    assert len(made.book.target) == 9
+    assert any("every event of the book explored" in sentence for sentence in made.verified)
+    assert "0 cubes a growth come in between" in made.verified[-1]
+    assert quick(target(PLATE, senses=COOP)).book.fingerprint == made.book.fingerprint
+
+
+@pytest.mark.parametrize("name", ["plate5x5", "long_l"])
+def test_shipped_targets_compile(name):
+    made = quick(Target.load(name), tries=20)
+    assert made.letters <= 6
+    assert exhausted(made.book).fault == ""
+
+
+def test_what_cubes_need_not_sense_is_left_out():
+    """A line along its tops grows at both ends; nothing has to be told apart but ends from middles."""
+    made = quick(target([(0, 0, z) for z in range(9)]))
+    assert made.book.senses == Senses(faces="two")
+    assert made.letters <= 6  # a, and one for each distance from the middle; waves save some
+
+
+def test_tops_stay_as_asked():
+    """A line of cubes on their sides: which side is opposite is seen with `across` alone."""
+    line = target([(x, 0, 0) for x in range(5)], tops=("z",) * 5, seed=(2, 0, 0))
+    with pytest.raises(InfeasibleError, match=r"cannot be told from one that must not come"):
+        quick(replace(line, senses=COOP))
+    made = quick(line)
+    assert made.book.senses.across
+    assert made.book.target.canonical("two") == line.structure("two").with_letters(made.book.target.letters).canonical(
+        "two"
+    )
+
+
+def test_cubes_cannot_tell_left_from_right():
+    screw = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)]
+    with pytest.raises(InfeasibleError, match="differs from its mirror image"):
+        quick(target(screw, senses=COOP))
+    assert quick(target(screw)).book.senses == SIX
+
+
+def test_six_faces_reach_the_bound():
+    made = quick(target(CUBE, senses=SIX), growths=3)
+    assert made.minimal
+    assert made.letters == 1 + 4  # the farthest cube is three bonds away
+    assert all(rule.neighbours is None and rule.touched is None for rule in made.book.combine)
+
+
+def test_all_turns_of_a_target_take_as_many_letters():
+    """Subtrees are compared up to rotation."""
+    counts = set()
+    for turn in (t for t in TURNS if not t.is_mirror):
+        places = [turn.of(place) for place in [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (0, 0, 1), (0, 1, 1)]]
+        counts.add(len(spanning_tree(places, places[0], np.random.default_rng(1), 0).letters))
+    assert len(counts) == 1
+
+
+def test_kinds_do_not_depend_on_the_turn():
+    kinds = Kinds()
+    leaf, _ = kinds.of(())
+    rod, own = kinds.of(((0, leaf, 0),))
+    fork = ((2, rod, own), (4, leaf, 0))
+    kind, turn = kinds.of(fork)
+    for r in range(24):
+        other = tuple(
+            sorted(
+                (int(turned[r, d]), k, min(int(compose[compose[r, t], s]) for s in kinds.symmetry[k]))
+                for d, k, t in fork
+            )
+        )
+        found, placed = kinds.of(other)
+        assert found == kind
+        assert placed == int(compose[r, turn])  # the fork has no symmetry of its own
+    assert kinds.of(((2, leaf, 0), (4, rod, kinds.of(((4, leaf, 0),))[1])))[0] != kind  # its mirror image is not it
+
+
+def staged(positions, axis=2):
+    axes = dict.fromkeys(positions, axis)
+    orbits = orbits_of(positions, symmetries(positions, about(axis), axes))[0]
+    course = Planner(COOP, orbits, axis, axes, 500).plan()
+    return facts_of(course)
+
+
+def book_of(tables, seed, final, positions):
+    names = named(tables, seed)
+    combine, internal = rules_of(tables, names, COOP)
+    whole = Structure(tuple(positions), (0,) * len(positions), tuple(names[final[p]] for p in positions))
+    letters = ("a", *dict.fromkeys(names.values()))
+    return RuleBook(
+        "made", letters, "a", COOP, whole, names[seed], Semantics(bonds="hold"), combine, (), internal
+    )  # fmt: skip
+
+
+def test_one_pair_merged_too_many_is_seen():
+    """The control: a merge that would mislead a cube is refused, and the book made in spite of it is found wrong."""
+    facts, seed, final = staged(PLATE)
+    tables = reduced(Tables.of(facts), np.random.default_rng(0))
+    right = book_of(tables, seed, final, PLATE)
+    assert exhausted(right).fault == ""
+    assert grown(right, 5, 0).fault == ""
+    wrong = []
+    for pair in combinations(tables.letters, 2):
+        assert tables.joined(*pair) is None
+        forced = book_of(tables.joined(*pair, is_strict=False), seed, final, PLATE)
+        found = exhausted(forced)
+        if found.fault:
+            wrong.append(grown(forced, 20, 0).fault)
+    assert wrong
+    assert any(wrong)  # twenty growths see it as well
+
+
+def test_merging_changes_no_step():
+    """The book with all letters and the merged one make the same structures."""
+    facts, seed, final = staged(PLATE)
+    tables = Tables.of(facts)
+    fewer = reduced(tables, np.random.default_rng(3))
+    assert len(fewer.letters) < len(tables.letters)
+    counts = {exhausted(book_of(t, seed, final, PLATE)).structures for t in (tables, fewer)}
+    assert len(counts) == 1
+
+
+def test_conditions_cover_the_good_and_no_bad():
+    assert covering({(1, 2), (1, 3)}, {(2, 3)}) == [("has", (1,))]
+    assert covering({(1,), ()}, set()) == [("", ())]
+    assert covering({(1, 1)}, {(1,), (1, 1, 1)}) == [("neighbours", (1, 1))]
+
+
+def test_ctrl_c_keeps_the_best_book():
+    def stop(text):
+        if "letters" in text and "tries" in text:
+            raise KeyboardInterrupt
+
+    made = quick(target(PLATE, senses=COOP), progress=stop)
+    assert exhausted(made.book).fault == ""
+
+
+def test_mistakes_in_what_is_asked():
+    plate = target(PLATE, senses=COOP)
+    with pytest.raises(ValueError, match="set breaks = false"):
+        compile_seeded(replace(plate, breaks=True))
+    with pytest.raises(ValueError, match="leave out joins"):
+        compile_seeded(replace(plate, joins=("1+1",)))
+    with pytest.raises(ValueError, match="all must be more than 0"):
+        compile_seeded(plate, tries=0)
+    with pytest.raises(UndecidedError, match=r"the best book has \d letters, max_letters is 2"):
+        quick(plate, max_letters=2)
+    with pytest.raises(UndecidedError, match="set roll = true"):
+        quick(target(PLATE, senses=Senses(faces="six")))
+    with pytest.raises(InfeasibleError, match="cannot be told"):
+        quick(target(PLATE, senses=Senses(faces="two"), seed=(0, 0, 0), tops=("z",) * 9))
