@@ -46,6 +46,13 @@ progress_option = click.option("--progress/--quiet", default=None, help="Show pr
     callback=picture_of,
     help="Draw the tank at the end of the first run, which is made with poses for it.",
 )
+@click.option(
+    "--growth",
+    "growth_file",
+    metavar="FILE",
+    callback=picture_of,
+    help="Draw the largest structures so far of the first run, and when each came to be.",
+)
 @plot_option
 @runs_option
 @workers_option
@@ -62,6 +69,7 @@ def simulate(
     without: tuple[str, ...],
     poses: float | None,
     picture: str | None,
+    growth_file: str | None,
     plot_file: str | None,
     runs_folder: str,
     workers: int,
@@ -101,6 +109,10 @@ def simulate(
         from mechsim.render import draw_tank
 
         save(picture, lambda ax: draw_tank(outcome.records[0], ax))
+    if growth_file and outcome.records:
+        from mechsim.render import growth
+
+        growth(outcome.records[0]).save(growth_file)
     sound = [record for record in outcome.records if record.completed]
     if plot_file and sound:
         from kinetics.plots import save

@@ -1,4 +1,4 @@
-"""Pictures of the tank from recorded poses, by the engine's own software renderer."""
+"""Pictures of runs: the tank from recorded poses, by the engine's own software renderer, and what grew in it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.assembly.drawing import Drawing
+from kinetics.assembly.history import alike_first
+from kinetics.assembly.pictures import strip
 from mechsim.bodies import Bodies, quaternion_of
 from mechsim.engine import Engine
 from mechsim.record import RunRecord, book_of
@@ -37,10 +40,31 @@ def draw_tank(record: RunRecord, ax: Any, frame: int = -1, width: int = 900, hei
     ax.legend(loc="upper right", frameon=False, title="structures of")
     ax.set(xlim=(0, width), ylim=(height, 0), xticks=[], yticks=[])
     when = record.arrays["pose_times"][frame]
-    ax.set_title(f"{record.spec.scene.name}, {record.spec.n_cubes} cubes at {when:.4g} tu")
+    ax.set_title(f"{record.spec.scene.name}, {record.spec.n_cubes} cubes at {round(when, 1):g} tu")
     for spine in ax.spines.values():
         spine.set_visible(False)
     return ax
+
+
+def growth(record: RunRecord, frames: int = 9) -> Drawing:
+    """The largest structures so far, from left to right, each with the time at which it came to be.
+
+    frames : at most so many of them, the first and the last among them
+    Each lies as it does in the book's target, where it fits into that.
+    """
+    book, derivation = book_of(record.spec.scene.rules)
+    structures = list(derivation.structures.values())
+    sizes = np.array([len(structure) for structure in structures])
+    present = np.where(record.path.states > 0, sizes, 0)
+    largest = len(sizes) - 1 - present[:, ::-1].argmax(axis=1)  # of equal ones the last: the seed, not a free cube
+    moments = np.flatnonzero(np.diff(np.maximum.accumulate(sizes[largest]), prepend=0))
+    moments = moments[np.unique(np.linspace(0, len(moments) - 1, min(frames, len(moments))).round().astype(int))]
+    when = np.concatenate([[0.0], record.path.times])[moments]
+    shown = [structures[s] for s in largest[moments]]
+    if book.target is not None:
+        shown = [next(alike_first(structure, book.target, book.scheme), structure) for structure in shown]
+    captions = [f"{len(s)} cube{'s' if len(s) > 1 else ''}, {t:.0f} tu" for s, t in zip(shown, when, strict=True)]
+    return strip(shown, captions, book.scheme)
 
 
 def _image(record: RunRecord, frame: int, sizes: np.ndarray, eye: np.ndarray, width: int, height: int) -> tuple:

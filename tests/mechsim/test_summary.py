@@ -5,6 +5,7 @@ import pytest
 
 from kinetics.assembly import RuleBook
 from mechsim.record import RunRecord, RunSpec, book_of
+from mechsim.render import growth
 from mechsim.scene import Scene
 from mechsim.species import single_cubes, species_of
 from mechsim.summary import columns_of, plot_counts, row, table
@@ -107,3 +108,19 @@ def test_single_cubes_hold_the_seed_where_there_is_one():
     assert single_cubes(book_of("line4")[1], 60) == {"monomer": 60}
     assert single_cubes(book_of("pyramid45")[1], 60) == {"monomer": 59, "seed": 1}
     assert single_cubes(book_of("pyramid45")[1], 1) == {"seed": 1}
+
+
+def test_growth_shows_each_largest_structure_once_and_when_it_came(pyramid, t5):
+    captions = [words.text for words in growth(pyramid[0], frames=4).words if "tu" in words.text]
+    assert captions == ["1 cube, 0 tu", "16 cubes, 15 tu", "30 cubes, 29 tu", "45 cubes, 44 tu"]
+    names = ("1+1->dimer.a", "dimer.a->1+1", "1+1->dimer.a", "1+1->dimer.a", "dimer.a+dimer.a->quadmer.b")
+    grown = growth(record_of(t5, {"monomer": 10}, named(t5, *names)))
+    captions = [words.text for words in grown.words if "tu" in words.text]
+    assert captions == ["1 cube, 0 tu", "2 cubes, 1 tu", "4 cubes, 5 tu"]
+    start = growth(record_of(t5, {"pentamer": 2}, []))
+    assert [words.text for words in start.words if "tu" in words.text] == ["5 cubes, 0 tu"]
+
+
+def test_a_growth_from_a_seed_begins_with_the_seed(pyramid):
+    letters = [words.text for words in growth(pyramid[1], frames=2).words if "tu" not in words.text]
+    assert letters[0] == "b"
