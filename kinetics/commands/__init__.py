@@ -8,6 +8,7 @@ from kinetics.lazy import mount
 
 COMMANDS = {
     "check": ("kinetics.commands.check", "check", "Tell all that is wrong with a rule book."),
+    "compile": ("kinetics.commands.compile", "compile_", "Make the rule book that builds a target."),
     "draw": ("kinetics.commands.draw", "draw", "Draw structures, state diagrams, networks and growths."),
     "grow": ("kinetics.commands.grow", "grow", "Grow structures by a rule book, however many there can be."),
     "rank": ("kinetics.commands.rank", "rank", "Rank books of one target by time and yield."),

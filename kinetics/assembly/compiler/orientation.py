@@ -36,3 +36,9 @@ def chosen_tops(positions: Sequence[Position]) -> tuple[Direction, ...]:
 
     best = min(product(range(3), repeat=len(positions)), key=cost)
     return tuple([AXES[axis] for axis in best])
+
+
+def turnings(positions: Sequence[Position]) -> tuple[tuple[Direction, ...], ...]:
+    """What is worth trying for cubes with two face types: the axes chosen above, then all cubes alike."""
+    alike = [(axis,) * len(positions) for axis in AXES]
+    return tuple(dict.fromkeys((chosen_tops(positions), *alike)))

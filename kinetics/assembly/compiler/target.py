@@ -41,7 +41,7 @@ class TargetFile(Settings):
         no cube, # a cube, x, y or z a cube whose top and bottom lie along that axis (mark all cubes or none)
     cubes : their places; tops, fronts : as in a book's target; left out, the compiler turns the cubes
     seed : the place of the cube from which the assembly grows (in layers: column, row from below, layer, from 0)
-    joins : `all`, or those allowed: by sizes, `1+2`, or as a network names them, `2.a+1->3.b`
+    joins : `all`, or those allowed: by sizes, `1+2`, or as the compiler names them, `2.a+1->3.b`
     """
 
     layers: Annotated[tuple[str, ...], Field(min_length=1)] | None = None

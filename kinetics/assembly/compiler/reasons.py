@@ -1,0 +1,58 @@
+"""Why there is no rule book, in words and drawings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kinetics.assembly.compiler.choices import Clash
+from kinetics.assembly.compiler.plan import Channel, Meeting, Plan
+from kinetics.assembly.faces import roll, scheme_of
+
+TOPS = {4, 5}  # top and bottom
+
+
+def told(plan: Plan, clash: Clash) -> str:
+    """The two situations that cubes cannot tell apart."""
+    (first, example), (second, other) = clash.joins
+    lines = [f"the join {plan.name(first)} must form{_twist(plan, example)}:", *_drawn(plan, example)]
+    if not clash.is_direct:
+        lines += [f"and so must {plan.name(second)}{_twist(plan, other)}:", *_drawn(plan, other)]
+    makes = "no part of the target" if clash.made is None else f"{plan.name(clash.made)}, which is left out"
+    lines += [f"but this must not{_twist(plan, clash.meeting)}, for it makes {makes}:", *_drawn(plan, clash.meeting)]
+    alike = "these two read the same" if clash.is_direct else "each of these two reads what a cube reads that must bond"
+    return "\n".join([*lines, f"and {alike}, whatever the letters are"])
+
+
+def _twist(plan: Plan, meeting: Meeting) -> str:
+    """How the two cubes are twisted against each other, where it is not the same at any twist."""
+    a, b = plan.parts[meeting.a].structure, plan.parts[meeting.b].structure.moved(meeting.placement)
+    scheme, face = plan.senses.faces, a.face_towards(meeting.i, b.positions[meeting.j])
+    other = b.face_towards(meeting.j, a.positions[meeting.i])
+    if scheme == "two" and not {face, other} & TOPS:
+        return f", axes {roll(scheme, a.rotations[meeting.i], face, b.rotations[meeting.j])}"
+    if scheme == "six":
+        twist = roll(scheme, a.rotations[meeting.i], face, b.rotations[meeting.j])
+        types = scheme_of(scheme).types
+        return f", {types[face]} on {types[other]} at a twist of {twist} degrees"
+    return ""
+
+
+def told_all(plan: Plan, clashes: list[Clash]) -> str:
+    """One clash after another."""
+    return "\nand without this join:\n".join(told(plan, clash) for clash in clashes)
+
+
+def choice(plan: Plan, joins: Iterable[Channel]) -> str:
+    """`1+1->2, 2+1->3`."""
+    return ", ".join(map(plan.name, sorted(joins)))
+
+
+def _drawn(plan: Plan, meeting: Meeting) -> list[str]:
+    """The two parts side by side, cubes of one as o and of the other as x, capital where they dock; layers from the
+    lowest up.
+    """
+    a, b = plan.parts[meeting.a].structure, plan.parts[meeting.b].structure
+    first = ["O" if cube == meeting.i else "o" for cube in range(len(a))]
+    second = ["X" if cube == meeting.j else "x" for cube in range(len(b))]
+    made = a.with_letters(first).joined(b.with_letters(second).moved(meeting.placement))
+    return ["    " + row for row in made.drawn().splitlines()]

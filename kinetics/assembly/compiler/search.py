@@ -1,0 +1,331 @@
+"""The exact search: letters for every part, rules for every event, with as few letters as there can be.
+
+What is sought: one letter for each unknown of a plan and three tables of rules, such that
+- the joins asked for are open, both cubes having a rule, and no other meeting of two parts is;
+- after every join and every break, internal rules lead to the letters of what was made, and none acts in it then.
+A free cube's letter is its own. Cubes that join or lose a bond write their final letter at once unless another event
+that looks the same to them has settled otherwise, and so do those that follow; `deferred` lets them write any letter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave
+
+MOST_LETTERS = 15
+BITS = 4  # a letter; in a multiset, the count of a letter takes three
+Key = int
+_NOTHING = object()
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """A solution, letters as numbers, 0 that of a free cube.
+
+    letters : of each unknown of the plan
+    joined, lost : what each reading makes of a cube
+    followed : (letter, neighbours) -> letter
+    """
+
+    letters: dict[int, int]
+    joined: dict[Reading, int]
+    lost: dict[Loss, int]
+    followed: dict[tuple[int, tuple[int, ...]], int]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A plan with a choice of joins: what has to hold, by the part whose letters decide it.
+
+    parts : those that are reached, in the order of the search
+    opened : readings that allow a join; closed : pairs of readings that must not both be open
+    stable : cubes at rest with their neighbours, as unknowns
+    """
+
+    plan: Plan
+    joins: tuple[Channel, ...]
+    breaks: bool
+    parts: tuple[int, ...]
+    opened: dict[int, tuple[Reading, ...]]
+    closed: dict[int, tuple[Docking, ...]]
+    stable: dict[int, tuple[tuple[int, tuple[int, ...]], ...]]
+    waves: dict[int, tuple[Wave, ...]]
+
+    @classmethod
+    def of(cls, plan: Plan, joins: Iterable[Channel], breaks: bool) -> Problem:
+        """What these joins, and no others, ask for."""
+        joins = tuple(sorted(joins))
+        reached = plan.reached(joins, breaks)
+        opened: dict[int, dict[Reading, None]] = {part: {} for part in reached}
+        closed: dict[int, dict[Docking, None]] = {part: {} for part in reached}
+        waves: dict[int, list[Wave]] = {part: [] for part in reached}
+        for channel in joins:
+            for docking, way in plan.joins[channel].items():
+                opened[channel.a].update(dict.fromkeys(docking))
+                waves[channel.c] += way.waves
+        shown = {_shown(reading) for readings in opened.values() for reading in readings}
+        shut = [(channel.a, channel.b, d) for channel, ways in plan.joins.items() if channel not in joins for d in ways]
+        shut += [(meeting.a, meeting.b, docking) for docking, meeting in plan.foreign.items()]
+        for a, b, docking in shut:
+            if a in reached and b in reached and all(_shown(reading) in shown for reading in docking):
+                closed[a][docking] = None
+        if breaks:
+            for channel, following in plan.breaks.items():
+                if channel.c in reached:
+                    waves[channel.c] += following
+        stable = {}
+        for part in reached:
+            structure, unknowns = plan.parts[part].structure, plan.parts[part].unknowns
+            cubes = {
+                (unknowns[cube], tuple(sorted(unknowns[n] for n in structure.neighbours(cube)))): None
+                for cube in range(len(structure))
+            }
+            stable[part] = tuple(cubes)
+        return cls(
+            plan,
+            joins,
+            breaks,
+            tuple(sorted(reached)),
+            {part: tuple(readings) for part, readings in opened.items()},
+            {part: tuple(dockings) for part, dockings in closed.items()},
+            stable,
+            {part: tuple(following) for part, following in waves.items()},
+        )
+
+
+def solutions(
+    problem: Problem, n_letters: int, deferred: bool = False, tick: Callable[[], None] = lambda: None
+) -> Iterator[Tables]:
+    """All solutions with at most that many letters, none twice by other names of the letters.
+
+    tick : called again and again; it may raise to end the search
+    """
+    if not 2 <= n_letters <= MOST_LETTERS:
+        raise ValueError(f"{n_letters} letters; the search takes 2 to {MOST_LETTERS}")
+    return _Search(problem, n_letters, deferred, tick).run()
+
+
+class _Search:
+    """Depth first, a part at a time; what was decided on the way is on a trail, to be undone."""
+
+    def __init__(self, problem: Problem, n_letters: int, deferred: bool, tick: Callable[[], None]):
+        self.problem, self.n_letters, self.deferred, self.tick = problem, n_letters, deferred, tick
+        self.letters: dict[int, int] = {}
+        self.joined: dict[Key, int | None] = {}  # open readings; None: what they make is not settled yet
+        self.excluded: dict[Key, dict[Key, None]] = {}  # readings that must not be open along with a key
+        self.lost: dict[Key, int] = {}
+        self.followed: dict[Key, int] = {}
+        self.trail: list[tuple[dict[Key, Any], Key, Any]] = []  # what was in a table before
+        plan = problem.plan
+        self.around = {
+            p: [plan.parts[p].structure.neighbours(c) for c in range(len(plan.parts[p]))] for p in problem.parts
+        }
+        shown = {_shown(r): None for readings in problem.opened.values() for r in readings}
+        self.kinds = {kind: number for number, kind in enumerate(shown)}
+
+    def run(self) -> Iterator[Tables]:
+        """Search from the free cube on."""
+        (free,) = self.problem.plan.parts[0].unknowns
+        self.letters[free] = 0
+        return self.part(0, 0)
+
+    def part(self, level: int, highest: int) -> Iterator[Tables]:
+        """Solutions that go on from the parts before; letters up to `highest` are in use."""
+        if level == len(self.problem.parts):
+            yield self.tables()
+            return
+        number = self.problem.parts[level]
+        unknowns = sorted(set(self.problem.plan.parts[number].unknowns))
+        for letters in [(0,)] if level == 0 else _namings(len(unknowns), highest, self.n_letters):
+            self.tick()
+            self.letters.update(zip(unknowns, letters, strict=True))
+            mark = len(self.trail)
+            if self.rests(number) and self.opens(number) and self.shuts(number):
+                waves = self.problem.waves[number]
+                for _ in self.wave(waves, 0):
+                    yield from self.part(level + 1, max(highest, *letters))
+            self.undo(mark)
+
+    def rests(self, part: int) -> bool:
+        """No internal rule acts in the part."""
+        return all(
+            self.settled(self.followed, self.resting(own, around), self.letters[own])
+            for own, around in self.problem.stable[part]
+        )
+
+    def opens(self, part: int) -> bool:
+        """The joins asked for are open, and that opens none that must not be."""
+        for reading in self.problem.opened[part]:
+            key = self.docked(reading)
+            if key in self.joined:
+                continue
+            if any(other in self.joined or other == key for other in self.excluded.get(key, ())):
+                return False
+            self.put(self.joined, key, None)
+        return True
+
+    def shuts(self, part: int) -> bool:
+        """None of the joins is open that must not be."""
+        memo: dict[Reading, Key] = {}
+        for docking in self.problem.closed[part]:
+            first, second = (memo.get(reading) or memo.setdefault(reading, self.docked(reading)) for reading in docking)
+            if first in self.joined and second in self.joined:
+                return False
+            for key, other in ((first, second), (second, first)):
+                others = self.excluded.setdefault(key, {})
+                if other not in others:
+                    self.put(others, other, None)
+        return True
+
+    def wave(self, waves: tuple[Wave, ...], n: int) -> Iterator[None]:
+        """Every way to settle the rules so that the waves from the n-th on come to rest where they should."""
+        if n == len(waves):
+            yield
+            return
+        wave = waves[n]
+        final = [self.letters[u] for u in self.problem.plan.parts[wave.part].unknowns]
+        letters = [self.letters[u] for u in wave.before]
+        for written in self.written(wave, 0, letters, final):
+            for _ in self.rounds(wave.part, written, final, ()):
+                yield from self.wave(waves, n + 1)
+
+    def written(self, wave: Wave, n: int, letters: list[int], final: list[int]) -> Iterator[list[int]]:
+        """What the cubes that took part in the event write, from the n-th on."""
+        if n == len(wave.writers):
+            yield letters
+            return
+        cube, reading = wave.writers[n]
+        if isinstance(reading, Loss):
+            table: dict[Key, Any] = self.lost
+            key = self.resting(reading.own, reading.around) << BITS | self.letters[reading.lost]
+        else:
+            table, key = self.joined, self.docked(reading)
+        for letter in self.choices(table, key, final[cube], True):
+            mark = len(self.trail)
+            self.settled(table, key, letter)
+            yield from self.written(wave, n + 1, [*letters[:cube], letter, *letters[cube + 1 :]], final)
+            self.undo(mark)
+
+    def rounds(self, part: int, letters: list[int], final: list[int], seen: tuple[list[int], ...]) -> Iterator[None]:
+        """Rounds of the internal rules, all cubes at once, until the letters are final."""
+        self.tick()
+        if letters == final:
+            yield
+            return
+        if letters in seen:
+            return
+        keys = [
+            sum([1 << 3 * letters[n] for n in around]) << BITS | letters[cube]
+            for cube, around in enumerate(self.around[part])
+        ]
+        order = sorted(range(len(keys)), key=lambda cube: letters[cube] == final[cube])  # wrong ones choose first
+        for following in self.round(order, 0, keys, letters, final, letters):
+            if following != letters:
+                yield from self.rounds(part, following, final, (*seen, letters))
+
+    def round(
+        self, order: list[int], n: int, keys: list[Key], letters: list[int], final: list[int], following: list[int]
+    ) -> Iterator[list[int]]:
+        """One round, from the n-th cube in order on."""
+        if n == len(order):
+            yield following
+            return
+        cube = order[n]
+        for letter in self.choices(self.followed, keys[cube], final[cube], False, letters[cube]):
+            mark = len(self.trail)
+            self.settled(self.followed, keys[cube], letter)
+            yield from self.round(
+                order, n + 1, keys, letters, final, [*following[:cube], letter, *following[cube + 1 :]]
+            )
+            self.undo(mark)
+
+    def choices(
+        self, table: dict[Key, Any], key: Key, final: int, writes: bool, own: int | None = None
+    ) -> Iterable[int]:
+        """Letters that a rule may write: what is settled, or the final letter, or to wait, or any."""
+        known = table.get(key)
+        if known is not None:
+            return (known,)
+        if self.deferred:
+            return dict.fromkeys((final, *(() if own is None else (own,)), *range(1, self.n_letters)))
+        return (final,) if writes or own is None or own == final else (final, own)
+
+    def settled(self, table: dict[Key, Any], key: Key, letter: int) -> bool:
+        """Settle what a rule writes; False where something else is settled."""
+        known = table.get(key)
+        if known is None:
+            self.put(table, key, letter)
+        return known is None or known == letter
+
+    def put(self, table: dict[Key, Any], key: Key, value: Any) -> None:
+        """Write into a table, to be undone."""
+        self.trail.append((table, key, table.get(key, _NOTHING)))
+        table[key] = value
+
+    def undo(self, mark: int) -> None:
+        """Take back what was decided since."""
+        while len(self.trail) > mark:
+            table, key, before = self.trail.pop()
+            if before is _NOTHING:
+                del table[key]
+            else:
+                table[key] = before
+
+    def resting(self, own: int, around: tuple[int, ...]) -> Key:
+        """A cube's letter and its neighbours'."""
+        letters = self.letters
+        return sum([1 << 3 * letters[n] for n in around]) << BITS | letters[own]
+
+    def docked(self, reading: Reading) -> Key:
+        """A reading with its letters."""
+        letters = self.letters
+        key = self.kinds[_shown(reading)]
+        for unknown in (reading.own, reading.partner, reading.across):
+            key = key << BITS | (MOST_LETTERS if unknown < 0 else letters[unknown])
+        for multiset in (reading.around, reading.touched or ()):
+            key = key << 3 * MOST_LETTERS | sum([1 << 3 * letters[n] for n in multiset])
+        return key
+
+    def tables(self) -> Tables:
+        """What is settled, with the keys told in full."""
+        problem = self.problem
+        waves = [wave for part in problem.parts for wave in problem.waves[part]]
+        joined, lost = {}, {}
+        for _, reading in (writer for wave in waves for writer in wave.writers):
+            if isinstance(reading, Loss):
+                lost[reading] = self.lost[
+                    self.resting(reading.own, reading.around) << BITS | self.letters[reading.lost]
+                ]
+            else:
+                joined[reading] = self.joined[self.docked(reading)]
+        followed = {}
+        for key, letter in self.followed.items():
+            own, around = key & (1 << BITS) - 1, key >> BITS
+            if letter != own:
+                followed[own, tuple(n for n in range(MOST_LETTERS) for _ in range(around >> 3 * n & 7))] = letter
+        return Tables(dict(self.letters), joined, lost, followed)  # type: ignore[arg-type]  # all are settled
+
+
+def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:
+    """Letters for n unknowns, new ones in the order of the alphabet."""
+    if n == 0:
+        yield ()
+        return
+    for letter in range(1, min(highest + 1, n_letters - 1) + 1):
+        for rest in _namings(n - 1, max(highest, letter), n_letters):
+            yield (letter, *rest)
+
+
+def _shown(reading: Reading) -> tuple[object, ...]:
+    """All of a reading but the letters."""
+    return (
+        reading.face,
+        reading.partner_face,
+        reading.roll,
+        len(reading.around),
+        reading.across < 0,
+        len(reading.touched or ()),
+    )

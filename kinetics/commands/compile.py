@@ -1,0 +1,111 @@
+"""`wellmixed rules compile`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from kinetics.options import echo_json, in_a_folder, json_option, seed_option
+
+
+@click.command()
+@click.argument("target")
+@click.option("--out", metavar="FILE", callback=in_a_folder, help="Write the book to this TOML file.")
+@click.option("--faces", type=click.Choice(["one", "two", "six"]), help="Face types that cubes tell apart.")
+@click.option("--roll", is_flag=True, help="Cubes sense the twist at which another one docks.")
+@click.option("--across", is_flag=True, help="Cubes sense the letter at the face opposite the docking one.")
+@click.option("--touched", is_flag=True, help="Cubes sense the letters of all cubes they touch as they dock.")
+@click.option("--joins", help="Joins to allow, as in 1+1,1+2 or 2.a+1->3.b.  [default: as many as can be told apart]")
+@click.option("--breaks/--no-breaks", default=None, help="Whether bonds break.  [default: as the target says]")
+@click.option("--max-letters", type=click.IntRange(min=2), help="Most letters.  [default: as the target says, or 8]")
+@click.option(
+    "--time-limit", type=click.FloatRange(min=0, min_open=True), default=120, show_default=True, help="Seconds."
+)
+@seed_option
+@json_option
+def compile_(
+    target: str,
+    out: str | None,
+    faces: str | None,
+    roll: bool,
+    across: bool,
+    touched: bool,
+    joins: str | None,
+    breaks: bool | None,
+    max_letters: int | None,
+    time_limit: float,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Make the rule book that builds TARGET, a shipped target or a .toml file, and nothing else.
+
+    The book is proven before it is handed out. Without senses, here or in the target, the weakest that are enough are
+    taken. The seed matters where a structure grows from a seed only.
+    """
+    from kinetics.assembly import Senses
+    from kinetics.assembly.compiler import Target, compile_book
+    from kinetics.assembly.writing import written
+
+    wanted = Target.load(target)
+    if faces or roll or across or touched:
+        asked = Senses(faces=faces or "two", roll=roll, across=across, touched=touched)
+        wanted = replace(wanted, senses=asked)
+    shows = sys.stderr.isatty()
+
+    def progress(text: str) -> None:
+        if shows:
+            click.echo(f"\r\033[K{text}", err=True, nl=False)
+
+    try:
+        made = compile_book(
+            wanted,
+            joins=None if joins is None else tuple(join.strip() for join in joins.split(",")),
+            breaks=breaks,
+            max_letters=max_letters,
+            time_limit=time_limit,
+            seed=seed,
+            progress=progress,
+        )
+    finally:
+        if shows:
+            click.echo("\r\033[K", err=True, nl=False)
+    book = made.book
+    fewest = ", fewer are proven not to do" if made.minimal else ""
+    counts = f"{len(book.combine)} + {len(book.dissociate)} + {len(book.internal)}"
+    summary = [
+        f"{book.name}: {made.letters} letters{fewest}; {counts} rules for joins, breaks, and what follows",
+        f"cubes sense: {made.capability}",
+        *([f"joins: {', '.join(made.joins)}"] if made.joins else []),
+        *made.verified,
+    ]
+    text = written(book, "\n".join(summary))
+    if out is not None:
+        Path(out).write_text(text, encoding="utf-8")
+    if as_json:
+        echo_json(
+            {
+                "target": target,
+                "book": text,
+                "file": out,
+                "fingerprint": book.fingerprint,
+                "letters": made.letters,
+                "minimal": made.minimal,
+                "rules": {
+                    "combine": len(book.combine),
+                    "dissociate": len(book.dissociate),
+                    "internal": len(book.internal),
+                },
+                "senses": book.senses.model_dump(),
+                "joins": made.joins,
+                "verified": made.verified,
+                "seconds": made.seconds,
+                "seed": seed,
+            }
+        )
+    elif out is None:
+        click.echo(text)
+    else:
+        click.echo("\n".join([*summary, f"written to {out}, in {made.seconds:.1f} s"]))
