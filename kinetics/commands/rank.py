@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.options import csv_option, echo_json, json_option, plot_option, seed_option
+from kinetics.config import read_toml
+from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook
@@ -20,7 +23,7 @@ INTERRUPTED = 130  # exit code
 
 
 @click.command()
-@click.argument("books", nargs=-1, required=True)
+@click.argument("books", metavar="BOOK...|TARGET.toml", nargs=-1, required=True)
 @click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates of a book's network (table3), or by class.")
 @click.option("--rates-book", metavar="BOOK", help="Whose network they are of.  [default: a ranked one that fits]")
 @click.option("--join", type=float, metavar="K", help="Instead: one rate constant for every join, 1/tu.")
@@ -35,6 +38,10 @@ INTERRUPTED = 130  # exit code
 @click.option(
     "--max-states", type=click.IntRange(min=0), default=100_000, show_default=True, help="Solved exactly up to these."
 )
+@click.option(
+    "--time-limit", type=float, default=60.0, show_default=True, help="For the compilation of a target's books, s."
+)
+@click.option("--best", "best_file", metavar="FILE", callback=in_a_folder, help="Write the best book to this file.")
 @csv_option
 @plot_option
 @seed_option
@@ -51,29 +58,39 @@ def rank(
     runs: int,
     draws: int,
     max_states: int,
+    time_limit: float,
+    best_file: str | None,
     csv_file: str | None,
     plot_file: str | None,
     seed: int,
     as_json: bool,
 ) -> None:
-    """Rank correct rule BOOKS of one target by what their tanks come to.
+    """Rank correct rule books of one target by what their tanks come to.
+
+    Of a TARGET.toml, as `rules compile` reads it, the books are compiled first: one for each choice among the joins
+    that lead to the target, as far as the time limit allows, the fewest joins first.
 
     The expected yield at the horizon and the mean time to the first target: exact where the states are few enough,
     sampled beyond, each with its error. Books that the figures cannot tell apart share a place.
     """
     from kinetics import ranking
+    from kinetics.assembly.writing import written
 
-    loaded = _named_apart(books)
-    rates = _rates(rates_name, rates_book, join, break_, loaded)
     shows = sys.stderr.isatty()
 
-    def progress(name: str) -> None:
+    def progress(text: str) -> None:
         if shows:
-            click.echo(f"\r\033[K{name}", err=True, nl=False)
+            click.echo(f"\r\033[K{text}", err=True, nl=False)
 
+    loaded, notes = _books(books, time_limit, progress)
+    rates = _rates(rates_name, rates_book, join, break_, loaded)
     made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
     if shows:
         click.echo("\r\033[K", err=True, nl=False)
+    made = replace(made, notes=(*notes, *made.notes))
+    if best_file:
+        best = made.candidates[0].name
+        Path(best_file).write_text(written(next(book for book in loaded if book.name == best)), encoding="utf-8")
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
@@ -88,15 +105,59 @@ def rank(
         raise SystemExit(INTERRUPTED)
 
 
-def _named_apart(names: Sequence[str]) -> list[RuleBook]:
-    """The books; files of one name are called by their paths."""
+def _books(
+    names: Sequence[str], time_limit: float, progress: Callable[[str], None]
+) -> tuple[list[RuleBook], list[str]]:
+    """The books, those of a target compiled, and notes on these; files of one name are called by their paths."""
     from kinetics.assembly import RuleBook
 
-    loaded = [RuleBook.load(name) for name in names]
-    counts = Counter(book.name for book in loaded)
-    return [
-        replace(book, name=name) if counts[book.name] > 1 else book for name, book in zip(names, loaded, strict=True)
-    ]
+    loaded: list[tuple[str, RuleBook]] = []
+    notes: list[str] = []
+    for name in names:
+        if _is_target(name):
+            compiled, note = _compiled(name, time_limit, progress)
+            loaded += [(book.name, book) for book in compiled]
+            notes.append(note)
+        else:
+            loaded.append((name, RuleBook.load(name)))
+    counts = Counter(book.name for _, book in loaded)
+    return [replace(book, name=name) if counts[book.name] > 1 else book for name, book in loaded], notes
+
+
+def _is_target(name: str) -> bool:
+    """Whether a file describes a target: it has its cubes, but no letters and no rules."""
+    path = Path(name)
+    if path.suffix != ".toml" or not path.is_file():
+        return False
+    content = read_toml(path)
+    return "letters" not in content and not {"layers", "cubes"}.isdisjoint(content)
+
+
+def _compiled(name: str, time_limit: float, progress: Callable[[str], None]) -> tuple[list[RuleBook], str]:
+    """One book for each choice of joins, `t5-1`, `t5-2` and on, and how the search ended."""
+    from kinetics.assembly.compiler import Target, all_books
+
+    target = Target.load(name)
+    began = time.monotonic()
+    books: list[RuleBook] = []
+    ended = ""
+    try:
+        for found in all_books(target, time_limit=time_limit, progress=progress):
+            books.append(replace(found.book, name=f"{target.name}-{len(books) + 1}"))
+    except KeyboardInterrupt:
+        ended = "interrupted"
+        if not books:
+            raise
+    if time.monotonic() - began >= time_limit:
+        ended = f"stopped after {time_limit:g} s"
+    if not books:
+        raise ValueError(
+            f"no book of target {target.name!r}: {ended or 'there is none'}; see `wellmixed rules compile`"
+        )
+    count = f"{len(books)} book{'' if len(books) == 1 else 's'} compiled of target {target.name!r}"
+    if ended:
+        return books, f"{count}, then {ended}: there may be more"
+    return books, f"{count}: all choices of joins for which one was found"
 
 
 def _rates(

@@ -368,6 +368,22 @@ def test_the_command(wellmixed, tmp_path):
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
+TARGET = 'cubes = [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]]\ntops = ["z", "z", "z", "z"]\n'
+
+
+def test_the_command_compiles_a_target(wellmixed, tmp_path):
+    """Five choices of joins lead to lines of four; the best book can be used as it is."""
+    (tmp_path / "line.toml").write_text(TARGET, encoding="utf-8")
+    shared = ("--rates", "table3_geometric", "--json")
+    found = wellmixed("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
+    assert [(b["book"], b["place"]) for b in found["books"]] == [(f"line-{n}", i + 1) for i, n in enumerate("21534")]
+    assert found["pathways"]["line-2"] == ["1+1", "1+3", "2+2"]
+    assert found["notes"] == ["5 books compiled of target 'line': all choices of joins for which one was found"]
+    again = wellmixed("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
+    assert again["books"][0]["book"] == "best"
+    assert again["books"][0]["yield"]["value"] == found["books"][0]["yield"]["value"]
+
+
 def test_the_command_takes_rates_by_class_and_uniform_ones(wellmixed, tmp_path):
     TABLE3.save(tmp_path / "rates.toml")
     shared = ("rules", "rank", "line4", "--cubes", "12", "--horizon", "100", "--json")
