@@ -24,6 +24,7 @@ TIME_LIMIT = 120.0  # s
 # Steps of one search, a second or so for 100,000. Counted, not timed: the same target gives the same book anywhere.
 DIRECT_STEPS = 400_000
 DEFERRED_STEPS = 100_000
+HURRY = 10  # so many times fewer steps where one search of many is made
 # Choices of joins that are tried one after another where the compiler chooses: the largest, paths, then all if few.
 MOST_LARGEST, MOST_PATHS, FEW_CHOICES = 4, 20, 4096
 
@@ -107,7 +108,7 @@ def all_books(
             for choice in Choices(plan, asked.breaks).every():
                 if not choice <= among:
                     continue
-                made = asked.book(plan, choice, 10)
+                made = asked.book(plan, choice, HURRY)
                 if isinstance(made, Compiled):
                     found = True
                     yield made
@@ -136,6 +137,7 @@ class _Asked:
     progress: Progress
     start: float = field(default_factory=time.monotonic)
     steps: int = 0
+    hurry: int = 1
 
     @classmethod
     def of(
@@ -202,7 +204,7 @@ class _Asked:
             return self.exactly(choices, asked_joins(plan, self.joins), head)
         failures = []
         for number, joins in enumerate(_worth_trying(choices)):
-            made = self.book(plan, joins, 1 if number == 0 else 10)
+            made = self.book(plan, joins, 1 if number == 0 else HURRY)
             if isinstance(made, Compiled):
                 return made
             failures.append(made)
@@ -217,10 +219,9 @@ class _Asked:
         """A book with these joins."""
         plan = choices.plan
         if choices.sensible(joins) != frozenset(joins):
-            return _Failure(
-                f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}): not all "
-                "of them can happen, or they make what never becomes the target",
-                True,
+            raise InfeasibleError(
+                f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), whatever "
+                "cubes sense: not all of them can happen, or they make what never becomes the target"
             )
         clashes = choices.obstacles(joins)
         if clashes:
@@ -251,7 +252,7 @@ class _Asked:
 
     def search(self, problem: Problem, n_letters: int, deferred: bool, hurry: int) -> tuple[Tables | None, bool]:
         """A solution, and whether all were tried."""
-        self.steps = (DEFERRED_STEPS if deferred else DIRECT_STEPS) // hurry
+        self.steps = (DEFERRED_STEPS if deferred else DIRECT_STEPS) // max(hurry, self.hurry)
 
         def tick() -> None:
             self.steps -= 1
@@ -270,6 +271,7 @@ class _Asked:
         own = self.target.senses
         if own is None:
             return ""
+        self.hurry = HURRY
         for senses in LADDER:
             if senses != own and _is_stronger(senses, own):
                 made = self.attempt(senses)

@@ -18,6 +18,7 @@ from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Readin
 MOST_LETTERS = 15
 BITS = 4  # a letter; in a multiset, the count of a letter takes three
 Key = int
+_Terms = tuple[int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # kind of reading, then unknowns
 _NOTHING = object()
 
 
@@ -125,6 +126,14 @@ class _Search:
         }
         shown = {_shown(r): None for readings in problem.opened.values() for r in readings}
         self.kinds = {kind: number for number, kind in enumerate(shown)}
+        self.known_terms: dict[Reading, _Terms] = {}
+        self.shut: dict[int, tuple[list[_Terms], list[tuple[int, int]]]] = {}  # meetings as pairs of terms
+        for part, dockings in problem.closed.items():
+            readings = {reading: n for n, reading in enumerate(dict.fromkeys(r for pair in dockings for r in pair))}
+            self.shut[part] = (
+                list(map(self.terms, readings)),
+                [(readings[first], readings[second]) for first, second in dockings],
+            )
 
     def run(self) -> Iterator[Tables]:
         """Search from the free cube on."""
@@ -169,9 +178,9 @@ class _Search:
 
     def shuts(self, part: int) -> bool:
         """None of the joins is open that must not be."""
-        memo: dict[Reading, Key] = {}
-        for docking in self.problem.closed[part]:
-            first, second = (memo.get(reading) or memo.setdefault(reading, self.docked(reading)) for reading in docking)
+        readings, dockings = self.shut[part]
+        keys = [self.key(*terms) for terms in readings]
+        for first, second in {(keys[i], keys[j]) for i, j in dockings}:
             if first in self.joined and second in self.joined:
                 return False
             for key, other in ((first, second), (second, first)):
@@ -281,13 +290,30 @@ class _Search:
 
     def docked(self, reading: Reading) -> Key:
         """A reading with its letters."""
+        return self.key(*self.terms(reading))
+
+    def terms(self, reading: Reading) -> _Terms:
+        """What a reading's key is made of."""
+        if reading not in self.known_terms:
+            kind = self.kinds[_shown(reading)]
+            plain = (
+                (reading.own, reading.partner) if reading.across < 0 else (reading.own, reading.partner, reading.across)
+            )
+            self.known_terms[reading] = kind, plain, reading.around, reading.touched or ()
+        return self.known_terms[reading]
+
+    def key(self, kind: int, single: tuple[int, ...], around: tuple[int, ...], touched: tuple[int, ...]) -> Key:
+        """A number for a kind of reading, single unknowns, and two multisets of them."""
         letters = self.letters
-        key = self.kinds[_shown(reading)]
-        for unknown in (reading.own, reading.partner, reading.across):
-            key = key << BITS | (MOST_LETTERS if unknown < 0 else letters[unknown])
-        for multiset in (reading.around, reading.touched or ()):
-            key = key << 3 * MOST_LETTERS | sum([1 << 3 * letters[n] for n in multiset])
-        return key
+        key = kind
+        for unknown in single:
+            key = key << BITS | letters[unknown]
+        neighbours = others = 0
+        for unknown in around:
+            neighbours += 1 << 3 * letters[unknown]
+        for unknown in touched:
+            others += 1 << 3 * letters[unknown]
+        return (key << 3 * MOST_LETTERS | others) << 3 * MOST_LETTERS | neighbours
 
     def tables(self) -> Tables:
         """What is settled, with the keys told in full."""

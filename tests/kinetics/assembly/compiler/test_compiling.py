@@ -1,0 +1,191 @@
+"""Books compiled for small targets: few letters, proven, and nothing but the target."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from growing import grown
+
+from kinetics.assembly import RuleBook, Senses, check, derive
+from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, all_books, compile_book
+from kinetics.assembly.writing import written
+
+# Fewest letters, that of a free cube among them; all joins that cubes can tell apart, and all breaks.
+FEWEST = {"line4": 4, "line5": 4, "t5": 3, "corner": 4, "plate2x2": 3}
+NEEDS = {"line4": "", "line5": "", "t5": "", "corner": "across", "plate2x2": "roll, across, touched"}
+JOINS = {"line4": 4, "line5": 6, "t5": 15, "corner": 7, "plate2x2": 3}
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    return {name: compile_book(Target.load(name)) for name in FEWEST}
+
+
+def sensing(target, **senses):
+    return replace(Target.load(target), senses=Senses(**{"faces": "two"} | senses))
+
+
+@pytest.mark.parametrize("name", FEWEST)
+def test_fewest_letters_weakest_senses_and_all_joins(compiled, name):
+    made = compiled[name]
+    assert (made.letters, made.minimal) == (FEWEST[name], True)
+    assert made.capability == ", ".join(filter(None, ["two face types", NEEDS[name]]))
+    assert len(made.joins) == JOINS[name]
+    assert made.book.semantics.bonds == "break"
+
+
+@pytest.mark.parametrize("name", FEWEST)
+def test_the_book_makes_the_target_and_parts_of_it_only(compiled, name):
+    made, target = compiled[name], Target.load(name)
+    derived = derive(made.book)
+    assert derived.is_closed
+    assert check(made.book, slow_waves=False).is_correct
+    shapes = [s.with_letters(["#"] * len(s)).canonical("two") for s in derived.structures.values()]
+    assert len(shapes) == len(set(shapes))  # each shape in one state only
+    assert target.structure("two").canonical("two") in shapes
+    assert max(map(len, shapes)) == len(target)
+    assert sum(len(event.before) == 2 for event in derived.events) == JOINS[name]
+
+
+@pytest.mark.parametrize("name", FEWEST)
+@pytest.mark.parametrize("growths", [30, pytest.param(500, marks=pytest.mark.validate)])
+def test_random_growth_makes_nothing_else(compiled, name, growths):
+    book = compiled[name].book
+    allowed = set(derive(book).structures.values())
+    seen = set()
+    for seed in range(growths):
+        seen |= grown(book, 2 * len(book.target), 300, np.random.default_rng(seed))
+    assert seen <= allowed
+    assert len(seen) > 2
+
+
+def test_random_growth_notices_a_guard_that_is_missing():
+    """The control: Table I as printed makes lines of five and more."""
+    book = RuleBook.load("line4_as_printed")
+    seen = {s for seed in range(30) for s in grown(book, 8, 300, np.random.default_rng(seed))}
+    assert max(map(len, seen)) > 4
+
+
+def test_the_same_target_gives_the_same_book(compiled):
+    assert compile_book(Target.load("t5")).book.fingerprint == compiled["t5"].book.fingerprint
+
+
+def test_a_compiled_book_is_written_and_loaded(compiled, tmp_path):
+    for name, made in compiled.items():
+        path = tmp_path / f"{name}.toml"
+        path.write_text(written(made.book, made.capability))
+        assert RuleBook.load(path).fingerprint == made.book.fingerprint
+
+
+@pytest.mark.parametrize(
+    ("joins", "breaks", "letters"),
+    [
+        (["1+1", "2+2"], True, 3),  # findings, section 4a
+        (["1+1", "1+2", "1+3", "2+2"], True, 4),
+        (["1+1", "2+2"], False, 3),  # with two, the ends of a line of four look like those of a dimer
+    ],
+)
+def test_lines_of_four_with_other_joins(joins, breaks, letters):
+    made = compile_book(Target.load("line4"), joins=joins, breaks=breaks)
+    assert (made.letters, made.minimal) == (letters, True)
+    assert made.book.semantics.bonds == ("break" if breaks else "hold")
+    assert sorted(join.split("->")[0] for join in made.joins) == sorted(
+        "+".join(sorted(join.split("+"), reverse=True)) for join in joins
+    )
+
+
+def test_fewer_letters_than_it_takes_are_refused_after_all_were_tried():
+    with pytest.raises(InfeasibleError, match="take more than 3 letters: all were tried"):
+        compile_book(sensing("line4"), max_letters=3, joins=["1+1", "1+2", "1+3", "2+2"])
+
+
+@pytest.mark.parametrize(
+    ("senses", "told"),
+    [
+        ({}, "the join 1+1->2 must form, axes parallel"),
+        ({"roll": True}, "the join 2+1->3 must form"),
+        ({"roll": True, "across": True}, "the join 2+2->4 must form"),
+        ({"roll": True, "touched": True}, "the join 2+1->3 must form"),
+    ],
+)
+def test_the_plate_tells_what_cubes_cannot_tell_apart_and_what_it_takes(senses, told):
+    with pytest.raises(InfeasibleError) as caught:
+        compile_book(sensing("plate2x2", **senses))
+    text = str(caught.value)
+    assert "infeasible with this sensing" in text
+    assert "whatever joins are chosen, because" in text
+    assert told in text
+    assert "read the same, whatever the letters are" in text
+    assert "two face types, roll, across, touched are enough: a book of 3 letters does it" in text
+
+
+def test_joins_that_cannot_be_told_apart_are_named():
+    with pytest.raises(InfeasibleError, match="and these joins because\nthe join 2\\+2->4 must form"):
+        compile_book(sensing("plate2x2", roll=True, across=True, touched=True), joins=["1+1", "1+2", "2+2"])
+
+
+@pytest.mark.parametrize(("faces", "letters"), [("one", None), ("six", 4)])
+def test_lines_with_other_faces(faces, letters):
+    target = sensing("line4", faces=faces, roll=faces == "six")
+    if letters is None:
+        with pytest.raises(InfeasibleError, match="two face types are enough"):
+            compile_book(target)
+    else:
+        assert compile_book(target).letters == letters
+
+
+def test_time_that_is_up_is_not_called_infeasible():
+    for name in ("t5", "corner"):
+        with pytest.raises(UndecidedError, match="not decided within 1e-06 s") as caught:
+            compile_book(Target.load(name), time_limit=1e-6)
+        assert "infeasible" not in str(caught.value)
+
+
+def test_all_choices_of_joins_of_a_line():
+    books = list(all_books(Target.load("line4")))
+    joins = [frozenset(made.joins) for made in books]
+    assert len(set(joins)) == len(joins) == 5
+    assert [len(choice) for choice in joins] == sorted(map(len, joins))
+    assert frozenset({"1+1->2", "2+2->4"}) in joins
+    assert max(made.letters for made in books) == 4
+    among = list(all_books(Target.load("line4"), joins=["1+1", "1+2", "1+3"], breaks=False))
+    assert [made.joins for made in among] == [("1+1->2", "2+1->3", "3+1->4")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"joins": ["1+9"]}, "'1+9' makes no part of target 'line4'; there are 1+1->2"),
+        ({"joins": ["first"]}, "'first' is none"),
+        ({"joins": []}, "allows none"),
+        ({"joins": ["1+2"]}, "infeasible with these joins"),
+        ({"joins": ["1+1", "1+2"]}, "infeasible with these joins"),
+        ({"max_letters": 1}, "it must be 2 to 15"),
+        ({"max_letters": 16}, "it must be 2 to 15"),
+        ({"time_limit": 0}, "it must be more than 0"),
+    ],
+)
+def test_bad_requests(arguments, told):
+    with pytest.raises(ValueError, match=re.escape(told)):
+        compile_book(Target.load("line4"), **arguments)
+
+
+def test_joins_do_not_go_with_growth_from_a_seed():
+    with pytest.raises(ValueError, match="grown from a seed"):
+        compile_book(replace(Target.load("line4"), seed=(0, 0, 0)), joins=["1+1"], breaks=False)
+
+
+def test_the_command_writes_a_book_that_checks(wellmixed, tmp_path):
+    done = wellmixed("rules", "compile", "t5", "--out", "made.toml", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert "t5: 3 letters, fewer are proven not to do" in done.out
+    assert len(RuleBook.load(tmp_path / "made.toml").letters) == 3
+    assert wellmixed("rules", "check", "made.toml", cwd=tmp_path).code == 0
+    assert wellmixed("rules", "compile", "line4", "--joins", "1+1, 2+2", "--json", cwd=tmp_path).json["letters"] == 3
+
+
+def test_the_command_ends_with_the_reason(wellmixed, tmp_path):
+    done = wellmixed("rules", "compile", "plate2x2", "--roll", cwd=tmp_path)
+    assert (done.code, done.out) == (2, "")
+    assert "infeasible with this sensing (two face types, roll)" in done.err
