@@ -9,21 +9,28 @@ from __future__ import annotations
 import hashlib
 import html
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats, Ints, integers, reals
+from kinetics.terms import Terms
 
 # What h(s) counts for m like reactants among s copies:
 #   distinct  sets of m copies, s!/(m!(s-m)!), for a pair s(s-1)/2
 #   ordered   sequences of m copies, s!/(s-m)!, for a pair s(s-1)
 #   product   s**m, zero below m copies: the paper's multiplicity M in eqs 9-10, taken to the letter
 COMBINATIONS = ("distinct", "ordered", "product")
+MAX_DENSE_HASH = 10**6  # entries of a table that the fingerprint reads in full; of a larger one, those other than 0
+TERMS = {"reactants": "reactant_terms", "stoichiometry": "change_terms"}
+Reaction = tuple[Mapping[str, int], Mapping[str, int]]  # copies needed and copies made, by species
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +45,10 @@ class Network:
     rate_constants : (R,) k per way and combination, 1/tu; None before the rates are known
     combinations : how h counts like reactants, one of `COMBINATIONS`
     conserved : name of a quantity -> its amount in one copy of each species, (S,); every channel keeps it
+
+    The two tables are also there as `reactant_terms` and `change_terms`, without their zeros. A network made by
+    `from_terms` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for: tens
+    of thousands of channels then cost milliseconds.
     """
 
     species: tuple[str, ...]
@@ -48,6 +59,8 @@ class Network:
     rate_constants: Floats | None = None
     combinations: str = "distinct"
     conserved: Mapping[str, Floats] = field(default_factory=dict)
+    reactant_terms: Terms = field(init=False, repr=False)
+    change_terms: Terms = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         species = _names("species", self.species)
@@ -55,15 +68,21 @@ class Network:
         if not species:
             raise ValueError("a network needs at least one species")
         shape = (len(channels), len(species))
-        checked = {
+        checked: dict[str, Any] = {
             "species": species,
             "channels": channels,
-            "reactants": integers("reactants", _table(self.reactants, shape), shape, minimum=0),
-            "stoichiometry": integers("stoichiometry", _table(self.stoichiometry, shape), shape),
             "ways": reals("ways", self.ways, shape[:1], minimum=0),
         }
         if self.rate_constants is not None:
             checked["rate_constants"] = reals("rate_constants", self.rate_constants, shape[:1], minimum=0)
+        for name, minimum in (("reactants", 0), ("stoichiometry", None)):
+            table = getattr(self, name)
+            if isinstance(table, Terms):
+                checked[TERMS[name]] = _checked_terms(name, table, shape, minimum)
+                del self.__dict__[name]  # `__getattr__` makes it when it is asked for
+            else:
+                checked[name] = integers(name, _table(table, shape), shape, minimum)
+                checked[TERMS[name]] = Terms.of_table(checked[name])
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         if self.combinations not in COMBINATIONS:
@@ -71,32 +90,105 @@ class Network:
         self._check_no_overdraft()
         object.__setattr__(self, "conserved", self._checked_laws())
 
+    def __getattr__(self, name: str) -> Ints:
+        """The dense table of a network that was made from terms."""
+        if name not in TERMS or TERMS[name] not in self.__dict__:
+            raise AttributeError(f"a network has no {name!r}")
+        object.__setattr__(self, name, self.__dict__[TERMS[name]].table())
+        return self.__dict__[name]
+
+    @classmethod
+    def from_terms(
+        cls,
+        species: Sequence[str],
+        channels: Sequence[str],
+        reactants: Terms,
+        stoichiometry: Terms,
+        ways: ArrayLike,
+        rate_constants: ArrayLike | None = None,
+        combinations: str = "distinct",
+        conserved: Mapping[str, ArrayLike] | None = None,
+    ) -> Network:
+        """A network from tables without their zeros, (R, S) each."""
+        tables: Any = (reactants, stoichiometry)
+        rest: Any = (ways, rate_constants, combinations, conserved or {})
+        return cls(tuple(species), tuple(channels), *tables, *rest)
+
+    @classmethod
+    def from_reactions(
+        cls,
+        reactions: Mapping[str, Reaction],
+        rate_constants: ArrayLike | None = None,
+        species: Sequence[str] | None = None,
+        ways: ArrayLike | None = None,
+        combinations: str = "distinct",
+        conserved: Mapping[str, ArrayLike] | None = None,
+    ) -> Network:
+        """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: what each channel needs, and what it makes.
+
+        species : their order; by default that in which the reactions name them
+        ways : (R,); by default 1 each
+        """
+        sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
+        named = species if species is not None else dict.fromkeys(name for _, side, _ in sides for name in side)
+        place = {name: s for s, name in enumerate(named)}
+        entries = [(r, name, n, made) for r, side, made in sides for name, n in side.items()]
+        unknown = [name for _, name, _, _ in entries if name not in place]
+        if unknown:
+            raise ValueError(f"unknown species {unknown[0]!r}; the network has {', '.join(place)}")
+        rows = np.array([r for r, _, _, _ in entries], dtype=np.int64)
+        columns = np.array([place[name] for _, name, _, _ in entries], dtype=np.int64)
+        copies = integers("copies", [n for _, _, n, _ in entries], (None,), minimum=0)
+        is_made = np.array([made for _, _, _, made in entries], dtype=bool)
+        shape = (len(reactions), len(place))
+        return cls.from_terms(
+            tuple(named),
+            tuple(reactions),
+            Terms.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
+            Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies)),
+            np.ones(shape[0]) if ways is None else ways,
+            rate_constants,
+            combinations,
+            conserved,
+        )
+
     def _check_no_overdraft(self) -> None:
         """A channel that took more copies than it needs could make a count negative."""
-        for r, s in np.argwhere(self.reactants + self.stoichiometry < 0):
+        change = self.change_terms
+        short = np.flatnonzero(self.reactant_terms.at(change.keys) + change.copies < 0)
+        if short.size:
+            r, s = change.rows[short[0]], change.columns[short[0]]
             raise ValueError(
-                f"channel {self.channels[r]!r} takes {-self.stoichiometry[r, s]} of {self.species[s]!r} but needs "
-                f"only {self.reactants[r, s]}; raise its reactants"
+                f"channel {self.channels[r]!r} takes {-change.copies[short[0]]} of {self.species[s]!r} but needs "
+                f"only {self.reactant_terms.at(change.keys[short[:1]])[0]}; raise its reactants"
             )
 
     def _checked_laws(self) -> dict[str, Floats]:
         laws = {}
+        change = self.change_terms
+        n_channels = len(self.channels)
         for name, weights in self.conserved.items():
             laws[name] = reals(f"conserved {name!r}", weights, (len(self.species),))
-            change = self.stoichiometry @ laws[name]
-            scale = np.abs(self.stoichiometry) @ np.abs(laws[name])
-            broken = np.flatnonzero(np.abs(change) > 1e-12 * scale)
+            gains = change.copies * laws[name][change.columns]
+            net = np.bincount(change.rows, gains, n_channels)
+            scale = np.bincount(change.rows, np.abs(gains), n_channels)
+            broken = np.flatnonzero(np.abs(net) > 1e-12 * scale)
             if broken.size:
                 raise ValueError(
                     f"channel {self.channels[broken[0]]!r} changes the conserved quantity {name!r} by "
-                    f"{change[broken[0]]:g}; correct the channel or the weights"
+                    f"{net[broken[0]]:g}; correct the channel or the weights"
                 )
         return laws
 
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over species, channels, reactants and stoichiometry: which network, whatever its rates."""
-        content = [self.species, self.channels, self.reactants.tolist(), self.stoichiometry.tolist()]
+        terms = (self.reactant_terms, self.change_terms)
+        if len(self.channels) * len(self.species) <= MAX_DENSE_HASH:
+            tables = [table.table().tolist() for table in terms]
+        else:
+            tables = [[table.keys.tolist(), table.copies.tolist()] for table in terms]
+        content = [self.species, self.channels, *tables]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def index(self, species: str) -> int:
@@ -118,8 +210,11 @@ class Network:
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
         h = np.ones((*counts.shape[:-1], len(self.channels)))
-        for r, s in np.argwhere(self.reactants):
-            h[..., r] *= _choices(counts[..., s], int(self.reactants[r, s]), self.combinations)
+        needed = self.reactant_terms
+        places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
+        for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
+            alike = (places == place) & (needed.copies == taken)
+            h[..., needed.rows[alike]] *= _choices(counts[..., needed.columns[alike]], taken, self.combinations)
         return h
 
     def propensities(self, states: ArrayLike) -> Floats:
@@ -137,7 +232,10 @@ class Network:
 
     def with_rates(self, rate_constants: ArrayLike) -> Network:
         """The same network with rate constants (R,) in 1/tu."""
-        return replace(self, rate_constants=np.asarray(rate_constants))
+        other = copy(self)  # all else was checked before
+        checked = reals("rate_constants", rate_constants, (len(self.channels),), minimum=0)
+        object.__setattr__(other, "rate_constants", checked)
+        return other
 
     def rows(self) -> list[tuple[str, ...]]:
         """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
@@ -148,11 +246,13 @@ class Network:
         return rows
 
     def _reaction(self, r: int) -> str:
-        products = self.reactants[r] + self.stoichiometry[r]
-        return f"{self._side(self.reactants[r])} -> {self._side(products)}"
+        before = dict(zip(*(part.tolist() for part in self.reactant_terms.row(r)), strict=True))
+        change = dict(zip(*(part.tolist() for part in self.change_terms.row(r)), strict=True))
+        after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
+        return f"{self._side(before)} -> {self._side(after)}"
 
-    def _side(self, copies: Ints) -> str:
-        terms = [name if n == 1 else f"{n} {name}" for n, name in zip(copies, self.species, strict=True) if n]
+    def _side(self, copies: Mapping[int, int]) -> str:
+        terms = [self.species[s] if n == 1 else f"{n} {self.species[s]}" for s, n in copies.items() if n]
         return " + ".join(terms) or "0"
 
     def _headline(self) -> str:
@@ -199,10 +299,18 @@ def _names(what: str, names: Sequence[str]) -> tuple[str, ...]:
     checked = tuple(names)
     if not all(isinstance(name, str) and name for name in checked):
         raise ValueError(f"{what} must be non-empty names; {checked} came")
-    doubled = {name for name in checked if checked.count(name) > 1}
-    if doubled:
+    if len(set(checked)) < len(checked):
+        doubled = {name for name, count in Counter(checked).items() if count > 1}
         raise ValueError(f"{what} has {min(doubled)!r} twice; every name must differ")
     return checked
+
+
+def _checked_terms(name: str, terms: Terms, shape: tuple[int, int], minimum: int | None) -> Terms:
+    if terms.shape != shape:
+        raise ValueError(f"{name} has shape {terms.shape}; expected {shape}")
+    if minimum is not None and terms.copies.size and terms.copies.min() < minimum:
+        raise ValueError(f"{name} holds {terms.copies.min()}; expected at least {minimum}")
+    return terms
 
 
 def _table(values: ArrayLike, shape: tuple[int, int]) -> ArrayLike:

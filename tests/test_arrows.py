@@ -64,7 +64,7 @@ def objections(found: Import) -> list[str]:
     module, target, at_run_time = found
     parts = module.split(".")
     broken = []
-    if "kernels" in parts[:-1] and not lies_in(target, "numpy", "numba", "math", "__future__"):
+    if "kernels" in parts[:-1] and not lies_in(target, "numpy", "numba", "math", "typing", "__future__"):
         broken.append("kernels take arrays and numbers, and import nothing of ours")
     if parts[0] == "kinetics" and lies_in(target, "mechsim", "calibration"):
         broken.append("kinetics knows no engine and no calibration")

@@ -10,7 +10,11 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
+from kinetics.methods.auto import Auto
 from kinetics.methods.direct import Direct
+from kinetics.methods.lockstep import Lockstep
+from kinetics.methods.partial import PartialPropensities
+from kinetics.methods.rejection import CompositionRejection
 from kinetics.methods.transient import Distribution, Transient
 from kinetics.network import Network
 from kinetics.paths import Ensemble, JumpPath
@@ -44,7 +48,13 @@ class SolvingMethod(Protocol):
         """Probability of every state at `times`, tu."""
 
 
-SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (Direct,)
+SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (
+    Direct,
+    Lockstep,
+    PartialPropensities,
+    CompositionRejection,
+    Auto,
+)
 SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (Transient,)
 
 

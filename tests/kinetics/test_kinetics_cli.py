@@ -121,7 +121,7 @@ def test_bad_start(command, arguments, message):
         (["--times", 5, "--duration", 5], "either --duration or --times"),
         (["--duration", 0], "--duration 0; expected a positive number"),
         (["--duration", "inf"], "expected a positive number"),
-        (["--method", "guess"], "'guess' is not one of 'ssa', 'exact'"),
+        (["--method", "guess"], "'guess' is not one of 'ssa', 'lockstep'"),
         (["--runs", 0], "0 is not in the range"),
         (["--threads", 0], "0 is not in the range"),
         (["--plot", "out.xyz"], "out.xyz must end in .png, .pdf, .svg"),

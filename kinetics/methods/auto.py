@@ -1,0 +1,40 @@
+"""The quickest exact method for a network, by rules that were measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from kinetics.methods.direct import Direct
+from kinetics.methods.lockstep import Lockstep
+from kinetics.methods.partial import PartialPropensities
+from kinetics.methods.rejection import CompositionRejection
+from kinetics.methods.sampling import ExactMethod, Sampler
+from kinetics.methods.shape import Shape
+from kinetics.network import Network
+
+CANDIDATES: tuple[type[ExactMethod], ...] = (Direct, PartialPropensities, CompositionRejection)
+
+
+@dataclass(frozen=True)
+class Auto(ExactMethod):
+    """The exact method whose events are expected to cost least, see `cost` of each.
+
+    many : expect ensembles, for which the direct method can run in lockstep; False for a few long runs
+
+    The choice depends on the network and on `many` alone, so the same seed gives the same runs however many are asked
+    for, at whatever times. Where it is the direct method, these are the runs of `Direct`, to the last bit.
+    """
+
+    many: bool = True
+    name: ClassVar[str] = "auto"
+
+    def choose(self, network: Network) -> ExactMethod:
+        """The method for this network."""
+        shape = Shape.of(network)
+        candidates = [*CANDIDATES, Lockstep] if self.many else CANDIDATES
+        return min((method() for method in candidates), key=lambda method: method.cost(shape))
+
+    def sampler(self, network: Network) -> Sampler:
+        """The network made ready for the chosen method."""
+        return self.choose(network).sampler(network)

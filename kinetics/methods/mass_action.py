@@ -1,0 +1,54 @@
+"""The propensities of a network as the kernels read them.
+
+Every kernel evaluates the one form that mass action of any order takes, see `kernels.ssa.MassAction`. Another rate law
+would be another form beside it.
+"""
+
+from __future__ import annotations
+
+from math import factorial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinetics.network import Network
+
+if TYPE_CHECKING:
+    from kinetics.kernels.ssa import MassAction
+
+
+def mass_action(network: Network) -> MassAction:
+    """Coefficients, pairs and factors of every channel."""
+    from kinetics.kernels.ssa import MassAction
+
+    coefficients = network.known_rates * network.ways
+    needed = network.reactant_terms
+    n_channels = len(network.channels)
+    if network.combinations == "distinct":
+        for r in np.unique(needed.rows[needed.copies > 1]):
+            for copies in needed.row(r)[1].tolist():
+                coefficients[r] /= float(factorial(copies))
+    order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=2))
+    factors = np.zeros((n_channels, order, 3), dtype=np.int32)
+    factors[:, :, 0] = len(network.species)  # the constant 1, until a reactant takes the place
+    channel = np.repeat(needed.rows, needed.copies)
+    species = np.repeat(needed.columns, needed.copies)
+    copies = np.repeat(needed.copies, needed.copies)
+    firsts = np.cumsum(needed.copies) - needed.copies
+    taken = np.arange(channel.size) - np.repeat(firsts, needed.copies)  # 0, 1, ... among like copies
+    place = np.arange(channel.size) - np.searchsorted(channel, channel)
+    if network.combinations == "product":
+        factors[channel, place] = np.stack([species, np.zeros_like(taken), copies], axis=1)
+    else:
+        factors[channel, place] = np.stack([species, taken, taken + 1], axis=1)
+    first, second = factors[:, 0], factors[:, 1]
+    # Not a like pair counted as a product, and no third reactant.
+    is_plain = (first[:, 1] == 0) & (first[:, 2] <= 1) & (factors[:, 2:, 2] == 0).all(axis=1)
+    return MassAction(
+        coefficients,
+        np.ascontiguousarray(first[:, 0]),
+        np.ascontiguousarray(second[:, 0]),
+        second[:, 1].astype(float),
+        ~is_plain,
+        factors,
+    )

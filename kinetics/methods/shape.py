@@ -1,0 +1,39 @@
+"""What the cost of an exact sampling method depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetics.network import Network
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Size and coupling of a network.
+
+    n_channels, n_species : R and S
+    order : most reactants of a channel
+    updated : propensities that an event changes, on average over the channels; those that two changed species share
+        count twice
+    """
+
+    n_channels: int
+    n_species: int
+    order: int
+    updated: float
+
+    @classmethod
+    def of(cls, network: Network) -> Shape:
+        """The shape of a network."""
+        needed, change = network.reactant_terms, network.change_terms
+        n_channels, n_species = needed.shape
+        readers = np.bincount(needed.columns, minlength=n_species)
+        order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=0))
+        return cls(n_channels, n_species, order, readers[change.columns].sum() / max(1, n_channels))
+
+    @property
+    def update_cost(self) -> float:
+        """Processor time in ns for the propensities that an event changes; the more there are, the less each costs."""
+        return 9.0 * min(self.updated, 14.0) + 3.0 * max(self.updated - 14.0, 0.0)
