@@ -167,6 +167,7 @@ class Search:
         multipliers = _multipliers(len(network.species))
         changes = np.ascontiguousarray(network.stoichiometry[works])
         self._channels = np.ascontiguousarray(network.reactants[works]), changes, _keys(changes, multipliers)
+        self._multipliers = multipliers
         self._network, self._max_states = network, max_states
         self._n = len(states)
         self._states = np.concatenate([states, states])  # room to grow into
@@ -181,6 +182,22 @@ class Search:
     def states(self) -> Ints:
         """The states found so far (N, S)."""
         return self._states[: self._n]
+
+    def add(self, states: Ints) -> Ints:
+        """Rows (n,) of the states (n, S), which are added where they are new."""
+        from kinetics.kernels import exploration
+
+        keys, room = _keys(states, self._multipliers), self._n + len(states)
+        if room > self._keys.size:
+            more = max(room, 2 * self._n) - self._n
+            self._states = np.concatenate([self.states, np.empty((more, states.shape[1]), dtype=np.int64)])
+            self._keys = np.append(self._keys[: self._n], np.empty(more, dtype=np.uint64))
+            self._slots = exploration.tabulate(self._keys, self._n, _slots_for(self._keys.size))
+        rows = np.empty(len(states), dtype=np.int64)
+        self._n = exploration.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
+        if self._n > self._max_states:
+            raise TooManyStatesError(self._too_many())
+        return rows
 
     def go_on(self, begin: int, end: int = -1, is_stopped: NDArray[np.bool_] | None = None) -> None:
         """Add what the states begin, begin + 1, ... before `end` lead to in one event; without an end, in any number.

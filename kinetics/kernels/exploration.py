@@ -56,6 +56,33 @@ def find(asked, asked_keys, states, keys, table):
 
 
 @njit(cache=True, nogil=True)
+def insert(new, new_keys, states, keys, table, n, rows):
+    """Add to the first n states those of `new` (m, S) that are not among them; `rows` (m,) receives where each is.
+
+    There must be room for all of them. Returns how many states there are then.
+    """
+    for i in range(new.shape[0]):
+        slot = first_slot(new_keys[i], table.size)
+        rows[i] = EMPTY
+        while table[slot] != EMPTY and rows[i] == EMPTY:
+            row = table[slot]
+            if keys[row] == new_keys[i]:
+                same = True
+                for s in range(states.shape[1]):
+                    same &= states[row, s] == new[i, s]
+                if same:
+                    rows[i] = row
+            slot = (slot + 1) & (table.size - 1)
+        if rows[i] == EMPTY:
+            states[n] = new[i]
+            keys[n] = new_keys[i]
+            table[slot] = n
+            rows[i] = n
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
 def explore(reactants, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
     """Add to the first n states all to which those from `begin` on lead.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, reals
 from kinetics.methods.direct import whole_number
+from kinetics.methods.elimination import Elimination, SparseFactors, equations, relative_error
 from kinetics.methods.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.network import Network
 from kinetics.states import MAX_STATES, reachable
@@ -19,10 +19,7 @@ from kinetics.states import MAX_STATES, reachable
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-EPSILON = 2.0**-52
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
-TRUST = 1e-10  # relative error above which elimination without subtractions takes over from sparse LU
-MAX_DENSE = 2000  # states that elimination takes on: its cost grows with their cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +29,7 @@ class Passage:
     target : what is waited for, in words
     mean, sd : of the time; mean inf and sd nan where the target may never be reached
     probability : of ever reaching the target
-    error : estimate of the relative error of mean, sd and probability
+    error : relative error of mean and probability: a bound, or where the states are too many to eliminate an estimate
     n_states : states on the way
     chain : the uniformised chain on the way; its last state is the target
     """
@@ -145,72 +142,32 @@ def first_passage(
     rows, columns, rates = jumps.row[off], jumps.col[off], jumps.data[off]
     hits = lumped[way][:, [n]].toarray().ravel()
     losses = np.asarray(lumped[way][:, np.flatnonzero(~leads_there)].sum(axis=1)).ravel()
-    equations = _Equations(rows, columns, rates, hits + losses)
+    chances = equations(rows, columns, rates, hits + losses)
     if not leads_there.all():
-        reached = equations.solve(hits)
-        return Passage(target, np.inf, np.nan, float(reached[0]), equations.error, n, chain)
-    mean = equations.solve(np.ones(n))
+        reached = _checked(chances, chances.solve(hits))
+        return Passage(target, np.inf, np.nan, float(reached[0]), relative_error(chances, reached, 0), n, chain)
+    mean = _checked(chances, chances.solve(np.ones(n)))
     # Variance of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels.
-    onward = mean - 1.0 / equations.exits
+    exits = np.bincount(rows, rates, minlength=n) + hits
+    onward = mean - 1.0 / exits
     spread = np.bincount(rows, rates * (mean[columns] - onward[rows]) ** 2, minlength=n) + hits * onward**2
-    variance = equations.solve(1.0 / equations.exits + spread)
-    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, equations.error, n, chain)
+    variance = chances.solve(1.0 / exits + spread)
+    error = relative_error(chances, mean, 0)
+    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, error, n, chain)
 
 
-class _Equations:
-    """Solves exits_i x_i - sum_j rates_ij x_j = w_i, for w >= 0, on states that all find a way out.
-
-    Sparse LU first. The inverse of this matrix is positive, so its norm is known from the solution for w = 1, and with
-    it the error; where that is too large (a strong drift away from the target) elimination without subtractions
-    (Grassmann, Taksar & Heyman 1985) gives every digit.
-    """
-
-    def __init__(self, rows: NDArray[np.int_], columns: NDArray[np.int_], rates: Floats, leaving: Floats) -> None:
-        from scipy.sparse import csc_array, dia_array
-        from scipy.sparse.linalg import splu
-
-        n = leaving.size
-        self.exits = np.bincount(rows, rates, minlength=n) + leaving
-        matrix: Any = csc_array((rates, (rows, columns)), shape=(n, n))
-        diagonal: Any = dia_array((self.exits[None, :], [0]), shape=(n, n))
-        self.solve: Callable[[Floats], Floats]
-        try:
-            self.solve = splu(csc_array(diagonal - matrix)).solve
-            longest = self.solve(np.ones(n)).max()
-            self.error = float(2.0 * self.exits.max() * longest * EPSILON) if longest > 0 else np.inf
-        except RuntimeError:  # singular to working precision
-            self.error = np.inf
-        if self.error > TRUST and n <= MAX_DENSE:
-            self.solve = _Elimination(matrix.toarray(), leaving).solve
-            self.error = 4.0 * n * EPSILON
-        if self.error > 1e-3:
-            raise ValueError(
-                f"the target is too remote: with {n} states on the way, more than {MAX_DENSE}, the mean time cannot be "
-                f"solved for to three digits; start nearer to the target, or from fewer copies"
-            )
-
-
-class _Elimination:
-    """State reduction: states are taken out one by one from the last, and every operation adds positive numbers."""
-
-    def __init__(self, rates: Floats, leaving: Floats) -> None:
-        n = leaving.size
-        self.rates, self.exits = rates, np.empty(n)
-        leaving = leaving.copy()
-        for k in range(n - 1, -1, -1):
-            self.exits[k] = rates[k, :k].sum() + leaving[k]
-            rates[:k, k] /= self.exits[k]
-            rates[:k, :k] += np.outer(rates[:k, k], rates[k, :k])
-            leaving[:k] += rates[:k, k] * leaving[k]
-
-    def solve(self, weights: Floats) -> Floats:
-        """x (n,) for right-hand sides `weights` (n,) >= 0."""
-        x = np.array(weights, dtype=float)
-        for k in range(x.size - 1, 0, -1):
-            x[:k] += self.rates[:k, k] * x[k]
-        for k in range(x.size):
-            x[k] = (x[k] + self.rates[k, :k] @ x[:k]) / self.exits[k]
-        return x
+def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:
+    """The solution, where its entries are numbers and the first is known to three digits."""
+    if not np.isfinite(solution).all():
+        raise ValueError(
+            "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
+        )
+    if not relative_error(chain, solution, 0) < 1e-3:
+        raise ValueError(
+            f"the target is too remote: with {solution.size} states on the way, too many to eliminate, it cannot be "
+            f"solved for to three digits; start nearer to the target, or from fewer copies"
+        )
+    return solution
 
 
 def _lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:

@@ -1,0 +1,83 @@
+"""State reduction on a banded chain (Grassmann, Taksar & Heyman 1985): only positive numbers, never subtracted.
+
+band[i, j - i + b] is the rate from state i to state j, |i - j| <= b. Taking out the last state of a chain reroutes what
+would have gone through it; its exit rate is summed anew from where it goes, never found by subtraction.
+"""
+
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def reduce(band, leaving, exits):
+    """Take out the states from the last to the first, in place.
+
+    band : (n, 2b + 1); afterwards the rates downwards of the reduced chains, and upwards the shares of the exit rate
+        of the state that they lead to
+    leaving : (n,) rates out of the chain, likewise reduced
+    exits : (n,) receives the exit rate of each state when it was the last
+    """
+    n = exits.size
+    b = band.shape[1] // 2
+    for k in range(n - 1, -1, -1):
+        low = max(0, k - b)
+        total = leaving[k]
+        for j in range(low, k):
+            total += band[k, j - k + b]
+        exits[k] = total
+        if total == 0.0:
+            continue
+        for i in range(low, k):
+            if band[i, k - i + b] == 0.0:
+                continue
+            share = band[i, k - i + b] / total
+            band[i, k - i + b] = share
+            leaving[i] += share * leaving[k]
+            shift = b - i
+            for j in range(low, k):
+                band[i, j + shift] += share * band[k, j - k + b]
+
+
+@njit(cache=True, nogil=True)
+def solve(band, exits, x):
+    """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`."""
+    n = exits.size
+    b = band.shape[1] // 2
+    for k in range(n - 1, 0, -1):
+        if x[k] != 0.0:
+            for i in range(max(0, k - b), k):
+                x[i] += band[i, k - i + b] * x[k]
+    for k in range(n):
+        total = x[k]
+        for j in range(max(0, k - b), k):
+            total += band[k, j - k + b] * x[j]
+        x[k] = total / exits[k]
+
+
+@njit(cache=True, nogil=True)
+def occupy(band, exits, x):
+    """Expected time in each state, from a start spread as x (n,); in place, after `reduce`."""
+    n = exits.size
+    b = band.shape[1] // 2
+    for k in range(n - 1, -1, -1):
+        x[k] /= exits[k]
+        if x[k] != 0.0:
+            for j in range(max(0, k - b), k):
+                x[j] += band[k, j - k + b] * x[k]
+    for k in range(1, n):
+        for i in range(max(0, k - b), k):
+            x[k] += x[i] * band[i, k - i + b]
+
+
+@njit(cache=True, nogil=True)
+def balance(band, x):
+    """Weights (n,) of the stationary law of a chain that nothing leaves, up to a factor; after `reduce`."""
+    n = x.size
+    b = band.shape[1] // 2
+    x[0] = 1.0
+    for k in range(1, n):
+        x[k] = 0.0
+        for i in range(max(0, k - b), k):
+            x[k] += x[i] * band[i, k - i + b]
+        if x[k] > 1e200:
+            for i in range(k + 1):
+                x[i] *= 1e-200
