@@ -19,7 +19,7 @@ TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")
 UNSEEN = ""  # a twist that is not sensed
 NOBODY = -1  # the letter across where there is no cube, or where it is not sensed
-MOST_STATES = 4000  # of one stage
+MOST_STATES = 6000  # of one stage; 16 cubes that come in any order make 4,500 or so
 Letters = dict[Position, int]
 
 

@@ -7,32 +7,30 @@ fits at one face and one twist alone, and may have to slip in between two others
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from kinetics.assembly.compiler.courses import minus, planned_course
 from kinetics.assembly.compiler.merging import Tables, letter_name, named, reduced
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
 from kinetics.assembly.compiler.spanning import centre, distances, spanning_tree
-from kinetics.assembly.compiler.stages import AXIS_NAMES, Course, NoCourseError, Planner, about, orbits_of, symmetries
+from kinetics.assembly.compiler.stages import AXIS_NAMES
 from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
-from kinetics.assembly.conditions import DIRECTIONS, Semantics, Senses
+from kinetics.assembly.conditions import Semantics, Senses
 from kinetics.assembly.conditions import Target as Placed
 from kinetics.assembly.rules import RuleBook
-from kinetics.assembly.structure import Position, Structure
+from kinetics.assembly.structure import Structure
 
 TIME_LIMIT = 120.0  # s
 TRIES = 300  # orders of merging
-MOVES = 20_000  # of the search for a tree
-TRIALS = 500  # of orbits in one search for an order of growth
-SEEDS = 4  # places tried for the seed where the target names none
+MOVES = 5000  # from each start of the search for a tree
 SIX = Senses(faces="six", roll=True)
 LADDER = (
     Senses(faces="two", roll=True, touched=True),
@@ -170,7 +168,12 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, tell: Tel
 
 def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Clock, tell: Tell) -> _Draft:
     """Orbit by orbit, then with merged letters."""
-    course, root = _course(target, senses, clock)
+    if senses.faces != "two":
+        raise UndecidedError(
+            f"target {target.name!r} with {told(senses)}: growth from a seed needs cubes with two or six face types; "
+            'set faces = "two" in its senses'
+        )
+    course, root = planned_course(target, senses, clock.check)
     tell(f"a growth in {len(course.stages)} stages; reading along")
     for weaker in _weaker(senses) if target.senses is None else (senses,):
         facts, seed_letter, final = facts_of(replace(course, senses=weaker))
@@ -197,8 +200,8 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
             raise
     assert best is not None  # noqa: S101  there is at least one try
     _, names, rules = best
-    tops = tuple(AXIS_NAMES[course.axes[_minus(p, root)]] for p in target.positions)
-    letters = tuple(names[final[_minus(p, root)]] for p in target.positions)
+    tops = tuple(AXIS_NAMES[course.axes[minus(p, root)]] for p in target.positions)
+    letters = tuple(names[final[minus(p, root)]] for p in target.positions)
     finished = Placed(cubes=target.positions, letters=letters, tops=tops).structure()  # type: ignore[arg-type]
     book = RuleBook(
         target.name, (FREE, *dict.fromkeys(names.values())), FREE, senses, finished, names[seed_letter], HOLD,
@@ -226,71 +229,8 @@ def _exhaustive(book: RuleBook, states: int, tell: Tell) -> str:
     )
 
 
-def _course(target: Target, senses: Senses, clock: _Clock) -> tuple[Course, Position]:
-    """An order of growth, and where the seed is."""
-    head = f"with this sensing ({told(senses)})"
-    mirrored = replace(target, positions=tuple((-x, y, z) for x, y, z in target.positions), seed=None)
-    scheme = "one" if target.tops is None else "two"
-    if target.structure(scheme).canonical(scheme) != mirrored.structure(scheme).canonical(scheme):
-        raise InfeasibleError(
-            f"target {target.name!r} is infeasible {head} because it differs from its mirror image, and cubes with two "
-            "face types cannot tell left from right; use six face types"
-        )
-    clash, all_tried = "", True
-    for search, root in _searches(target, senses):
-        try:
-            clock.check()
-            return search.plan(clock.check), root
-        except NoCourseError as error:
-            clash = clash or str(error)
-            all_tried &= error.is_proof
-        except TimeoutError:
-            all_tried = False
-            break
-    if all_tried and target.seed is not None:
-        raise InfeasibleError(
-            f"target {target.name!r} is infeasible {head} from this seed, by growth in which a cube comes when all its "
-            f"earlier neighbours are there and none is squeezed in, because {clash}"
-        )
-    raise UndecidedError(f"target {target.name!r}: not found {head}; the first clash: {clash}")
-
-
-def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:
-    """What is tried: seeds, the axes of the cubes, which of them come under the same rules."""
-    for root in _roots(target):
-        places = [_minus(place, root) for place in target.positions]
-        for axes in _axes(target, places):
-            for axis in (2, 0, 1) if axes is None else (axes[0, 0, 0],):
-                for orbits in orbits_of(places, symmetries(places, about(axis), axes)):
-                    yield Planner(senses, orbits, axis, axes, TRIALS), root
-
-
-def _roots(target: Target) -> list[Position]:
-    """Places for the seed, the best first."""
-    if target.seed is not None:
-        return [target.seed]
-    places = target.positions
-    reach = {place: max(distances(places, place).values()) for place in places}
-    middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
-    return sorted(places, key=lambda place: (reach[place], math.dist(place, middle), place))[:SEEDS]
-
-
 def _weaker(senses: Senses) -> list[Senses]:
     """The same senses, some left out; the fewest first."""
     names = [name for name in ("across", "roll", "touched") if getattr(senses, name)]
     kept = (some for size in range(len(names) + 1) for some in combinations(names, size))
     return [Senses(faces=senses.faces, **dict.fromkeys(some, True)) for some in kept]
-
-
-def _axes(target: Target, places: list[Position]) -> Iterator[Mapping[Position, int] | None]:
-    """Axes of the tops: as asked; or all alike, then as they come (None)."""
-    if target.tops is not None:
-        yield {place: DIRECTIONS.index(top) // 2 for place, top in zip(places, target.tops, strict=True)}
-        return
-    for axis in (2, 0, 1):
-        yield dict.fromkeys(places, axis)
-    yield None
-
-
-def _minus(place: Position, root: Position) -> Position:
-    return place[0] - root[0], place[1] - root[1], place[2] - root[2]

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import permutations
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Kinds:
 
     def __init__(self) -> None:
         self.branches: list[Branches] = []
-        self.symmetry: list[list[int]] = []  # turns that leave a subtree as it is
+        self.seen: list[list[int]] = []  # for each turn of a subtree, the smallest that looks the same
         self._known: dict[Branches, int] = {}
         self._found: dict[Branches, Hung] = {}
 
@@ -44,18 +45,15 @@ class Kinds:
             alike = [_INVERSE[turn] for turn in range(24) if images[turn] == smallest]
             if kind == len(self.branches):
                 self.branches.append(smallest)
-                self.symmetry.append([turn for turn in range(24) if self._turned(smallest, turn) == smallest])
+                same = [turn for turn in range(24) if self._turned(smallest, turn) == smallest]
+                self.seen.append([min(_COMPOSE[turn][s] for s in same) for turn in range(24)])
             self._found[branches] = kind, min(alike)
         return self._found[branches]
 
     def _turned(self, branches: Branches, turn: int) -> Branches:
-        """The branches after a rotation of the whole; of a child's turns that look the same, the smallest."""
-        return tuple(
-            sorted(
-                (_TURNED[turn][direction], kind, min(_COMPOSE[_COMPOSE[turn][own]][s] for s in self.symmetry[kind]))
-                for direction, kind, own in branches
-            )
-        )
+        """The branches after a rotation of the whole."""
+        directions, turns = _TURNED[turn], _COMPOSE[turn]
+        return tuple(sorted([(directions[d], kind, self.seen[kind][turns[own]]) for d, kind, own in branches]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,58 +130,67 @@ def spanning_tree(
     told: Callable[[Tree], None] = lambda _: None,
     tick: Callable[[], None] = lambda: None,
 ) -> Tree:
-    """A tree with few different subtrees, by annealing: cubes are hung on another neighbour, one at a time.
+    """A tree of shortest paths with few different subtrees, by annealing from regular ones, two an order of axes.
 
-    moves : how many are tried; told : hears of every better tree
-    tick : called at every move
+    moves : in which one cube is hung on another neighbour; how many are tried from each start
+    told : hears of every better tree; tick : called at every move
     Ctrl-C, or a TimeoutError of `tick`, ends the search; the best tree so far is returned.
     """
-    search = _Search(places, seed)
-    best = search.tree()
-    told(best)
-    bound = max(search.distance.values()) + 1
-    others = [place for place in places if place != seed]
-    cost = search.cost()
+    best: Tree | None = None
+    bound = max(distances(places, seed).values()) + 1
     try:
-        for move in range(moves):
-            if len(best.letters) == bound:
-                break
-            tick()
-            heat = 1.5 * (1 - move / moves)
-            place = others[rng.integers(len(others))]
-            choices = [p for p in search.near[place] if p != search.parents[place] and not search.is_under(p, place)]
-            if not choices:
-                continue
-            old = search.parents[place]
-            search.hang(place, choices[rng.integers(len(choices))])
-            changed = search.cost()
-            if changed <= cost or rng.random() < math.exp((cost - changed) / max(heat, 1e-9)):
-                cost = changed
-                if len(search.counts) < len(best.letters):
+        for order in 2 * list(permutations(range(3))):
+            search = _Search(places, seed, order)
+            cost = search.cost()
+            free = [place for place, choices in search.choices.items() if len(choices) > 1]
+            for move in range(moves if free else 1):
+                if best is None or len(search.counts) < len(best.letters):
                     best = search.tree()
                     told(best)
-            else:
-                search.hang(place, old)
+                if len(best.letters) == bound or not free:
+                    return best
+                tick()
+                place = free[rng.integers(len(free))]
+                old, choices = search.parents[place], search.choices[place]
+                search.hang(place, choices[rng.integers(len(choices))])
+                changed = search.cost()
+                heat = 1 - move / moves  # in letters
+                if changed <= cost or rng.random() < math.exp((cost - changed) / heat):
+                    cost = changed
+                else:
+                    search.hang(place, old)
     except (KeyboardInterrupt, TimeoutError):
-        pass
+        if best is None:
+            raise
+    assert best is not None  # noqa: S101  the first start sets it
     return best
 
 
 class _Search:
-    """A tree under change."""
+    """A tree of shortest paths under change.
 
-    def __init__(self, places: Sequence[Position], seed: Position):
-        known = set(places)
-        self.near = {place: [p for p in beside(place) if p in known] for place in places}
-        self.distance = distances(places, seed)
+    choices : place -> the places that it may hang on
+    order : of the axes; at first, a cube hangs on the neighbour along the first of them
+    """
+
+    def __init__(self, places: Sequence[Position], seed: Position, order: Sequence[int]):
+        distance = distances(places, seed)
         self.kinds = Kinds()
-        self.parents = {p: min(self.near[p], key=self.distance.__getitem__) for p in places if p != seed}
+        self.choices = {
+            place: sorted(
+                (p for p in beside(place) if distance.get(p, len(places)) < distance[place]),
+                key=lambda p, place=place: order[beside(place).index(p) // 2],  # type: ignore[misc]
+            )
+            for place in places
+            if place != seed
+        }
+        self.parents = {place: choices[0] for place, choices in self.choices.items()}
         self.children: dict[Position, set[Position]] = {place: set() for place in places}
         for place, parent in self.parents.items():
             self.children[parent].add(place)
         self.hung: dict[Position, Hung] = {}
         self.counts: dict[int, int] = {}
-        for place in sorted(places, key=lambda p: -self.distance[p]):
+        for place in sorted(places, key=lambda p: -distance[p]):
             self.refresh(place)
 
     def refresh(self, place: Position) -> bool:
@@ -211,16 +218,9 @@ class _Search:
             while above is not None and self.refresh(above):
                 above = self.parents.get(above)
 
-    def is_under(self, place: Position, top: Position) -> bool:
-        """Whether a place hangs on another one."""
-        above: Position | None = place
-        while above is not None and above != top:
-            above = self.parents.get(above)
-        return above == top
-
     def cost(self) -> float:
-        """Letters; of as many, the rarer a kind the better, as it may go next."""
-        return len(self.counts) - 0.01 * sum(n * n for n in self.counts.values()) / len(self.hung)
+        """Letters; and of as many, better those with a rare kind, which may go next."""
+        return len(self.counts) + sum(1 / n for n in self.counts.values())
 
     def tree(self) -> Tree:
         return Tree(dict(self.parents), dict(self.hung), self.kinds)

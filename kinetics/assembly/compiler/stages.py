@@ -11,11 +11,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from kinetics.assembly.compiler.growth import TURNS, Facts, Letters, Stage, TooManyError, Turn, beside, explore_stage
+from kinetics.assembly.compiler.growth import (
+    MOST_STATES,
+    TURNS,
+    Facts,
+    Letters,
+    Stage,
+    TooManyError,
+    Turn,
+    beside,
+    explore_stage,
+)
 from kinetics.assembly.conditions import Senses
 from kinetics.assembly.structure import Position
 
-MOST_STATES = 600  # of a stage; a longer one is cut in two
+LONGEST = 600  # states of a stage; a longer one is cut in two, if it is of more than one orbit
 AXIS_NAMES = "xyz"
 
 
@@ -117,6 +127,7 @@ class Planner:
         self.order: list[tuple[int, bool]] = []  # orbit, and whether a stage begins with it
         self.failed: set[frozenset[tuple[Position, int]]] = set()
         self.clash = ""
+        self.is_proof = True  # as long as nothing was left out
 
     def plan(self, tick: Callable[[], None] = lambda: None) -> Course:
         """The stages.
@@ -128,7 +139,7 @@ class Planner:
         origin = (0, 0, 0)
         axes, required = {origin: self.axis}, {origin: frozenset[Position]()}
         if not self._extend(axes, required, {origin: self.orbit_of[origin]}, {}):
-            raise NoCourseError(self.clash, self.budget > 0)
+            raise NoCourseError(self.clash, self.is_proof and self.budget > 0)
         stages: list[dict[Position, int]] = []
         for orbit, is_first in self.order:
             if is_first or not stages:
@@ -198,9 +209,11 @@ class Planner:
 
     def _fits(self, stage: Stage, is_last: bool) -> bool:
         """Whether no cube of the stage can be mistaken."""
+        is_short = len(set(stage.coming.values())) == 1
         try:
-            facts, _ = explore_stage(stage, self.turns, is_last, most=MOST_STATES)
+            facts, _ = explore_stage(stage, self.turns, is_last, most=MOST_STATES if is_short else LONGEST)
         except TooManyError:
+            self.is_proof &= not is_short
             return False
         if facts.usable() is not None:
             return True

@@ -1,0 +1,84 @@
+"""What a planned growth leaves open: where the seed is, how the cubes stand, and which come under the same rules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, told
+from kinetics.assembly.compiler.spanning import distances
+from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
+from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.conditions import DIRECTIONS, Senses
+from kinetics.assembly.structure import Position
+
+TRIALS = 500  # of orbits in one search for an order of growth
+SEEDS = 4  # places tried for the seed where the target names none
+
+
+def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> tuple[Course, Position]:
+    """An order of growth, and where the seed is.
+
+    tick : called again and again; its TimeoutError ends the search
+    InfeasibleError: there is none for cubes with these senses; UndecidedError: none was found.
+    """
+    head = f"with this sensing ({told(senses)})"
+    mirrored = replace(target, positions=tuple((-x, y, z) for x, y, z in target.positions), seed=None)
+    scheme = "one" if target.tops is None else "two"
+    if target.structure(scheme).canonical(scheme) != mirrored.structure(scheme).canonical(scheme):
+        raise InfeasibleError(
+            f"target {target.name!r} is infeasible {head} because it differs from its mirror image, and cubes with two "
+            "face types cannot tell left from right; use six face types"
+        )
+    clash, all_tried = "", True
+    for search, root in _searches(target, senses):
+        try:
+            return search.plan(tick), root
+        except NoCourseError as error:
+            clash = clash or str(error)
+            all_tried &= error.is_proof
+        except TimeoutError:
+            all_tried = False
+            break
+    if all_tried and target.seed is not None:
+        raise InfeasibleError(
+            f"target {target.name!r} is infeasible {head} from this seed, by growth in which a cube comes when all its "
+            f"earlier neighbours are there and none is squeezed in, because {clash}"
+        )
+    raise UndecidedError(f"target {target.name!r}: not found {head}; the first clash: {clash}")
+
+
+def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:
+    """What is tried: seeds, the axes of the cubes, which of them come under the same rules."""
+    for root in _roots(target):
+        places = [minus(place, root) for place in target.positions]
+        for axes in _axes(target, places):
+            for axis in (2, 0, 1) if axes is None else (axes[0, 0, 0],):
+                for orbits in orbits_of(places, symmetries(places, about(axis), axes)):
+                    yield Planner(senses, orbits, axis, axes, TRIALS), root
+
+
+def _roots(target: Target) -> list[Position]:
+    """Places for the seed, the best first."""
+    if target.seed is not None:
+        return [target.seed]
+    places = target.positions
+    reach = {place: max(distances(places, place).values()) for place in places}
+    middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
+    return sorted(places, key=lambda place: (reach[place], math.dist(place, middle), place))[:SEEDS]
+
+
+def _axes(target: Target, places: list[Position]) -> Iterator[Mapping[Position, int] | None]:
+    """Axes of the tops: as asked; or all alike, then as they come (None)."""
+    if target.tops is not None:
+        yield {place: DIRECTIONS.index(top) // 2 for place, top in zip(places, target.tops, strict=True)}
+        return
+    for axis in (2, 0, 1):
+        yield dict.fromkeys(places, axis)
+    yield None
+
+
+def minus(place: Position, root: Position) -> Position:
+    """A place as seen from another one."""
+    return place[0] - root[0], place[1] - root[1], place[2] - root[2]
