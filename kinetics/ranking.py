@@ -246,9 +246,9 @@ def rank(
     notes = (f"the rates' intervals leave out {', '.join(bare)}: taken as known, because without evidence",)
     finished: list[Candidate] = []
     try:
-        for one in derivations:
+        for number, one in enumerate(derivations, 1):
             if progress is not None:
-                progress(one.book.name)
+                progress(f"{one.book.name}, {number} of {len(derivations)}")
             finished.append(candidate_of(one, rates, drawn, cubes, horizon, runs, seed, max_states))
     except KeyboardInterrupt:
         if not finished:

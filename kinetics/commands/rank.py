@@ -39,7 +39,7 @@ INTERRUPTED = 130  # exit code
     "--max-states", type=click.IntRange(min=0), default=100_000, show_default=True, help="Solved exactly up to these."
 )
 @click.option(
-    "--time-limit", type=float, default=60.0, show_default=True, help="For the compilation of a target's books, s."
+    "--time-limit", type=float, default=20.0, show_default=True, help="For the compilation of a target's books, s."
 )
 @click.option("--best", "best_file", metavar="FILE", callback=in_a_folder, help="Write the best book to this file.")
 @csv_option
