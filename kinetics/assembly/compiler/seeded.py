@@ -69,7 +69,8 @@ def compile_seeded(
     growths : random ones that the book has to pass
     progress : told what is being done
     Where the target names no senses, those of LADDER are tried, and what is not needed is left out.
-    Ctrl-C ends the search for fewer letters; the best book so far is still checked.
+    Ctrl-C ends the search for fewer letters; the best book so far is still checked. Another one ends the checks, too,
+    once they have found it right a first time; `verified` tells how far they came.
     InfeasibleError: no book of this kind with this sensing. UndecidedError: none found, or none with so few letters.
     """
     if target.breaks:

@@ -71,15 +71,23 @@ class Grown:
 
 
 def grown(book: RuleBook, runs: int, seed: int, progress: Callable[[int, int], None] | None = None) -> Grown:
-    """Let a seeded book grow at random; every growth must end in the target."""
+    """Let a seeded book grow at random; every growth must end in the target.
+
+    Ctrl-C after the first growth ends it; `runs` tells how many there were.
+    """
     assert book.target is not None  # noqa: S101
     target = book.target.canonical(book.scheme)
-    tight = 0
-    for run in range(runs):
-        frames = random_growth(book, seed + run, len(target) + 1)
-        if frames[-1].canonical(book.scheme) != target:
-            return Grown(f"growth {seed + run} ends with {len(frames[-1])} cubes: {frames[-1]}", run + 1, 0.0)
-        tight += sum(squeezes(frame, len(frame) - 1) for frame in frames[1:])
-        if progress is not None:
-            progress(run + 1, runs)
-    return Grown("", runs, tight / max(runs, 1))
+    done, tight = 0, 0
+    try:
+        for run in range(runs):
+            frames = random_growth(book, seed + run, len(target) + 1)
+            if frames[-1].canonical(book.scheme) != target:
+                return Grown(f"growth {seed + run} ends with {len(frames[-1])} cubes: {frames[-1]}", run + 1, 0.0)
+            tight += sum(squeezes(frame, len(frame) - 1) for frame in frames[1:])
+            done += 1
+            if progress is not None:
+                progress(done, runs)
+    except KeyboardInterrupt:
+        if not done:
+            raise
+    return Grown("", done, tight / max(done, 1))

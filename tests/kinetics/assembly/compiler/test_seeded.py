@@ -162,13 +162,15 @@ def test_conditions_cover_the_good_and_no_bad():
     assert covering({(1, 1)}, {(1,), (1, 1, 1)}) == [("neighbours", (1, 1))]
 
 
-def test_ctrl_c_keeps_the_best_book():
+@pytest.mark.parametrize("at", ["tries", "random growth 3"])
+def test_ctrl_c_keeps_the_best_book(at):
     def stop(text):
-        if "letters" in text and "tries" in text:
+        if at in text:
             raise KeyboardInterrupt
 
     made = quick(target(PLATE, senses=COOP), progress=stop)
     assert exhausted(made.book).fault == ""
+    assert ("3 random growths" if "3" in at else "10 random growths") in made.verified[-2]
 
 
 def test_mistakes_in_what_is_asked():
