@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kinetics.classrates import ClassRates
-    from kinetics.methods import Direct, Transient, sample_path, simulate, solve
+    from kinetics.methods import Dense, Direct, FiniteStateProjection, Transient, sample_path, simulate, solve
+    from kinetics.methods.distribution import Distribution
     from kinetics.methods.passage import Passage, first_passage
+    from kinetics.methods.splitting import Splitting, splitting
+    from kinetics.methods.stationary import Stationary, stationary
     from kinetics.network import Network
     from kinetics.networkfree import grow
     from kinetics.networkfree_paths import Growth, Growths
@@ -23,8 +26,11 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "kinetics.classrates": ("ClassRates",),
-    "kinetics.methods": ("Direct", "Transient", "sample_path", "simulate", "solve"),
+    "kinetics.methods": ("Dense", "Direct", "FiniteStateProjection", "Transient", "sample_path", "simulate", "solve"),
+    "kinetics.methods.distribution": ("Distribution",),
     "kinetics.methods.passage": ("Passage", "first_passage"),
+    "kinetics.methods.splitting": ("Splitting", "splitting"),
+    "kinetics.methods.stationary": ("Stationary", "stationary"),
     "kinetics.network": ("Network",),
     "kinetics.networkfree": ("grow",),
     "kinetics.networkfree_paths": ("Growth", "Growths"),
@@ -40,8 +46,11 @@ __all__ = [
     "ChannelRate",
     "ClassRates",
     "Convention",
+    "Dense",
     "Direct",
+    "Distribution",
     "Ensemble",
+    "FiniteStateProjection",
     "Growth",
     "Growths",
     "JumpPath",
@@ -50,7 +59,9 @@ __all__ = [
     "Prediction",
     "Ranking",
     "Rates",
+    "Splitting",
     "StateSpace",
+    "Stationary",
     "Transient",
     "first_passage",
     "grow",
@@ -60,6 +71,8 @@ __all__ = [
     "sample_path",
     "simulate",
     "solve",
+    "splitting",
+    "stationary",
 ]
 
 

@@ -11,11 +11,14 @@ from typing import ClassVar, Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from kinetics.methods.auto import Auto
+from kinetics.methods.dense import Dense
 from kinetics.methods.direct import Direct
+from kinetics.methods.distribution import Distribution
 from kinetics.methods.lockstep import Lockstep
 from kinetics.methods.partial import PartialPropensities
+from kinetics.methods.projection import FiniteStateProjection
 from kinetics.methods.rejection import CompositionRejection
-from kinetics.methods.transient import Distribution, Transient
+from kinetics.methods.transient import Transient
 from kinetics.network import Network
 from kinetics.paths import Ensemble, JumpPath
 
@@ -55,7 +58,7 @@ SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (
     CompositionRejection,
     Auto,
 )
-SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (Transient,)
+SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (Transient, Dense, FiniteStateProjection)
 
 
 def simulate(
