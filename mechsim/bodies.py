@@ -119,6 +119,11 @@ class Bodies:
             raise KeyError(f"slot {slot} holds no body")
         return structure
 
+    def title(self, slot: int) -> str:
+        """A body for a message."""
+        cubes = ", ".join(map(str, self.members[slot][:8])) + (", ..." if len(self.members[slot]) > 8 else "")
+        return f"body {slot} (cube{'s' if len(self.members[slot]) > 1 else ''} {cubes})"
+
     def lattice(self, slot: int) -> np.ndarray:
         """Rotation (3, 3) from the structure's lattice frame to the world."""
         return matrix_of(self.orientation[slot]) @ self.shape(slot).frame.T

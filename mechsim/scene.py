@@ -73,6 +73,14 @@ class Scene(Settings):
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ValueError(f"effect {twice[0]!r} is listed twice")
+        listed: dict[str, str] = {}
+        for effect in self.effects:
+            what = effect.provides or effect.effect
+            rival = listed.setdefault(what, effect.effect)
+            if rival != effect.effect:
+                raise ValueError(
+                    f"effects {rival!r} and {effect.effect!r} contradict each other: both are the {what}; keep one"
+                )
         for effect in self.effects:
             effect.check(self)
         return self
@@ -87,6 +95,10 @@ class Scene(Settings):
         """Settings of a listed effect, or None."""
         return next((e for e in self.effects if e.effect == name), None)
 
+    def provider(self, what: str) -> Any | None:
+        """Settings of the listed effect that is this or a way of this (`drag`: drag or explicit-drag), or None."""
+        return next((e for e in self.effects if what in (e.effect, e.provides)), None)
+
     def openers(self, kind: EventKind) -> tuple[str, ...]:
         """Names of the listed effects that make events of this kind happen."""
         return tuple(e.effect for e in self.effects if kind in e.opens)
@@ -100,9 +112,11 @@ class Scene(Settings):
     def changed(self, effect: str, **settings: Any) -> Scene:
         """The same scene with other settings of one effect, validated anew."""
         data = self.model_dump(mode="json")
-        for item in data["effects"]:
-            if item["effect"] == effect:
-                item.update(settings)
+        found = [item for item in data["effects"] if item["effect"] == effect]
+        if not found:
+            listed = ", ".join(e.effect for e in self.effects)
+            raise ValueError(f"scene {self.name} does not list the effect {effect!r}; it lists {listed}")
+        found[0].update(settings)
         return validated(Scene, data, f"scene {self.name}")
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.assembly import RuleBook, Structure, placements
 from mechsim.bodies import Bodies
-from mechsim.effects.base import Action
+from mechsim.effects.base import Action, Stopped
 from mechsim.engine import Engine
 from mechsim.kernels.contact import blocked
 from mechsim.kernels.motion import TROUBLES, coast, trouble
@@ -20,18 +20,15 @@ from mechsim.scene import Scene
 RESYNC = 100
 
 
-class Stopped(Exception):  # noqa: N818 - a named outcome, not a fault of the program
-    """The guard ended the run; the text is the named reason."""
-
-
 class World:
     """Cubes in a tank under the effects of a scene.
 
     scene, book : what is simulated, and the rules its cubes follow
     seed : of all streams of this world; each part draws from its own, so leaving one out does not change the others
 
-    For effects: `bodies`, `engine`, `fluid` (C, P, 3; velocity of the fluid at the drag points), `time`,
-    `step_count`, `step_size`.
+    For effects: `bodies`, `engine`, `time`, `step_count`, `step_size`; `drag_points` (P, 3; from a cube's centre along
+    its own axes) and `fluid` (C, P, 3), the velocity of the fluid there.
+    `parts` : what a step does, in order, each with the name of the effect, or of the work, that it is
     """
 
     def __init__(self, scene: Scene, book: RuleBook, n_cubes: int, seed: np.random.SeedSequence):
@@ -43,13 +40,14 @@ class World:
         self.limit = np.full(3, np.inf)  # beyond it a body has escaped; walls set it
         self.bodies = Bodies(n_cubes, scene.cubes.edge, scene.cubes.density * scene.cubes.edge**3)
         self.engine = Engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
-        self.fluid = np.zeros((n_cubes, 0, 3))
+        self.drag_points, self.fluid = np.zeros((0, 3)), np.zeros((n_cubes, 0, 3))
         self.listeners: list[Callable[[tuple[Structure, ...], tuple[Structure, ...]], None]] = []
         self._changed: list[Callable[[int], None]] = []
         self._placing = self.stream("placement")
-        actions = [effect.attach(self) for effect in scene.effects]
-        self._before = [a.before_step for a in actions if _overrides(a, "before_step")]
-        self._after = [a.after_step for a in actions if _overrides(a, "after_step")]
+        actions = {effect.effect: effect.attach(self) for effect in scene.effects}
+        self.before = {name: a.before_step for name, a in actions.items() if _overrides(a, "before_step")}
+        self.after = {name: a.after_step for name, a in actions.items() if _overrides(a, "after_step")}
+        self.parts = self._parts()
 
     def __enter__(self) -> World:
         return self
@@ -155,21 +153,32 @@ class World:
 
     def step(self) -> None:
         """One step with all effects; raises Stopped when the guard finds that the state cannot be trusted."""
+        for _, part in self.parts:
+            part()
+
+    def _parts(self) -> list[tuple[str, Callable[[], None]]]:
+        return [
+            *self.before.items(),
+            ("engine", self.engine.step),
+            ("free flight", self._coast),
+            ("reading back", self._read),
+            ("guard", self._guard),
+            ("places of cubes", self.bodies.locate),
+            *self.after.items(),
+        ]
+
+    def _coast(self) -> None:
+        """Free flight of all bodies; those that touched something are read back after it."""
         b = self.bodies
-        for hook in self._before:
-            hook()
-        self.engine.step()
         coast(b.live, b.position, b.orientation, b.velocity, b.spin, b.inertia, self.step_size)
         self.step_count += 1
         self.time = self.step_count * self.step_size
+
+    def _read(self) -> None:
         if self.step_count % RESYNC == 0:
-            self.engine.read(b.live.tolist())
+            self.engine.read(self.bodies.live.tolist())
         else:
             self.engine.read(self.engine.near_contacts())
-        self._guard()
-        b.locate()
-        for hook in self._after:
-            hook()
 
     def _guard(self) -> None:
         b, limits = self.bodies, self.scene.guard
@@ -179,7 +188,10 @@ class World:
         )  # fmt: skip
         if code:
             speed, spin = np.linalg.norm(b.velocity[slot]), np.linalg.norm(b.spin[slot])
-            raise Stopped(f"{TROUBLES[code]} (time {self.time:.4f} tu, speed {speed:.3g}, spin {spin:.3g})")
+            b.locate()
+            raise Stopped(
+                f"{TROUBLES[code]}: {b.title(slot)} at {self.time:.4f} tu, speed {speed:.3g}, spin {spin:.3g}"
+            )
 
     def _create(self, slot: int, structure: Structure, members: tuple[int, ...], motion: tuple | None = None) -> None:
         b = self.bodies

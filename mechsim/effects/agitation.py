@@ -25,6 +25,7 @@ class Agitation(Effect):
     """
 
     effect: Literal["agitation"] = "agitation"
+    provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     sigma: float = Field(ge=0)
     hold: float = Field(gt=0)

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 EventKind = Literal["join", "break"]
 
 
+class Stopped(Exception):  # noqa: N818 - a named outcome, not a fault of the program
+    """The run was ended because its state can no longer be trusted; the text is the named reason."""
+
+
 class Action:
     """An effect at work in one world; override only the hooks it needs. Hooks not overridden are never called."""
 
@@ -32,13 +36,14 @@ class Effect(Settings):
     """
 
     effect: str
-    needs: ClassVar[tuple[str, ...]] = ()  # names of effects it cannot act without
+    provides: ClassVar[str | None] = None  # what several effects are ways of, of which a scene takes one; None: itself
+    needs: ClassVar[tuple[str, ...]] = ()  # what it cannot act without: names of effects, or of what they provide
     opens: ClassVar[tuple[EventKind, ...]] = ()  # kinds of event that it makes happen
 
     def check(self, scene: Scene) -> None:
         """ValueError where the effect does not go with the rest of the scene."""
         for need in self.needs:
-            if scene.effect(need) is None:
+            if scene.provider(need) is None:
                 raise ValueError(f"effect {self.effect!r} needs effect {need!r}, which the scene does not list")
 
     @abstractmethod

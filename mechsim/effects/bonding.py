@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
-from kinetics.assembly import View
 from mechsim.effects.base import Action, Effect, EventKind
+from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.latches import Encounter, MagnetDelay, Pair
-from mechsim.kernels.contact import facing_pairs
 
 if TYPE_CHECKING:
     from mechsim.world import World
@@ -44,55 +41,15 @@ class Bonding(Effect):
 
 class _Bonding(Action):
     def __init__(self, settings: Bonding, world: World):
-        self.settings, self.world = settings, world
-        self.cosine = -math.cos(math.radians(settings.capture_angle))
-        n = world.bodies.n_cubes
-        self.kind = np.full((n, 6), -1, np.int64)
-        self.kinds: dict[View, int] = {}
-        self.allowed = np.zeros((0, 0), bool)
-        self.found = np.zeros((64, 4), np.int64)
+        self.world = world
+        sideways = settings.sideways * world.bodies.edge
+        self.faces = CompatibleFaces(world, settings.capture_distance, settings.capture_angle, sideways)
         self.latch = settings.latch.attach(world, world.stream("bonding"))
-        world.on_change(self.read_faces)
-
-    def read_faces(self, slot: int) -> None:
-        """What the rules can tell of each face of a new body, as small numbers for the kernel."""
-        bodies, book = self.world.bodies, self.world.book
-        structure = bodies.held(slot)
-        for index, cube in enumerate(bodies.members[slot]):
-            for face in range(6):
-                signature = book.view(structure, index, face)
-                self.kind[cube, face] = -1 if signature is None else self.number(signature)
-
-    def number(self, signature: View) -> int:
-        """Number of a signature; a new one is compared with all known ones, once."""
-        if signature not in self.kinds:
-            self.kinds[signature] = len(self.kinds)
-            book, known = self.world.book, list(self.kinds)
-            self.allowed = np.array([[book.allows(a, b) for b in known] for a in known], bool)
-        return self.kinds[signature]
-
-    def within_reach(self) -> list[Pair]:
-        """Pairs of faces that may bond and are within reach now, in a fixed order."""
-        s, b = self.settings, self.world.bodies
-        while True:
-            count = facing_pairs(
-                b.body, b.centre, b.axes, self.kind, self.allowed, b.edge,
-                s.capture_distance, self.cosine, s.sideways * b.edge, self.found,
-            )  # fmt: skip
-            if count <= len(self.found):
-                return [tuple(row) for row in self.found[:count].tolist()]
-            self.found = np.zeros((2 * count, 4), np.int64)
 
     def after_step(self) -> None:
-        for pair in self.within_reach():
-            # An earlier bond of this step may have covered a face or changed what it allows.
-            i, f, j, g = pair
-            kinds = self.kind[i, f], self.kind[j, g]
-            bodies = self.world.bodies
-            if bodies.body[i] == bodies.body[j] or min(kinds) < 0 or not self.allowed[kinds]:
-                continue
-            if self.latch(pair):
-                self.dock(pair)
+        for i, face, j, other in self.faces.within_reach().tolist():
+            if self.faces.still_may(i, face, j, other) and self.latch((i, face, j, other)):
+                self.dock((i, face, j, other))
 
     def dock(self, pair: Pair) -> None:
         """Join the two bodies if nothing stands in the way."""

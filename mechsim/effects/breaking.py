@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -15,10 +16,17 @@ if TYPE_CHECKING:
     from mechsim.world import World
 
 
-# What tears a bond: (tension, shear, moment) of each bond, (bonds, 3), to one number each. A push tears nothing.
-CRITERIA = {
-    "impulse": lambda load: np.hypot(np.maximum(load[:, 0], 0.0), load[:, 1]),
-    "wrench": lambda load: np.maximum(load[:, 0], 0.0) + 0.5 * load[:, 1] + load[:, 2],
+def _pull(load: np.ndarray) -> np.ndarray:
+    """Pull and shear of each bond; a push tears nothing."""
+    return np.hypot(np.maximum(load[:, 0], 0.0), load[:, 1])
+
+
+# What tears a bond: (tension, shear, moment) of each bond, (bonds, 3), and the structure's change of velocity, to one
+# number each; the bond with the largest one breaks where that exceeds the threshold.
+CRITERIA: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
+    "impulse": lambda load, _: _pull(load),
+    "wrench": lambda load, _: np.maximum(load[:, 0], 0.0) + 0.5 * load[:, 1] + load[:, 2],
+    "velocity": lambda load, change: change * _pull(load) / max(_pull(load).max(), np.finfo(float).tiny),
 }
 
 
@@ -26,24 +34,23 @@ class Breaking(Effect):
     """A bond breaks when what it transmits in a collision exceeds a threshold; the most loaded bond of a structure
     breaks.
 
-    threshold : impulse, mass length / tu
+    threshold : impulse, mass length / tu; for "velocity" a speed, length / tu
     criterion : "impulse" - the pull and the shear through the bond; "wrench" - tension + shear / 2 + moment over
-    half an edge,
-        which tears long structures far more easily than short ones
+        half an edge, which tears long structures far more easily than short ones; "velocity" - the change of velocity
+        of the structure, impulse over its mass, which spares long structures: its most loaded bond breaks
     grace : time after docking in which a bond does not break, tu: the push that a snap into place may cause is no
     collision
 
     Bonds in a loop carry a load that rigid-body mechanics leaves open; they do not break one at a time.
     The paper breaks a bond whose face gap exceeds a threshold; in a constraint solver that gap shrinks with the
-    step squared, so it is
-    no property of the collision. The impulse is.
+    step squared, so it is no property of the collision. The impulse is, and the change of velocity.
     """
 
     effect: Literal["breaking"] = "breaking"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # impulses come from collisions
     opens: ClassVar[tuple[EventKind, ...]] = ("break",)
     threshold: float = Field(gt=0)
-    criterion: Literal["impulse", "wrench"] = "impulse"
+    criterion: Literal["impulse", "wrench", "velocity"] = "impulse"
     grace: float = Field(default=0.05, ge=0)
 
     def attach(self, world: World) -> Action:
@@ -90,7 +97,8 @@ class _Breaking(Action):
         loads = np.zeros((len(bonds), 3))
         cubes = list(bodies.members[slot])
         bond_loads(bonds, sides, bodies.centre[cubes], place, impulse, bodies.cube_mass, bodies.edge, loads)
-        tear = CRITERIA[self.settings.criterion](loads)
+        change = float(np.linalg.norm(impulse.sum(axis=0)) / bodies.mass[slot])
+        tear = CRITERIA[self.settings.criterion](loads, change)
         weakest = int(np.argmax(tear))
         if tear[weakest] > self.settings.threshold:
             i, j = (int(c) for c in bonds[weakest])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
-class Drag(Effect):
-    """f = 1/2 Cd rho A |u - v| (u - v) at each drag point (paper, eq. 4), one semi-implicit step a body.
+class DragLaw(Effect):
+    """f = 1/2 Cd rho A |u - v| (u - v) at each drag point (paper, eq. 4), with its torque about the centre of mass.
 
     coefficient : Cd, 1.05 for a cube
     fluid_density : rho, 1 in the paper's units
@@ -28,10 +28,16 @@ class Drag(Effect):
         "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
     """
 
-    effect: Literal["drag"] = "drag"
+    provides: ClassVar[str | None] = "drag"
     coefficient: float = Field(default=1.05, gt=0)
     fluid_density: float = Field(default=1.0, gt=0)
     points: Literal["sub-cubes", "sub-faces"] = "sub-cubes"
+
+
+class Drag(DragLaw):
+    """The drag law in one semi-implicit step a body: stable at any step, first order in it."""
+
+    effect: Literal["drag"] = "drag"
 
     def attach(self, world: World) -> Action:
         """Lay out the drag points of every cube."""
@@ -51,8 +57,10 @@ def drag_points(points: str) -> tuple[np.ndarray, np.ndarray]:
     return place, np.eye(6)[face]
 
 
-class _Dragging(Action):
-    def __init__(self, settings: Drag, world: World):
+class DragPoints(Action):
+    """Where the fluid drags on each body, and on how much area: kept up to date as bodies join and part."""
+
+    def __init__(self, settings: DragLaw, world: World):
         self.world = world
         self.coefficient = 0.5 * settings.coefficient * settings.fluid_density
         self.place, self.share = drag_points(settings.points)
@@ -60,6 +68,7 @@ class _Dragging(Action):
         self.points = np.zeros((n, len(self.place), 3))
         self.areas = np.zeros((n, len(self.place)))
         world.fluid = np.zeros((n, len(self.place), 3))
+        world.drag_points = self.place * world.bodies.edge
         world.on_change(self.lay_out)
 
     def lay_out(self, slot: int) -> None:
@@ -69,6 +78,8 @@ class _Dragging(Action):
             self.points[cube] = bodies.offset[cube] + bodies.edge * self.place @ bodies.turn[cube].T
             self.areas[cube] = self.share @ bodies.uncovered[cube] * (bodies.edge / 2) ** 2
 
+
+class _Dragging(DragPoints):
     def before_step(self) -> None:
         b, w = self.world.bodies, self.world
         drag(

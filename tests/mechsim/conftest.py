@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import RuleBook, derive
+from kinetics.config import validated
 from mechsim.scene import Scene
 from mechsim.world import World
 
@@ -38,3 +39,23 @@ def make_world(book, derivation, line4):
     yield make
     for world in made:
         world.engine.close()
+
+
+@pytest.fixture(scope="session")
+def scene_of(line4):
+    """scene_of({"effect": ...}, ..., step=, edge=, density=, tank=, guard=): line4's tank with these effects alone.
+
+    A bare name stands for the effect as line4 lists it.
+    """
+
+    def make(*effects, step=None, edge=None, density=None, tank=None, guard=None):
+        data = line4.model_dump(mode="json")
+        as_listed = {item["effect"]: item for item in data["effects"]}
+        data["effects"] = [as_listed[e] if isinstance(e, str) else e for e in effects]
+        data["numerics"] |= {"step": step} if step else {}
+        data["cubes"] |= ({"edge": edge} if edge else {}) | ({"density": density} if density else {})
+        data["tank"] |= {"size": tank} if tank else {}
+        data["guard"] |= guard or {}
+        return validated(Scene, data, "scene")
+
+    return make

@@ -22,7 +22,7 @@ def test_a_push_along_a_dimer_loads_its_bond_with_half_the_impulse():
     np.testing.assert_allclose(load, [-0.5, 0, 0], atol=1e-12)  # a push: negative tension
     (load,) = loads([(0, 1)], [[True, False]], LINE, [LINE[0]], [[-1.0, 0, 0]])
     np.testing.assert_allclose(load, [0.5, 0, 0], atol=1e-12)
-    assert CRITERIA["impulse"](load[None])[0] == pytest.approx(0.5)
+    assert CRITERIA["impulse"](load[None], 0.0)[0] == pytest.approx(0.5)
 
 
 def test_a_hit_across_a_dimer_loads_its_bond_with_a_fifth_of_the_impulse():
@@ -35,7 +35,15 @@ def test_a_squeeze_from_both_sides_only_pushes():
     contact = LINE + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * EDGE
     (load,) = loads([(0, 1)], [[True, False]], LINE, contact, [[1.0, 0, 0], [-1.0, 0, 0]])
     np.testing.assert_allclose(load, [-1, 0, 0], atol=1e-12)
-    assert CRITERIA["impulse"](load[None])[0] == pytest.approx(0.0, abs=1e-12)
+    assert CRITERIA["impulse"](load[None], 0.0)[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_velocity_criterion_looks_at_the_structure_and_breaks_its_most_loaded_bond():
+    load = np.array([[0.1, 0.0, 9.0], [0.1, 0.3, 0.0], [-5.0, 0.2, 0.0]])
+    tear = CRITERIA["velocity"](load, 1.5)
+    assert int(np.argmax(tear)) == 1
+    assert tear.max() == pytest.approx(1.5)
+    np.testing.assert_array_equal(CRITERIA["velocity"](np.array([[-1.0, 0.0, 1.0]]), 1.5), [0.0])  # a push only
 
 
 def test_both_sides_of_every_bond_tell_the_same():
@@ -91,3 +99,11 @@ def test_a_hard_hit_breaks_a_line_and_a_soft_one_does_not(make_world, line4):
     assert collide(make_world, scene, 6.0) == [1, 1, 2]
     assert collide(make_world, scene.without("breaking"), 6.0) == [1, 3]
     assert collide(make_world, scene.changed("breaking", grace=10.0), 6.0) == [1, 3]
+
+
+def test_the_velocity_criterion_is_a_speed(make_world, line4):
+    """The ball hits the end of the line squarely: the line takes on at most twice its share, 1/4 of 6 per tu."""
+    scene = line4.changed("breaking", criterion="velocity", threshold=1.0, grace=0.0)
+    assert collide(make_world, scene, 6.0) == [1, 1, 2]
+    assert collide(make_world, scene.changed("breaking", threshold=3.1), 6.0) == [1, 3]
+    assert collide(make_world, scene, 0.6) == [1, 3]

@@ -36,7 +36,7 @@ def test_impulses_account_for_every_change_of_velocity(make_world, line4):
     stir(world)
     b, touched = world.bodies, 0
     for _ in range(600):
-        for hook in world._before:
+        for hook in world.before.values():
             hook()
         before = b.velocity.copy()
         world.engine.step()

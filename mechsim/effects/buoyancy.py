@@ -1,0 +1,43 @@
+"""Gravity and buoyancy, for cubes that are not as dense as the fluid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from mechsim.effects.base import Action, Effect
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+
+class Buoyancy(Effect):
+    """Net weight along -z: F = -(m - rho_fluid V) g at the centre of mass, no torque (Archimedes; uniform cubes).
+
+    All bodies are made of one material, so single cubes and structures accelerate alike, by -(1 - rho_fluid / rho) g.
+    The engine applies no forces: the velocity changes by this times the step before each step, and the momentum of a
+    step is that of the contact impulses and of this weight. The fluid's own acceleration (added mass) is left out.
+    In fluid at rest a cube sinks at sqrt(|rho / rho_fluid - 1| g edge / Cd) with the drag of sub-cubes.
+
+    gravity : g, length / tu^2
+    fluid_density : rho_fluid, 1 in the paper's units; the cubes' is the scene's cubes.density
+    """
+
+    effect: Literal["buoyancy"] = "buoyancy"
+    gravity: float = Field(gt=0)
+    fluid_density: float = Field(default=1.0, ge=0)
+
+    def attach(self, world: World) -> Action:
+        """Work out the change of velocity in a step."""
+        return _Weighing(self, world)
+
+
+class _Weighing(Action):
+    def __init__(self, settings: Buoyancy, world: World):
+        self.bodies = world.bodies
+        lightness = settings.fluid_density / world.scene.cubes.density
+        self.change = -(1 - lightness) * settings.gravity * world.step_size
+
+    def before_step(self) -> None:
+        self.bodies.velocity[self.bodies.live, 2] += self.change

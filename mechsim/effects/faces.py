@@ -1,0 +1,66 @@
+"""Which faces within reach of each other the rules let bond: what bonding and attraction both ask at every step."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinetics.assembly import View
+from mechsim.kernels.contact import facing_pairs
+
+if TYPE_CHECKING:
+    from mechsim.world import World
+
+
+class CompatibleFaces:
+    """Pairs of faces that look at each other within reach and may bond by the rules.
+
+    distance, sideways : length, largest gap along the bisecting normal and largest offset of the centres across it
+    angle : degrees, smallest between the outward normals
+    `kind` (C, 6) numbers what the rules can tell of a face (-1: it is covered); `allowed` says which kinds may bond.
+    """
+
+    def __init__(self, world: World, distance: float, angle: float, sideways: float):
+        self.world, self.distance, self.sideways = world, distance, sideways
+        self.cosine = -math.cos(math.radians(angle))
+        self.kind = np.full((world.bodies.n_cubes, 6), -1, np.int64)
+        self.kinds: dict[View, int] = {}
+        self.allowed = np.zeros((0, 0), bool)
+        self.found = np.zeros((64, 4), np.int64)
+        world.on_change(self.read_faces)
+
+    def read_faces(self, slot: int) -> None:
+        """What the rules can tell of each face of a new body, as small numbers for the kernel."""
+        bodies, book = self.world.bodies, self.world.book
+        structure = bodies.held(slot)
+        for index, cube in enumerate(bodies.members[slot]):
+            for face in range(6):
+                signature = book.view(structure, index, face)
+                self.kind[cube, face] = -1 if signature is None else self.number(signature)
+
+    def number(self, signature: View) -> int:
+        """Number of a signature; a new one is compared with all known ones, once."""
+        if signature not in self.kinds:
+            self.kinds[signature] = len(self.kinds)
+            book, known = self.world.book, list(self.kinds)
+            self.allowed = np.array([[book.allows(a, b) for b in known] for a in known], bool)
+        return self.kinds[signature]
+
+    def within_reach(self) -> np.ndarray:
+        """Rows (cube, face, cube, face) of the pairs within reach now, in a fixed order; valid until the next call."""
+        b = self.world.bodies
+        while True:
+            count = facing_pairs(
+                b.body, b.centre, b.axes, self.kind, self.allowed, b.edge,
+                self.distance, self.cosine, self.sideways, self.found,
+            )  # fmt: skip
+            if count <= len(self.found):
+                return self.found[:count]
+            self.found = np.zeros((2 * count, 4), np.int64)
+
+    def still_may(self, i: int, face: int, j: int, other: int) -> bool:
+        """May these faces bond as things stand? An earlier bond of this step may have covered one or joined both."""
+        kinds, body = (self.kind[i, face], self.kind[j, other]), self.world.bodies.body
+        return bool(body[i] != body[j] and min(kinds) >= 0 and self.allowed[kinds])

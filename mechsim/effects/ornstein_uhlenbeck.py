@@ -1,0 +1,71 @@
+"""Agitation that is smooth in the mean: an Ornstein-Uhlenbeck velocity of the fluid at every drag point."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import Field
+
+from mechsim.effects.base import Action, Effect
+
+if TYPE_CHECKING:
+    from mechsim.scene import Scene
+    from mechsim.world import World
+
+
+class OrnsteinUhlenbeck(Effect):
+    """du = -u dt/T + sigma sqrt(2/T) dW for each component and drag point, independent of each other.
+
+    The update is exact at any step h: u(t+h) = r u(t) + sigma sqrt(1 - r^2) N(0, 1) with r = exp(-h/T) (Gillespie,
+    Phys. Rev. E 54, 2084, 1996), so spread and memory do not depend on the step: <u(0) u(t)> = sigma^2 exp(-t/T).
+    Held noise of the same sigma, redrawn every `hold`, has memory sigma^2 (1 - t/hold), area sigma^2 hold / 2. With
+    correlation_time = hold / 2 both drive slow bodies alike: what moves a body that averages over many redraws is
+    the area alone.
+
+    sigma : standard deviation of a component, length / tu
+    correlation_time : T, tu; at least a step, for within a step the fluid's velocity is taken as constant
+    """
+
+    effect: Literal["ornstein-uhlenbeck"] = "ornstein-uhlenbeck"
+    provides: ClassVar[str | None] = "agitation"
+    needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    sigma: float = Field(ge=0)
+    correlation_time: float = Field(gt=0)
+
+    def check(self, scene: Scene) -> None:
+        """The step must resolve the memory."""
+        super().check(scene)
+        check_memory(self.effect, self.correlation_time, scene.numerics.step)
+
+    def attach(self, world: World) -> Action:
+        """Give the fluid a stream of its own."""
+        return _Remembering(self, world)
+
+
+def check_memory(effect: str, correlation_time: float, step: float) -> None:
+    """ValueError where the step is longer than the fluid's memory: the motion would depend on the step."""
+    if step > correlation_time:
+        raise ValueError(
+            f"{effect}.correlation_time = {correlation_time} is shorter than the step of {step}: speeds would depend "
+            f"on the step; choose numerics.step = {correlation_time} or less"
+        )
+
+
+class _Remembering(Action):
+    def __init__(self, settings: OrnsteinUhlenbeck, world: World):
+        self.sigma, self.world = settings.sigma, world
+        ratio = world.step_size / settings.correlation_time
+        self.kept = math.exp(-ratio)
+        self.fresh = settings.sigma * math.sqrt(-math.expm1(-2 * ratio))
+        self.rng = world.stream("agitation")
+
+    def before_step(self) -> None:
+        fluid = self.world.fluid
+        noise = self.rng.standard_normal(fluid.shape)
+        if self.world.step_count == 0:  # starts as it will stay
+            fluid[:] = self.sigma * noise
+        else:
+            fluid *= self.kept
+            noise *= self.fresh
+            fluid += noise

@@ -1,0 +1,84 @@
+"""Agitation that neighbouring points share: a random, incompressible field of flow with a correlation length."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mechsim.effects.base import Action, Effect
+from mechsim.effects.ornstein_uhlenbeck import check_memory
+from mechsim.kernels.fluid import flow
+
+if TYPE_CHECKING:
+    from mechsim.scene import Scene
+    from mechsim.world import World
+
+
+class RandomField(Effect):
+    """u(x) = sigma sqrt(3/M) sum over M modes of a cos(k.x + phase), a across k: no mode compresses the fluid.
+
+    Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970) with a Gaussian spectrum: k ~ N(0, 1/length^2) a
+    component, so <u(x).u(x+r)> = 3 sigma^2 exp(-r^2 / (2 length^2)). Every mode lives for an exponential time T and is
+    then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both laws hold for any
+    number of modes, which only sets how near to Gaussian the velocities are (excess kurtosis below 3/M).
+    In the limit of small lengths any two points are independent; but the field stands in space, so a body that crosses
+    a correlation length sooner than T sees it change sooner. Time and length both large: one velocity everywhere.
+
+    sigma : standard deviation of a component, length / tu
+    correlation_length : length; at least sigma * step, for within a step the fluid's velocity is taken as constant
+    correlation_time : T, tu; at least a step. To compare with held noise, take half its hold
+    modes : M
+    """
+
+    effect: Literal["random-field"] = "random-field"
+    provides: ClassVar[str | None] = "agitation"
+    needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    sigma: float = Field(ge=0)
+    correlation_length: float = Field(gt=0)
+    correlation_time: float = Field(gt=0)
+    modes: int = Field(default=32, ge=8, le=4096)
+
+    def check(self, scene: Scene) -> None:
+        """The step must resolve the field in time, and in space along a cube's way."""
+        super().check(scene)
+        step = scene.numerics.step
+        check_memory(self.effect, self.correlation_time, step)
+        if self.correlation_length < self.sigma * step:
+            raise ValueError(
+                f"{self.effect}.correlation_length = {self.correlation_length} is shorter than the way sigma * step = "
+                f"{self.sigma * step:.4g} of the fluid in a step: speeds would depend on the step; choose "
+                f"numerics.step = {self.correlation_length / self.sigma:.4g} or less"
+            )
+
+    def attach(self, world: World) -> Action:
+        """Give the field a stream of its own."""
+        return _Flowing(self, world)
+
+
+class _Flowing(Action):
+    def __init__(self, settings: RandomField, world: World):
+        self.settings, self.world = settings, world
+        self.rng = world.stream("agitation")
+        self.replaced = -math.expm1(-world.step_size / settings.correlation_time)
+        self.modes = np.zeros((settings.modes, 7))  # wave vector, phase, amplitude
+
+    def draw(self, count: int) -> np.ndarray:
+        """New modes (count, 7)."""
+        s, rng = self.settings, self.rng
+        wave = rng.standard_normal((count, 3)) / s.correlation_length
+        push = rng.standard_normal((count, 3)) * s.sigma * math.sqrt(3 / s.modes)
+        push -= wave * ((push * wave).sum(axis=1) / (wave * wave).sum(axis=1))[:, None]
+        phase = rng.uniform(0, 2 * math.pi, count)
+        return np.column_stack([wave, phase, push])
+
+    def before_step(self) -> None:
+        w = self.world
+        old = np.ones(len(self.modes), bool)
+        if w.step_count:
+            old = self.rng.random(len(self.modes)) < self.replaced
+        if old.any():
+            self.modes[old] = self.draw(int(old.sum()))
+        flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, w.fluid)

@@ -1,0 +1,162 @@
+"""Agitation with a memory and with a correlation length: their stated laws, and what they are refused for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mechsim.kernels.fluid import flow
+
+SMOOTH = {"effect": "ornstein-uhlenbeck", "sigma": 4.0, "correlation_time": 0.00525}
+FIELD = {"effect": "random-field", "sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.00525}
+FACES = {"effect": "drag", "points": "sub-faces"}
+
+
+def fluid_of(world, steps):
+    """The fluid over many steps without the motion: (steps, C, P, 3)."""
+    (name,) = world.before.keys() - {"drag"}
+    seen = []
+    for _ in range(steps):
+        world.before[name]()
+        seen.append(world.fluid.copy())
+        world.step_count += 1
+    return np.array(seen)
+
+
+def mean_speed(world, duration):
+    seen = []
+    while world.time < 0.5 + duration:
+        world.step()
+        if world.time > 0.5:
+            seen.append(np.linalg.norm(world.bodies.velocity, axis=1).mean())
+    return float(np.mean(seen))
+
+
+def correlation(u, lag):
+    """Mean product at a lag in units of sigma^2, and its standard error from the scatter of the drag points."""
+    products = (u[: len(u) - lag] * u[lag:]).mean(axis=0).ravel() / 16.0
+    return products.mean(), products.std() / math.sqrt(products.size)
+
+
+@pytest.mark.parametrize("step", [0.00525, 0.00175])
+def test_the_memory_is_exponential_at_any_step(make_world, scene_of, step):
+    u = fluid_of(make_world({"monomer": 60}, scene_of(SMOOTH, FACES, step=step)), 300)
+    for lag in range(6):
+        mean, error = correlation(u, lag)
+        assert abs(mean - math.exp(-lag * step / 0.00525)) < 4.9 * error  # false alarm 1e-6
+        assert abs(mean - math.exp(-lag * step / 0.0035)) > 4.9 * error or lag == 0  # another memory would be seen
+    assert abs(u[0].std() - 4.0) < 4.9 * 4.0 / math.sqrt(2 * u[0].size)  # from the first step on
+
+
+def test_half_the_hold_as_memory_drives_slow_bodies_like_held_noise(make_world, scene_of):
+    held = {"effect": "agitation", "sigma": 1.0, "hold": 0.004}
+    speeds = {}
+    for name, effect in {
+        "held": held,
+        "half": SMOOTH | {"sigma": 1.0, "correlation_time": 0.002},
+        "whole": SMOOTH | {"sigma": 1.0, "correlation_time": 0.004},
+    }.items():
+        speeds[name] = mean_speed(make_world({"monomer": 60}, scene_of(effect, "drag", step=0.001)), 4.0)
+    assert speeds["half"] == pytest.approx(speeds["held"], rel=0.04)
+    assert speeds["whole"] > 1.25 * speeds["held"]  # sqrt(2) in the limit
+
+
+@pytest.mark.parametrize("effect", [SMOOTH, FIELD])
+def test_the_speed_does_not_depend_on_the_step(make_world, scene_of, effect):
+    effect = effect | {"correlation_time": 0.0105}
+    coarse, fine = (
+        mean_speed(make_world({"monomer": 60}, scene_of(effect, "drag", step=step), seed=2), 4.0)
+        for step in (0.002625, 0.0013125)
+    )
+    assert fine == pytest.approx(coarse, rel=0.03)
+
+
+def test_the_compiled_field_equals_the_sum_of_its_modes(make_world, scene_of):
+    world = make_world({"monomer": 5, "trimer": 2}, scene_of(FIELD, FACES))
+    for _ in range(3):
+        world.step()
+    world.before["random-field"]()
+    modes = world.before["random-field"].__self__.modes
+    b = world.bodies
+    place = b.centre[:, None] + np.einsum("cij,pj->cpi", b.axes, world.drag_points)
+    expected = np.cos(place @ modes[:, :3].T + modes[:, 3]) @ modes[:, 4:]
+    np.testing.assert_allclose(world.fluid, expected, atol=1e-11)
+    wave, push = modes[:, :3], modes[:, 4:]
+    scale = np.linalg.norm(wave, axis=1) * np.linalg.norm(push, axis=1)
+    np.testing.assert_allclose((wave * push).sum(axis=1) / scale, 0, atol=1e-14)  # divergence of every mode
+
+
+def test_the_field_has_its_spread_and_correlation_length(make_world, scene_of):
+    world = make_world({"monomer": 1}, scene_of(FIELD, "drag"))
+    draw = world.before["random-field"].__self__.draw
+    at = np.array([[0, 0, 0], [0.15, 0, 0], [0, 0.3, 0], [0.3, 0.3, 0], [3.0, 0, 0]])
+    apart = np.linalg.norm(at, axis=1)
+    u = np.zeros((len(at), 1, 3))
+    products, squares = [], []
+    for _ in range(4000):
+        flow(at, np.tile(np.eye(3), (len(at), 1, 1)), np.zeros((1, 3)), draw(32), u)
+        products.append((u[:, 0] @ u[0, 0]) / 48.0)
+        squares.append(u[0, 0] ** 2 / 16.0)
+    products, squares = np.array(products), np.array(squares)
+    error = products.std(axis=0) / math.sqrt(len(products))
+    assert (np.abs(products.mean(axis=0) - np.exp(-(apart**2) / (2 * 0.3**2))) < 4.9 * error).all()
+    assert (np.abs(products.mean(axis=0) - np.exp(-(apart**2) / (2 * 0.4**2)))[2:4] > 4.9 * error[2:4]).all()
+    np.testing.assert_allclose(squares.mean(axis=0), 1.0, atol=4.9 * squares.std() / math.sqrt(len(squares)))
+    assert (squares**2).mean() / squares.mean() ** 2 == pytest.approx(3.0, abs=0.35)  # near Gaussian: 3 + 2.4 / 32
+
+
+def test_the_field_forgets_in_its_correlation_time(make_world, scene_of):
+    world = make_world({"monomer": 1}, scene_of(FIELD | {"modes": 4096}, "drag"))
+    world.before["random-field"]()
+    field = world.before["random-field"].__self__
+    first = field.modes.copy()
+    for step in range(1, 4):
+        world.step_count = step
+        world.before["random-field"]()
+        kept = (field.modes == first).all(axis=1).mean()
+        expected = math.exp(-step)
+        assert abs(kept - expected) < 4.9 * math.sqrt(expected * (1 - expected) / 4096)
+
+
+def test_limits_of_the_correlation_length(make_world, scene_of):
+    """Much shorter than a cube, its points are independent; much longer, the fluid moves as one."""
+    spread = {}
+    for length in (0.01, 30.0):
+        effect = FIELD | {"correlation_length": length, "correlation_time": 0.001}
+        u = fluid_of(make_world({"monomer": 8}, scene_of(effect, "drag", step=0.001)), 1500)
+        spread[length] = math.sqrt(u.var(axis=(1, 2)).mean()) / 4.0  # within an instant, over all points of all cubes
+    assert spread[0.01] == pytest.approx(1.0, abs=0.02)
+    assert spread[30.0] < 0.05
+
+
+def test_with_a_correlation_length_more_points_tell_the_same(make_world, scene_of):
+    """Where neighbouring points see one velocity, 8 or 24 of them on the same area drive a cube alike; independent
+    velocities average out instead."""
+    speeds = {}
+    for effect in (FIELD | {"correlation_length": 0.6}, SMOOTH):
+        for drag in (FACES | {"coefficient": 0.35}, "drag"):  # sub-faces have three times the area of sub-cubes
+            world = make_world({"monomer": 60}, scene_of(effect, drag))
+            speeds[effect["effect"], drag == "drag"] = mean_speed(world, 5.0)
+    assert speeds["random-field", True] == pytest.approx(speeds["random-field", False], rel=0.05)
+    assert speeds["ornstein-uhlenbeck", True] > 1.3 * speeds["ornstein-uhlenbeck", False]
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        (("agitation", SMOOTH, "drag"), "'agitation' and 'ornstein-uhlenbeck' contradict each other"),
+        ((FIELD, SMOOTH, "drag"), "'random-field' and 'ornstein-uhlenbeck' contradict each other"),
+        ((SMOOTH,), "effect 'ornstein-uhlenbeck' needs effect 'drag'"),
+        ((FIELD,), "effect 'random-field' needs effect 'drag'"),
+        ((SMOOTH | {"correlation_time": 0.005}, "drag"), "shorter than the step of 0.00525"),
+        ((SMOOTH | {"correlation_time": -1.0}, "drag"), "greater than 0"),
+        ((FIELD | {"correlation_length": -0.1}, "drag"), "greater than 0"),
+        ((FIELD | {"correlation_length": 0.0}, "drag"), "greater than 0"),
+        ((FIELD | {"correlation_length": 0.02}, "drag"), "choose numerics.step = 0.005 or less"),
+        ((FIELD | {"correlation_time": 0.001}, "drag"), "choose numerics.step = 0.001 or less"),
+        ((FIELD | {"sigma": float("nan")}, "drag"), "finite"),
+    ],
+)
+def test_what_cannot_be_is_refused(scene_of, effects, said):
+    with pytest.raises(ValueError, match=said):
+        scene_of(*effects)
