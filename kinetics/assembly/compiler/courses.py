@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, told
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
 from kinetics.assembly.compiler.target import Target
-from kinetics.assembly.conditions import DIRECTIONS, Senses
+from kinetics.assembly.conditions import DIRECTIONS, Direction, Senses
+from kinetics.assembly.conditions import Target as Placed
 from kinetics.assembly.structure import Position
 
+AXES: tuple[Direction, ...] = ("x", "y", "z")
 TRIALS = 500  # of orbits in one search for an order of growth
 SEEDS = 4  # places tried for the seed where the target names none
 
@@ -24,29 +25,44 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
     InfeasibleError: there is none for cubes with these senses; UndecidedError: none was found.
     """
     head = f"with this sensing ({told(senses)})"
-    mirrored = replace(target, positions=tuple((-x, y, z) for x, y, z in target.positions), seed=None)
-    scheme = "one" if target.tops is None else "two"
-    if target.structure(scheme).canonical(scheme) != mirrored.structure(scheme).canonical(scheme):
+    if not _is_its_mirror_image(target.positions, target.tops):
         raise InfeasibleError(
             f"target {target.name!r} is infeasible {head} because it differs from its mirror image, and cubes with two "
             "face types cannot tell left from right; use six face types"
         )
-    clash, all_tried = "", True
+    clashes: list[str] = []
+    all_tried, within = True, ""
     for search, root in _searches(target, senses):
         try:
-            return search.plan(tick), root
+            course = search.plan(tick)
         except NoCourseError as error:
-            clash = clash or str(error)
+            clashes.append(str(error))
             all_tried &= error.is_proof
         except TimeoutError:
-            all_tried = False
+            within = " within the time limit"
             break
-    if all_tried and target.seed is not None:
+        else:
+            tops = tuple([AXES[course.axes[minus(place, root)]] for place in target.positions])
+            if _is_its_mirror_image(target.positions, tops):
+                return course, root
+            clashes.append("cubes that are turned so cannot tell left from right")
+            all_tried = False  # there may be other orders
+    if all_tried and target.seed is not None and not within:
         raise InfeasibleError(
             f"target {target.name!r} is infeasible {head} from this seed, by growth in which a cube comes when all its "
-            f"earlier neighbours are there and none is squeezed in, because {clash}"
+            f"earlier neighbours are there and none is squeezed in, because {clashes[0]}"
         )
-    raise UndecidedError(f"target {target.name!r}: not found {head}; the first clash: {clash}")
+    clash = f"; the first clash: {clashes[0]}" if clashes else ""
+    raise UndecidedError(f"target {target.name!r}: not found{within} {head}{clash}")
+
+
+def _is_its_mirror_image(places: Sequence[Position], tops: tuple[Direction, ...] | None) -> bool:
+    """Whether cubes at these places, their tops along these axes, can be turned into their mirror image."""
+    scheme = "one" if tops is None else "two"
+    letters = ("",) * len(places)
+    both = (Placed(cubes=tuple((sign * x, y, z) for x, y, z in places), letters=letters, tops=tops) for sign in (1, -1))
+    own, mirrored = (placed.structure().canonical(scheme) for placed in both)
+    return own == mirrored
 
 
 def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:

@@ -191,7 +191,7 @@ def explore_stage(
     full = (1 << len(places)) - 1
     letters = dict(stage.standing)
     settle(letters, list(letters), follow, facts)
-    _read(stage, letters, list(letters), same if lopsided else (), facts)
+    unread: list[tuple[Letters, Iterable[Position]]] = [(letters, list(letters))]
     seen = {0}
     waiting = [(0, letters)]
     final = letters
@@ -213,9 +213,13 @@ def explore_stage(
             if extended == full:
                 final = grown
             if extended != full or is_last:
-                near, turns = (grown, stage.holds(same, grown)) if lopsided else (changed, ())
-                _read(stage, grown, near, turns, facts)
+                unread.append((grown, changed))
             waiting.append((extended, grown))
+    for state, fresh in unread:  # last, as it takes longer than to find out that there are too many
+        if lopsided:
+            _read(stage, state, state, stage.holds(same, state), facts)
+        else:
+            _read(stage, state, fresh, (), facts)
     return facts, final
 
 

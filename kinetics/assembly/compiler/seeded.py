@@ -14,11 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
-from kinetics.assembly.compiler.courses import minus, planned_course
+from kinetics.assembly.compiler.courses import AXES, minus, planned_course
 from kinetics.assembly.compiler.merging import Tables, letter_name, named, reduced
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
 from kinetics.assembly.compiler.spanning import centre, distances, spanning_tree
-from kinetics.assembly.compiler.stages import AXIS_NAMES
 from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
@@ -201,9 +200,9 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
             raise
     assert best is not None  # noqa: S101  there is at least one try
     _, names, rules = best
-    tops = tuple(AXIS_NAMES[course.axes[minus(p, root)]] for p in target.positions)
+    tops = tuple(AXES[course.axes[minus(p, root)]] for p in target.positions)
     letters = tuple(names[final[minus(p, root)]] for p in target.positions)
-    finished = Placed(cubes=target.positions, letters=letters, tops=tops).structure()  # type: ignore[arg-type]
+    finished = Placed(cubes=target.positions, letters=letters, tops=tops).structure()
     book = RuleBook(
         target.name, (FREE, *dict.fromkeys(names.values())), FREE, senses, finished, names[seed_letter], HOLD,
         rules[0], (), rules[1],

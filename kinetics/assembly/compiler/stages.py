@@ -26,7 +26,6 @@ from kinetics.assembly.conditions import Senses
 from kinetics.assembly.structure import Position
 
 LONGEST = 600  # states of a stage; a longer one is cut in two, if it is of more than one orbit
-AXIS_NAMES = "xyz"
 
 
 @dataclass(frozen=True)
