@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
 from math import prod
@@ -56,10 +56,13 @@ class _Group:
 
 
 class Choices:
-    """All choices of joins of a plan that cubes can tell from all else, as far as unlike letters tell."""
+    """All choices of joins of a plan that cubes can tell from all else, as far as unlike letters tell.
 
-    def __init__(self, plan: Plan, breaks: bool):
-        self.plan, self.breaks = plan, breaks
+    tick : called again and again; it may raise to end the work
+    """
+
+    def __init__(self, plan: Plan, breaks: bool, tick: Callable[[], None] = lambda: None):
+        self.plan, self.breaks, self.tick = plan, breaks, tick
         self.readers: dict[Reading, dict[Channel, Meeting]] = defaultdict(dict)
         by_parts: dict[tuple[int, int], list[Channel]] = defaultdict(list)
         # Meetings whose two cubes read what cubes read in joins; they must not bond, unless they are a join chosen.
@@ -82,10 +85,14 @@ class Choices:
         return _Group(joins, tuple(subset for subset in subsets if next(self.clashes(subset), None) is None))
 
     @property
+    def is_complete(self) -> bool:
+        """Whether every choice is among the products of the groups' options."""
+        return all(len(group.joins) <= MOST_IN_GROUP for group in self.groups)
+
+    @property
     def is_small(self) -> bool:
         """Whether all choices can be gone through."""
-        all_there = all(len(group.joins) <= MOST_IN_GROUP for group in self.groups)
-        return all_there and prod(len(group.options) for group in self.groups) <= MOST_CHOICES
+        return self.is_complete and prod(len(group.options) for group in self.groups) <= MOST_CHOICES
 
     def clashes(self, joins: Iterable[Channel]) -> Iterator[Clash]:
         """Meetings that a choice of joins cannot keep apart from its joins."""
@@ -111,8 +118,12 @@ class Choices:
             reached = plan.reached(kept, self.breaks)
             home = plan.leading_home(kept, self.breaks, reached)
             bad = reached - home
-            if self.breaks:  # what falls into lost parts must not be made either
-                bad |= {broken.c for broken in plan.breaks if broken.c in reached and not bad.isdisjoint(broken[:2])}
+            falls = [broken for broken in plan.breaks if self.breaks and broken.c in reached]
+            for broken in sorted(
+                falls, key=lambda channel: channel.c
+            ):  # from the smallest up: what falls into lost parts must not be made either
+                if not bad.isdisjoint(broken[:2]):
+                    bad.add(broken.c)
             good = frozenset(c for c in kept if c.a in reached and c.b in reached and c.c not in bad)
             if good == kept:
                 return kept if len(plan.parts) - 1 in reached and not bad else frozenset()
@@ -121,7 +132,11 @@ class Choices:
     def largest(self) -> Iterator[frozenset[Channel]]:
         """The choices to which no join can be added; without any, the target cannot be reached."""
         seen: set[frozenset[Channel]] = {frozenset()}
+        possible = frozenset[Channel]().union(*(option for group in self.groups for option in group.options))
+        if not self.sensible(possible):  # nor is any choice among them
+            return
         for options in product(*(group.largest for group in self.groups)):
+            self.tick()
             joins = self.sensible(frozenset().union(*options))
             if joins not in seen:
                 seen.add(joins)
@@ -135,6 +150,7 @@ class Choices:
         start: tuple[int, list[int], list[Channel]] = (1, [len(self.plan.parts) - 1], [])
         waiting, seen = [start], {frozenset[Channel]()}
         while waiting:
+            self.tick()
             _, pending, joins = heapq.heappop(waiting)
             if not pending:
                 found = self.sensible(joins)
@@ -158,6 +174,7 @@ class Choices:
             return
         choices = (frozenset().union(*options) for options in product(*(group.options for group in self.groups)))
         for joins in sorted(choices, key=lambda joins: (len(joins), sorted(joins))):
+            self.tick()
             if joins and self.sensible(joins) == joins:
                 yield joins
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice, product
 from math import prod
@@ -69,20 +69,19 @@ def compile_book(
             raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave joins out")
         held = replace(target, breaks=asked.breaks)
         return compile_seeded(held, max_letters=max_letters, time_limit=time_limit, seed=seed, progress=progress)
-    reasons_why: list[str] = []
-    undecided = False
+    failures: dict[str, _Failure] = {}
     for senses in [target.senses] if target.senses is not None else LADDER:
         outcome = asked.attempt(senses)
         if isinstance(outcome, Compiled):
             return outcome
-        undecided |= not outcome.is_proof
-        reasons_why.append(outcome.text)
+        failures[told(senses)] = outcome
         if asked.is_late:
             break
-    if undecided:
-        raise UndecidedError("\n".join(reasons_why))
-    remedy = asked.remedy() if target.senses is not None else ""
-    raise InfeasibleError("\n".join([reasons_why[0], remedy] if remedy else reasons_why))
+    if all(failure.is_proof for failure in failures.values()):
+        first = next(iter(failures.values()))
+        last = asked.remedy() if target.senses is not None else f"nor is there one with {'; '.join(list(failures)[1:])}"
+        raise InfeasibleError(f"{first.text}\n{last}")
+    raise UndecidedError(_undecided(target, failures, time_limit))
 
 
 def all_books(
@@ -105,7 +104,7 @@ def all_books(
         try:
             plan = planned(target, senses, asked.tick)
             among = frozenset(plan.joins if asked.joins is None else asked_joins(plan, asked.joins))
-            for choice in Choices(plan, asked.breaks).every():
+            for choice in Choices(plan, asked.breaks, asked.tick).every():
                 if not choice <= among:
                     continue
                 made = asked.book(plan, choice, HURRY)
@@ -116,6 +115,17 @@ def all_books(
             return
         if found:
             return
+
+
+def _undecided(target: Target, failures: Mapping[str, _Failure], time_limit: float) -> str:
+    """What was ruled out, and what was not decided."""
+    open_ = [senses for senses, failure in failures.items() if not failure.is_proof]
+    out = [senses for senses, failure in failures.items() if failure.is_proof]
+    ruled = f"; infeasible with {'; with '.join(out)}" if out else ""
+    return (
+        f"target {target.name!r} with {'; with '.join(open_)}: not decided within {time_limit:g} s and the steps "
+        f"allowed for a search{ruled}. Allow more time, ask for fewer joins, or name stronger senses"
+    )
 
 
 class _Failure(NamedTuple):
@@ -199,7 +209,7 @@ class _Asked:
         """The same for a target whose cubes are turned."""
         head = f"target {target.name!r} is infeasible with this sensing ({told(senses)})"
         plan = planned(target, senses, self.tick)
-        choices = Choices(plan, self.breaks)
+        choices = Choices(plan, self.breaks, self.tick)
         if self.joins is not None:
             return self.exactly(choices, asked_joins(plan, self.joins), head)
         failures = []
@@ -212,8 +222,10 @@ class _Asked:
             is_proof = _tries_all(choices) and all(failure.is_proof for failure in failures)
             what = head if is_proof else f"target {target.name!r} with {told(senses)}: not decided,"
             return _Failure(f"{what} because {failures[0].text}", is_proof)
-        clashes = choices.obstacles(plan.joins)
-        return _Failure(f"{head}, whatever joins are chosen, because\n{reasons.told_all(plan, clashes)}", True)
+        clashes = reasons.told_all(plan, choices.obstacles(plan.joins))
+        if not choices.is_complete:
+            return _Failure(f"target {target.name!r} with {told(senses)}: not decided, because of\n{clashes}", False)
+        return _Failure(f"{head}, whatever joins are chosen, because\n{clashes}", True)
 
     def exactly(self, choices: Choices, joins: tuple[Channel, ...], head: str) -> Compiled | _Failure:
         """A book with these joins."""

@@ -9,6 +9,7 @@ from kinetics.assembly.compiler.plan import Channel, Meeting, Plan
 from kinetics.assembly.faces import roll, scheme_of
 
 TOPS = {4, 5}  # top and bottom
+SHOWN = 3
 
 
 def told(plan: Plan, clash: Clash) -> str:
@@ -38,8 +39,9 @@ def _twist(plan: Plan, meeting: Meeting) -> str:
 
 
 def told_all(plan: Plan, clashes: list[Clash]) -> str:
-    """One clash after another."""
-    return "\nand without this join:\n".join(told(plan, clash) for clash in clashes)
+    """One clash after another, the first few."""
+    text = "\nand without this join:\n".join(told(plan, clash) for clash in clashes[:SHOWN])
+    return text + (f"\nand so on: {len(clashes) - SHOWN} more" if len(clashes) > SHOWN else "")
 
 
 def choice(plan: Plan, joins: Iterable[Channel]) -> str:
