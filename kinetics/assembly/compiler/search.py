@@ -3,9 +3,9 @@
 What is sought: one letter for each unknown of a plan and three tables of rules, such that
 - the joins asked for are open, both cubes having a rule, and no other meeting of two parts is;
 - after every join and every break, internal rules lead to the letters of what was made, and none acts in it then.
-Each part has one set of letters; a free cube's letter is its own. Cubes that join or lose a bond, and those that follow,
-write their final letter at once unless another event that looks the same to them has settled otherwise; `deferred` lets
-them write any letter.
+Each part has one set of letters; a free cube's letter is its own. Cubes that join or lose a bond, and those that
+follow, write their final letter at once unless another event that looks the same to them has settled otherwise;
+`deferred` lets them write any letter.
 """
 
 from __future__ import annotations
