@@ -18,6 +18,7 @@ from kinetics.network import Network
 if TYPE_CHECKING:
     import pandas as pd
 
+MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
 RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
 
 
@@ -63,39 +64,86 @@ class JumpPath:
         closed = np.flatnonzero(~is_open[channels])
         if closed.size:
             raise ValueError(f"channel {self.network.channels[channels[closed[0]]]!r} fired but is not open")
-        short = np.argwhere(self.states[fired] < self.network.reactants[channels])
+        needs = self.network.reactant_terms
+        owners, entries = needs.entries_of(channels)
+        events, species, needed = fired[owners], needs.columns[entries], needs.copies[entries]
+        there = self._counts_before(events, species)
+        short = np.flatnonzero(there < needed)
         if short.size:
-            event, species = short[0]
+            first = short[0]
             raise ValueError(
-                f"event {fired[event]} ({self.network.channels[channels[event]]} at {self.times[fired[event]]:g}) "
-                f"needs {self.network.reactants[channels[event], species]} of {self.network.species[species]!r}; "
-                f"there are {self.states[fired[event], species]}"
+                f"event {events[first]} ({self.network.channels[self.channels[events[first]]]} at "
+                f"{self.times[events[first]]:g}) needs {needed[first]} of {self.network.species[species[first]]!r}; "
+                f"there are {there[first]}"
             )
+
+    def _counts_before(self, events: NDArray[np.intp], species: Ints) -> Ints:
+        """Counts (n,) of one species each, just before one event each."""
+        if self._is_small:
+            return self.states[events, species]
+        # All that ever changes, and the questions after it, in order of stretch between restarts, species and event.
+        fired = np.flatnonzero(self.channels != RESTART)
+        owners, entries = self.network.change_terms.entries_of(self.channels[fired])
+        gains = self.network.change_terms.copies[entries]
+        when = np.concatenate([fired[owners] + 1, events])  # an event counts from the next row on
+        who = np.concatenate([self.network.change_terms.columns[entries], species])
+        gained = np.concatenate([gains, np.zeros_like(species)])
+        is_question = np.repeat([False, True], [gains.size, species.size])
+        stretch = self._last_restart[np.concatenate([fired[owners], events])]
+        order = np.lexsort((is_question, when, who, stretch))
+        total = np.cumsum(gained[order])
+        is_first = np.append(True, (np.diff(stretch[order]) != 0) | (np.diff(who[order]) != 0))[: order.size]
+        before = (total - gained[order])[is_first][np.cumsum(is_first) - 1]
+        counts = np.empty(order.size, dtype=np.int64)
+        counts[order] = total - before
+        return self.initial[species] + counts[gains.size :]
+
+    @property
+    def _is_small(self) -> bool:
+        return (self.channels.size + 1) * len(self.network.species) <= MAX_STATES
+
+    @cached_property
+    def _last_restart(self) -> Ints:
+        """Row (E + 1,) of `states` at which each stretch between restarts begins."""
+        restarts = np.flatnonzero(self.channels == RESTART) + 1
+        last = np.zeros(self.channels.size + 1, dtype=np.int64)
+        last[restarts] = restarts
+        return np.maximum.accumulate(last)  # row 0, without any gain, where there was none yet
 
     @cached_property
     def states(self) -> Ints:
         """Counts (E + 1, S): the initial ones, then those after each event or restart."""
+        if not self._is_small:
+            raise ValueError(
+                f"{self.channels.size} events of {len(self.network.species)} species make a table of over "
+                f"{MAX_STATES} counts; ask for the counts `at` some times instead"
+            )
         changes = np.zeros((self.channels.size + 1, len(self.network.species)), dtype=np.int64)
         is_event = self.channels != RESTART
         changes[1:][is_event] = self.network.stoichiometry[self.channels[is_event]]
         total = np.cumsum(changes, axis=0)
-        # A restart takes back all that was gained up to it.
-        restarts = np.flatnonzero(self.channels == RESTART) + 1
-        last = np.zeros(self.channels.size + 1, dtype=np.int64)
-        last[restarts] = restarts
-        last = np.maximum.accumulate(last)  # row 0, without any gain, where there was none yet
-        return read_only(self.initial + total - total[last])
+        return read_only(self.initial + total - total[self._last_restart])  # a restart takes back all gained up to it
 
     def at(self, times: ArrayLike) -> Ints:
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
         asked = reals("times", times, (None,), minimum=0)
         if asked.size and asked.max() > self.end:
             raise ValueError(f"the run was watched until {self.end:g}; {asked.max():g} was asked for")
-        return self.states[np.searchsorted(self.times, asked, side="right")]
+        rows = np.searchsorted(self.times, asked, side="right")
+        if self._is_small:
+            return self.states[rows]
+        change = self.network.change_terms
+        counts = np.tile(self.initial, (rows.size, 1))
+        for state, row in zip(counts, rows, strict=True):
+            fired = np.bincount(self.channels[self._last_restart[row] : row], minlength=len(self.network.channels))
+            np.add.at(state, change.columns, change.copies * fired[change.rows])
+        return counts
 
     def first_time(self, species: str, copies: int = 1) -> float:
         """Time in tu at which there first were `copies` of a species; nan if not by `end`."""
-        seen = np.flatnonzero(self.states[:, self.network.index(species)] >= copies)
+        rows = np.arange(self.channels.size + 1)
+        counts = self._counts_before(rows, np.full(rows.size, self.network.index(species)))
+        seen = np.flatnonzero(counts >= copies)
         if not seen.size:
             return float("nan")
         return 0.0 if seen[0] == 0 else float(self.times[seen[0] - 1])

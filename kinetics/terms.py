@@ -84,11 +84,6 @@ class Terms:
         within = np.arange(owner.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
         return owner, self.starts[rows][owner] + within
 
-    def transposed(self) -> Terms:
-        """The same entries with rows for columns."""
-        order = np.argsort(self.columns, kind="stable")
-        return self._sorted(self.shape[::-1], self.columns[order], self.rows[order], self.copies[order])
-
     def at(self, keys: Ints) -> Ints:
         """Values at places of the flattened table."""
         if not self.keys.size:

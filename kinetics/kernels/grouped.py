@@ -106,7 +106,10 @@ def general(coefficient, factors, r, counts):
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_bins(work):
     """Lay the bins out anew around the largest sum."""
-    exponent = np.float64(np.max(work.sums)).view(np.int64) >> np.int64(52)
+    largest = 0.0
+    for value in work.sums:
+        largest = max(largest, value)
+    exponent = np.float64(largest).view(np.int64) >> np.int64(52)
     base = max(exponent - np.int64(N_OCTAVES - 1 - HEADROOM), np.int64(1))
     lowest, highest = np.int64(N_OCTAVES - 1), np.int64(0)
     work.sizes[:] = 0

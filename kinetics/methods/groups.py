@@ -29,7 +29,7 @@ def grouped_sampler(network: Network, in_bins: bool) -> StepwiseSampler:
     else:
         order = np.arange(n_channels)
         group_starts = np.append(np.arange(0, n_channels, ssa.BLOCK), n_channels)
-    model = _model(network, order, group_starts)
+    model = model_of(network, order, group_starts)
     n_groups = group_starts.size - 1
 
     def begin(counts: Ints) -> grouped.Work:
@@ -72,7 +72,7 @@ def by_species(needed: Terms) -> tuple[Ints, Ints]:
     return order, np.append(np.flatnonzero(is_first), n_channels)
 
 
-def _model(network: Network, order: Ints, group_starts: Ints) -> grouped.Model:
+def model_of(network: Network, order: Ints, group_starts: Ints) -> grouped.Model:
     from kinetics.kernels import grouped
 
     laws = mass_action(network)

@@ -40,7 +40,7 @@ class PartialPropensities(ExactMethod):
         """The network made ready for `kernels.partial`."""
         from kinetics.kernels import partial
 
-        model, order = _model(network)
+        model, order = model_of(network)
         n_species, width = model.couplings.shape
 
         def begin(counts: Ints) -> partial.Work:
@@ -58,7 +58,7 @@ class PartialPropensities(ExactMethod):
         return StepwiseSampler(begin, advance, order)
 
 
-def _model(network: Network) -> tuple[partial.Model, Ints]:
+def model_of(network: Network) -> tuple[partial.Model, Ints]:
     """What the kernel reads, and the network's channels in the order of the kernel's."""
     from kinetics.kernels import partial
 

@@ -6,6 +6,7 @@ from known_systems import bare_line, decay, line, network
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics.network import Network
+from kinetics.terms import Terms
 
 ONE = {"species": ("A", "B"), "channels": ("r",), "reactants": [[2, 1]], "stoichiometry": [[-1, 1]], "ways": [3]}
 
@@ -129,3 +130,93 @@ def test_bad_networks(change, message):
 def test_bad_shape_of_states():
     with pytest.raises(ValueError, match=r"expected \(..., 4\)"):
         line().propensities([1, 2, 3])
+
+
+def test_networks_without_dense_tables_are_the_same_networks():
+    net = bare_line()
+    same = Network.from_terms(
+        net.species, net.channels, net.reactant_terms, net.change_terms, net.ways, conserved=net.conserved
+    )
+    assert "reactants" not in same.__dict__
+    assert same.fingerprint == net.fingerprint
+    assert str(same) == str(net)
+    states = [[5, 3, 2, 1], [0, 1, 0, 0]]
+    assert_array_equal(same.combinations_of(states), net.combinations_of(states))
+    assert_array_equal(same.reactants, net.reactants)
+    assert_array_equal(same.stoichiometry, net.stoichiometry)
+    assert same.with_rates(np.ones(8)).fingerprint == net.fingerprint
+    with pytest.raises(ValueError, match="read-only"):
+        same.reactants[0, 0] = 7
+    with pytest.raises(AttributeError, match="a network has no 'products'"):
+        _ = same.products
+
+
+def test_reactions_by_name():
+    net = Network.from_reactions(
+        {"bind": ({"A": 1, "B": 2}, {"C": 1}), "make": ({}, {"A": 1}), "help": ({"C": 1, "A": 1}, {"C": 1, "B": 1})},
+        [1.0, 2.0, 3.0],
+    )
+    assert net.species == ("A", "B", "C")
+    assert_array_equal(net.reactants, [[1, 2, 0], [0, 0, 0], [1, 0, 1]])
+    assert_array_equal(net.stoichiometry, [[-1, -2, 1], [1, 0, 0], [-1, 1, 0]])
+    assert Network.from_reactions({"x": ({"A": 1}, {})}, species=("B", "A")).reactants.tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("reactions", "keywords", "message"),
+    [
+        ({"x": ({"A": 1}, {"B": 1})}, {"species": ("A",)}, "unknown species 'B'; the network has A"),
+        ({"x": ({"A": -1}, {})}, {}, "copies holds -1; expected at least 0"),
+        ({"x": ({"A": 1.5}, {})}, {}, "copies must be whole numbers; 1.5 is not one"),
+        ({"x": ({"A": 1}, {})}, {"rate_constants": [1.0, 2.0]}, "rate_constants has shape"),
+        ({}, {}, "at least one species"),
+        ({"x": ({"A": 1}, {})}, {"conserved": {"mass": [1]}}, "changes the conserved quantity 'mass' by -1"),
+    ],
+)
+def test_bad_reactions(reactions, keywords, message):
+    with pytest.raises(ValueError, match=message):
+        Network.from_reactions(reactions, **keywords)
+
+
+def test_bad_terms():
+    good = bare_line()
+    narrow = Terms.of_entries((8, 3), [0], [1], [1])
+    with pytest.raises(ValueError, match=r"stoichiometry has shape \(8, 3\); expected \(8, 4\)"):
+        Network.from_terms(good.species, good.channels, good.reactant_terms, narrow, good.ways)
+    negative = Terms.of_entries((8, 4), [0], [1], [-1])
+    with pytest.raises(ValueError, match="reactants holds -1; expected at least 0"):
+        Network.from_terms(good.species, good.channels, negative, good.change_terms, good.ways)
+    with pytest.raises(ValueError, match="rows holds 8; the table has only 8"):
+        Terms.of_entries((8, 4), [8], [1], [1])
+
+
+def test_terms():
+    rng = np.random.default_rng(5)
+    table = rng.integers(-2, 3, (9, 6)) * (rng.random((9, 6)) < 0.4)
+    terms = Terms.of_table(table)
+    assert terms.shape == (9, 6)
+    assert_array_equal(terms.table(), table)
+    places = rng.permutation(np.flatnonzero(table.ravel()))
+    halves = table.ravel()[places]
+    entries = [np.concatenate([part, part]) for part in (places // 6, places % 6, halves)]
+    assert_array_equal(Terms.of_entries((9, 6), *entries).table(), 2 * table)  # entries of one place are added up
+    assert_array_equal(Terms.of_entries((9, 6), [1, 1], [2, 2], [3, -3]).copies, [])
+    assert_array_equal(terms.at(np.arange(54)), table.ravel())
+    rows = np.array([4, 0, 4, 8])
+    owners, chosen = terms.entries_of(rows)
+    again = np.zeros((4, 6), dtype=int)
+    again[owners, terms.columns[chosen]] = terms.copies[chosen]
+    assert_array_equal(again, table[rows])
+
+
+def test_tens_of_thousands_of_channels():
+    n = 30_000
+    names = [f"s{i}" for i in range(n)]
+    net = Network.from_reactions({f"r{i}": ({names[i]: 1}, {names[(i + 1) % n]: 1}) for i in range(n)}, np.ones(n))
+    assert len(net.fingerprint) == 64
+    assert net.with_rates(2 * np.ones(n)).fingerprint == net.fingerprint
+    other = Network.from_reactions({f"r{i}": ({names[i]: 1}, {names[i - 1]: 1}) for i in range(n)}, species=net.species)
+    assert other.fingerprint != net.fingerprint
+    assert net.propensities(np.arange(n)).sum() == n * (n - 1) / 2
+    with pytest.raises(ValueError, match=r"30000 channels by 30000 species as a dense table need 6\.7 GB; read"):
+        _ = net.reactants

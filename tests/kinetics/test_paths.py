@@ -4,6 +4,7 @@ from known_systems import line
 from matplotlib.figure import Figure
 from numpy.testing import assert_array_equal
 
+from kinetics import paths
 from kinetics.paths import RESTART, Ensemble, JumpPath
 
 JOIN, GROW = 0, 1  # channels 1+1->2 and 1+2->3
@@ -118,3 +119,24 @@ def test_plots_draw_every_species_with_units(record):
     assert record.plot(ax) is ax
     assert ax.get_xlabel() == "time (tu)"
     assert [text.get_text() for text in ax.get_legend().get_texts()] == list(record.network.species)
+
+
+def test_long_paths_of_many_species_do_without_the_table_of_states(monkeypatch):
+    """Everything but the table itself is the same where the table would be too large."""
+    rng = np.random.default_rng(2)
+    net, state, channels = line(), np.array([12, 0, 0, 0]), []
+    for _ in range(300):
+        able = [r for r in range(8) if (state >= net.reactants[r]).all()]
+        channels.append(int(rng.choice([*able, *able, *able, RESTART])))
+        state = np.array([12, 0, 0, 0]) if channels[-1] == RESTART else state + net.stoichiometry[channels[-1]]
+    events, asked = (net, [12, 0, 0, 0], np.arange(300.0), channels, 300.0), [0.0, 0.5, 7.0, 100.2, 300.0]
+    small = JumpPath(*events)
+    monkeypatch.setattr(paths, "MAX_STATES", 10)
+    large = JumpPath(*events)
+    assert_array_equal(large.at(asked), small.at(asked))
+    for species, copies in (("monomer", 1), ("quadmer", 1), ("dimer", 3), ("quadmer", 4)):
+        assert_array_equal(large.first_time(species, copies), small.first_time(species, copies))
+    with pytest.raises(ValueError, match="300 events of 4 species make a table of over 10 counts; ask for"):
+        _ = large.states
+    with pytest.raises(ValueError, match=r"event 2 \(4->1\+3 at 3\) needs 1 of 'quadmer'; there are 0"):
+        JumpPath(net, [12, 0, 0, 0], [1.0, 2.0, 3.0, 4.0], [0, RESTART, 6, 0], 5.0)
