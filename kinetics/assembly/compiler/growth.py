@@ -143,7 +143,7 @@ class Facts:
                     return None
         # a bond takes a rule of either side, so a pair of rules may enable what neither was made for
         hosts = {host for host, _ in allowed}
-        crossed = [c for c in self.forbidden if c[0] in hosts and c[1] in guests]
+        crossed = sorted(c for c in self.forbidden if c[0] in hosts and c[1] in guests)
         for host, guest in crossed:
             without = {c for c in allowed if c[0] != host}
             if not all(event & without for event in self.events):
