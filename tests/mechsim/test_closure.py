@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import ROTATIONS, RuleBook, Structure, placements
-from mechsim.record import RunSpec, book_of, execute
+from mechsim.record import RunRecord, RunSpec, book_of, execute
 from mechsim.scene import Scene
 from mechsim.store import RunStore
 
@@ -194,3 +194,42 @@ def test_a_shape_that_no_event_tells_of_is_seen(eager_t5):
         eager_t5.facts,
     )
     assert shapes(forged, last) != recorded_shapes(forged, last)
+
+
+# The pyramid: cubes that dock where they touch several others at once
+
+
+@pytest.fixture(scope="module")
+def pyramid():
+    """The longest of the recorded growths, read back as a record."""
+    manifest, arrays = max(stored("pyramid45"), key=lambda run: run[0]["inputs"]["duration"])
+    given = manifest["inputs"]
+    spec = RunSpec(
+        Scene.model_validate(given["scene"]), *(given[name] for name in ("composition", "duration", "seed", "run")),
+        restart=given["restart"], poses=given["poses"],
+    )  # fmt: skip
+    assert spec.inputs["rules"] == given["rules"]
+    return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"])
+
+
+def test_the_recorded_pyramid_grew_by_the_rules(pyramid):
+    book, derivation = book_of("pyramid45")
+    path, monomer = pyramid.path, book.monomer()
+    assert len(path.channels) > 40
+    structures = list(derivation.structures.values())
+    for state, channel in zip(path.states, path.channels, strict=False):
+        grown = [s for s in np.flatnonzero(path.network.reactants[channel]) if structures[s] != monomer]
+        (made,) = np.flatnonzero(path.network.stoichiometry[channel] > 0)
+        assert state[grown] == 1
+        assert structures[made] in naive_joins(book, structures[grown[0]], monomer)
+    for frame in range(0, len(pyramid.arrays["pose_times"]), 4):
+        assert shapes(pyramid, frame) == recorded_shapes(pyramid, frame)
+
+
+def test_a_cube_docks_in_a_corner(pyramid):
+    """From a cross of five cubes, every meeting a bond: a cube between two arms is bonded to both."""
+    eager = pyramid.spec.scene.changed("bonding", latch={"kind": "encounter", "probability": 1.0})
+    record = execute(RunSpec(eager, {"monomer": 100, "pentamer": 1}, 50.0, seed=2, run=0, poses=50.0))
+    (grown,) = [shape for shape in shapes(record, -1) if len(shape) > 1]
+    assert len(grown.bonds) > len(grown) - 1  # loops
+    assert shapes(record, -1) == recorded_shapes(record, len(record.arrays["pose_times"]) - 1)
