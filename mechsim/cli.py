@@ -53,6 +53,7 @@ progress_option = click.option("--progress/--quiet", default=None, help="Show pr
     callback=picture_of,
     help="Draw the largest structures so far of the first run, and when each came to be.",
 )
+@click.option("--bill", "as_bill", is_flag=True, help="Make no runs: tell what each part of a step costs.")
 @plot_option
 @runs_option
 @workers_option
@@ -70,6 +71,7 @@ def simulate(
     poses: float | None,
     picture: str | None,
     growth_file: str | None,
+    as_bill: bool,
     plot_file: str | None,
     runs_folder: str,
     workers: int,
@@ -103,6 +105,15 @@ def simulate(
     often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]
     check_starts(specs)
+    if as_bill:
+        from mechsim.bill import bill_of
+
+        told = bill_of(specs[0])
+        if as_json:
+            echo_json(told.as_dict())
+        else:
+            click.echo(str(told))
+        return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:
         from kinetics.plots import save

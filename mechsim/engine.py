@@ -40,6 +40,10 @@ with _quiet():
 
 CUBES, WALLS = 1, 2  # collision groups
 
+# What the engine has in force that it neither lets be read back nor is told by us; tests measure both.
+LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
+RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
+
 
 class Touch(NamedTuple):
     """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the
@@ -134,18 +138,20 @@ class Engine:
         )
         pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
 
-    def step(self) -> None:
-        """Set all velocities, then let the engine find contacts, exchange impulses and move the bodies."""
+    def set_motions(self) -> None:
+        """Tell the engine how all bodies move now."""
         b, body, client = self.bodies, self._body, self.client
         reset = pybullet.resetBaseVelocity
         for slot, v, w in zip(b.live.tolist(), b.velocity[b.live].tolist(), b.spin[b.live].tolist(), strict=True):
             reset(body[slot], v, w, client)
-        pybullet.stepSimulation(client)
-        self._contacts = pybullet.getContactPoints(physicsClientId=client)
+
+    def step(self) -> None:
+        """Let the engine find contacts, exchange impulses and move the bodies, from the motions last set."""
+        pybullet.stepSimulation(self.client)
+        self._contacts = pybullet.getContactPoints(physicsClientId=self.client)
 
     def near_contacts(self) -> set[int]:
-        """Slots with a contact point (touching, or within 0.02) in the last step: the only ones it may have
-        pushed."""
+        """Slots with a contact point in the last step (touching, or just parted): the only ones it may have pushed."""
         slot = self._slot
         return {slot[i] for point in self._contacts for i in point[1:3] if i in slot}
 
@@ -167,6 +173,45 @@ class Engine:
                 force = push * np.array(normal) + rub * np.array(along) + rub2 * np.array(along2)
                 touch = Touch(self._slot.get(a, -1), self._slot.get(b, -1), np.array(place), force * self.step_size)
                 found.append(touch)
+        return found
+
+    def in_force(self) -> dict[str, float]:
+        """What the engine says it has in force: its settings, and of all bodies and walls the largest value of each.
+
+        restitution, friction : between two surfaces; mass_error, inertia_error : largest relative deviation of a body
+            from the table; contact_damping, contact_stiffness : -1 where collisions are hard
+        """
+        world = pybullet.getPhysicsEngineParameters(self.client)
+        found = {
+            "step": world["fixedTimeStep"],
+            "substeps": world["numSubSteps"],
+            "solver_iterations": world["numSolverIterations"],
+            "gravity": max(abs(world[f"gravityAcceleration{axis}"]) for axis in "XYZ"),
+            "least_bounce": LEAST_BOUNCE,
+            "overlap_recovery": RECOVERY,
+            "mass_error": 0.0,
+            "inertia_error": 0.0,
+        }
+        bodies = {self._body[slot]: slot for slot in self._body}
+        for body in (*bodies, *self._walls):
+            mass, friction, inertia, _, _, restitution, rolling, spinning, damping, stiffness, _, margin, *_ = (
+                pybullet.getDynamicsInfo(body, -1, self.client)
+            )
+            own = {
+                "restitution": restitution**2,
+                "friction": friction**2,
+                "rolling_friction": rolling,
+                "spinning_friction": spinning,
+                "contact_damping": damping,
+                "contact_stiffness": stiffness,
+                "margin": margin,
+            }
+            if body in bodies:
+                slot = bodies[body]
+                own["mass_error"] = abs(mass / self.bodies.mass[slot] - 1)
+                own["inertia_error"] = float(np.abs(np.array(inertia) / self.bodies.inertia[slot] - 1).max())
+            for name, value in own.items():
+                found[name] = max(found.get(name, -np.inf), value)
         return found
 
     def picture(self, eye: Sequence[float], width: int, height: int) -> tuple[np.ndarray, np.ndarray]:

@@ -159,6 +159,7 @@ class World:
     def _parts(self) -> list[tuple[str, Callable[[], None]]]:
         return [
             *self.before.items(),
+            ("motions into the engine", self.engine.set_motions),
             ("engine", self.engine.step),
             ("free flight", self._coast),
             ("reading back", self._read),

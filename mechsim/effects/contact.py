@@ -16,7 +16,9 @@ class Contact(Effect):
     """Collisions of cubes with each other. Without this effect cubes pass through one another (walls still hold
     them).
 
-    restitution : ratio of speeds after and before a collision, 0 to 0.9 (the engine gains energy near 1)
+    restitution : ratio of speeds after and before a collision, 0 to 0.9. Collisions are found once bodies overlap, by
+        up to speed * step, and the engine adds 8 % of the overlap over the step to the speed after: 0.08 more in the
+        ratio at most, so a gas gains no energy up to 0.9. Approaches below 0.2 length / tu do not bounce
     friction : Coulomb's coefficient
     Both hold between any two surfaces, the walls' included.
     """

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import resource
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -18,6 +17,7 @@ import numpy as np
 import pybullet
 
 from kinetics.network import text_table
+from mechsim.bill import bill
 from mechsim.record import book_of
 from mechsim.scene import Scene
 from mechsim.world import World
@@ -56,29 +56,9 @@ def cost(step: Callable[[], None], n: int = STRETCH) -> float:
 
 
 def parts(world: World) -> dict[str, float]:
-    """Share of a step's CPU time in each part, from one stretch with clocks in it."""
-    spent: defaultdict[str, float] = defaultdict(float)
-
-    def clocked(name: str, call: Callable) -> Callable:
-        def timed(*args: object) -> object:
-            begin = time.process_time()
-            result = call(*args)
-            spent[name] += time.process_time() - begin
-            return result
-
-        return timed
-
-    names = ("agitation", "drag")
-    world._before = [clocked(n, h) for n, h in zip(names, world._before, strict=True)]
-    world._after = [clocked(n, h) for n, h in zip(("breaking", "bonding"), world._after, strict=True)]
-    world.engine.step = clocked("engine, velocities, contacts", world.engine.step)  # type: ignore[method-assign]
-    world.engine.read = clocked("reading touched bodies", world.engine.read)  # type: ignore[method-assign]
-    begin = time.process_time()
-    for _ in range(STRETCH):
-        world.step()
-    total = time.process_time() - begin
-    spent["free flight, places, guard"] = total - sum(spent.values())
-    return {name: seconds / total for name, seconds in spent.items()}
+    """Share of a step's CPU time in each part."""
+    told = bill(world, "")
+    return {item.name: item.cost / told.whole for item in told.items}
 
 
 def main() -> None:

@@ -39,6 +39,7 @@ def test_impulses_account_for_every_change_of_velocity(make_world, line4):
         for hook in world.before.values():
             hook()
         before = b.velocity.copy()
+        world.engine.set_motions()
         world.engine.step()
         change = np.zeros_like(b.velocity)
         for touch in world.engine.touches():
