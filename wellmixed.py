@@ -18,6 +18,7 @@ COMMANDS = {
     "validate": ("calibration.cli", "validate", "Compare prediction and mechanics the rates never saw."),
     "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
+    "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check rule books."),
 }

@@ -1,0 +1,54 @@
+"""`wellmixed hardcases`: questions on which numerical methods break, and how ours fare."""
+
+from __future__ import annotations
+
+import click
+
+from kinetics.options import echo_json, json_option, seed_option
+
+
+@click.command()
+@click.option("--only", metavar="TEXT", default="", help="Only cases whose name holds this.")
+@seed_option
+@json_option
+def hardcases(only: str, seed: int, as_json: bool) -> None:
+    """Ask every method the hard cases: error against an answer from elsewhere, or the clear refusal.
+
+    The seeds of the cases are fixed; --seed is taken because every command takes it. Exit code 1 where one fails.
+    """
+    from kinetics.hardcases import CASES
+
+    chosen = [case for case in CASES if only in case.name]
+    if not chosen:
+        raise ValueError(f"no hard case has {only!r} in its name; there are {', '.join(case.name for case in CASES)}")
+    told, failed = [], 0
+    for case in chosen:
+        if not as_json:
+            click.echo(f"{case.name}: {case.question} ({case.answer})")
+        for found in case.attempts():
+            failed += not found.passed
+            verdict = "ok" if found.passed else "WRONG"
+            if not as_json:
+                answer = (
+                    f'refused: "{found.refusal}"' if found.refusal else f"{found.error:.1e} (up to {found.allowed:.0e})"
+                )
+                click.echo(f"  {verdict:5}  {found.seconds:7.3f} s  {found.method}: {answer}")
+            told.append(
+                {
+                    "case": case.name,
+                    "question": case.question,
+                    "answer": case.answer,
+                    "method": found.method,
+                    "error": None if found.refusal else found.error,
+                    "allowed": None if found.refusal else found.allowed,
+                    "refusal": found.refusal or None,
+                    "passed": found.passed,
+                    "seconds": found.seconds,
+                }
+            )
+    if as_json:
+        echo_json({"attempts": told, "failed": failed, "seed": seed})
+    else:
+        click.echo(f"{len(told)} attempts at {len(chosen)} cases; {failed} failed")
+    if failed:
+        raise SystemExit(1)

@@ -1,0 +1,94 @@
+"""What a hard case is, and small networks to ask them of."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One method on one hard case.
+
+    error : what it was off by, as the case says; nan where the right answer is a refusal
+    allowed : up to here it is right
+    seconds : of processor time
+    refusal : the message of a clear refusal
+    """
+
+    method: str
+    error: float
+    allowed: float
+    seconds: float
+    refusal: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the answer, or the refusal, is right."""
+        return bool(self.refusal) or self.error <= self.allowed
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hard case.
+
+    name : one word or two
+    question : what is asked, and how the error is measured
+    answer : where the right answer comes from
+    attempts : tries every method that claims the case
+    """
+
+    name: str
+    question: str
+    answer: str
+    attempts: Callable[[], Iterator[Attempt]]
+
+
+def attempt(method: str, work: Callable[[], float], allowed: float) -> Attempt:
+    """An answer: `work` returns its error."""
+    began = time.process_time()
+    try:
+        error = float(work())
+    except (ValueError, ArithmeticError):  # an answer was asked for; `refusal` asks for these
+        error = np.inf
+    return Attempt(method, error, allowed, time.process_time() - began)
+
+
+def refusal(method: str, work: Callable[[], Any], expected: str) -> Attempt:
+    """A mistake that must be refused with a ValueError whose message holds `expected`; an answer is wrong."""
+    began = time.process_time()
+    message = ""
+    try:
+        work()
+    except ValueError as raised:
+        if expected in str(raised):
+            message = str(raised)
+    return Attempt(method, np.inf, 0.0, time.process_time() - began, message)
+
+
+def relative(found: ArrayLike, exact: ArrayLike) -> float:
+    """Largest relative error; infinite where something was found that must be 0."""
+    found, exact = np.atleast_1d(np.asarray(found, dtype=float)), np.atleast_1d(np.asarray(exact, dtype=float))
+    off = np.abs(found - exact)
+    with np.errstate(divide="ignore"):
+        return float(np.divide(off, np.abs(exact), out=np.zeros_like(off), where=off > 0).max())
+
+
+def network(reactions: Mapping[str, tuple[Mapping[str, int], Mapping[str, int], float]], *species: str) -> Network:
+    """Reactions by name, as (copies needed, copies made, rate constant); the species in order of appearance."""
+    sides = {name: (needed, made) for name, (needed, made, _) in reactions.items()}
+    return Network.from_reactions(sides, [rate for _, _, rate in reactions.values()], species or None)
+
+
+def walk(n: int, up: float, down: float) -> Network:
+    """One walker on places p0, ..., pn."""
+    steps = {f"up{i}": ({f"p{i}": 1}, {f"p{i + 1}": 1}, up) for i in range(n)}
+    back = {f"down{i}": ({f"p{i + 1}": 1}, {f"p{i}": 1}, down) for i in range(n)} if down else {}
+    return network(steps | back, *(f"p{i}" for i in range(n + 1)))

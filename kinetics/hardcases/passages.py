@@ -1,0 +1,123 @@
+"""First passages: remote, unlikely, long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from kinetics.arrays import Ints
+from kinetics.hardcases.case import Attempt, Case, attempt, network, refusal, relative, walk
+from kinetics.methods import Dense
+from kinetics.methods.passage import first_passage
+from kinetics.methods.splitting import Target, splitting
+from kinetics.methods.stationary import stationary
+from kinetics.network import Network
+
+
+def _first(n: int) -> Ints:
+    return np.eye(1, n + 1, dtype=int)[0]
+
+
+def _at_least(index: int, copies: int) -> Target:
+    return lambda states: states[:, index] >= copies
+
+
+def _none(states: Ints) -> np.ndarray:
+    return states[:, 0] == 0
+
+
+def _drift() -> Iterator[Attempt]:
+    def off(n: int) -> float:
+        return relative(first_passage(walk(n, 1.0, 2.0), _first(n), f"p{n}").mean, 2.0 ** (n + 1) - n - 2)
+
+    for n in (20, 60, 500):
+        yield attempt(f"passage, N = {n}", partial(off, n), 1e-13)
+
+
+def _ruin() -> Iterator[Attempt]:
+    net = network({"win": ({"X": 1}, {"X": 2}, 1.0), "lose": ({"X": 1}, {}, 2.0)})
+
+    def off(n: int) -> float:
+        found = splitting(net, [1], {"ruin": _none, "rich": _at_least(0, n)})
+        return relative(found.probabilities[1], 1 / (2.0**n - 1))
+
+    for n in (100, 1000):
+        yield attempt(f"splitting, chance {1 / (2.0**n - 1):.0e}", partial(off, n), 1e-13)
+
+
+def _rare() -> Iterator[Attempt]:
+    # 25 stages at rate 1 within 1 tu: 25 or more of a Poisson law of mean 1.
+    n = 25
+    terms = np.cumprod(1.0 / np.arange(1, 80))
+    exact = float(np.exp(-1.0) * terms[n - 1 :].sum())
+    net = walk(n, 1.0, 0.0)
+
+    def off() -> float:
+        return relative(Dense().solve(net, _first(n), [1.0]).probability(np.eye(1, n + 1, n, dtype=int)[0])[0], exact)
+
+    yield attempt(f"dense, chance {exact:.0e}", off, 1e-13)
+
+
+def _schloegl_network() -> Network:
+    return network(
+        {
+            "more": ({"X": 2}, {"X": 3}, 0.03),
+            "less": ({"X": 3}, {"X": 2}, 1e-4),
+            "in": ({}, {"X": 1}, 200.0),
+            "out": ({"X": 1}, {}, 3.5),
+        }
+    )
+
+
+def _schloegl() -> Iterator[Attempt]:
+    net, low, high, top = _schloegl_network(), 85, 565, 1200
+    n = np.arange(top + 1.0)
+    up, down = 200.0 + 0.015 * n * (n - 1), 3.5 * n + 1e-4 / 6 * n * (n - 1) * (n - 2)
+    # Mean time of one step up is the wait, and after a step down the way back: positive terms, from 0 on.
+    rise = np.zeros(top + 1)
+    for k in range(top + 1):
+        rise[k] = (1.0 + (down[k] * rise[k - 1] if k else 0.0)) / up[k]
+    fall = np.zeros(top + 2)
+    for k in range(top, 0, -1):
+        fall[k] = (1.0 + up[k] * fall[k + 1]) / down[k]
+    upwards, downwards = rise[low:high].sum(), fall[low + 1 : high + 1].sum()
+    yield attempt(
+        f"passage up, {upwards:.4g} tu", lambda: relative(first_passage(net, [low], "X", high).mean, upwards), 1e-11
+    )
+    ends: dict[str, Target] = {"low": lambda states: states[:, 0] <= low, "beyond": _at_least(0, top)}
+    yield attempt(
+        f"splitting down, {downwards:.4g} tu",
+        lambda: relative(splitting(net, [high], ends).mean_times[0], downwards),
+        1e-11,
+    )
+    yield refusal("stationary", lambda: stationary(net, [low], max_states=2000), "X up to")
+
+
+def _erlang() -> Iterator[Attempt]:
+    from scipy.special import gammainc
+
+    n = 1000
+    law = first_passage(walk(n, 1.0, 0.0), _first(n), f"p{n}")
+    yield attempt("passage, mean and sd", lambda: relative([law.mean, law.sd], [n, n**0.5]), 1e-12)
+    times = np.array([900.0, 1000.0, 1100.0])
+    yield attempt("passage, cdf", lambda: float(abs(law.cdf(times) - gammainc(n, times)).max()), 1e-12)
+
+
+def _extinction() -> Iterator[Attempt]:
+    net, n = network({"death": ({"X": 1}, {}, 1.0)}), 20_000
+    exact = float((1.0 / np.arange(n, 0, -1)).sum())
+    yield attempt(
+        f"splitting, {n} copies", lambda: relative(splitting(net, [n], {"gone": _none}).mean_times[0], exact), 1e-11
+    )
+
+
+PASSAGES = (
+    Case("against a drift", "birth 1, death 2: relative error of the mean time", "2**(N+1) - N - 2", _drift),
+    Case("gambler's ruin", "odds 2 : 1: relative error of the chance", "1 / (2**N - 1)", _ruin),
+    Case("rare passage", "25 stages in a 25th of their time: relative error", "Poisson tail", _rare),
+    Case("schloegl", "both ways between the modes: relative error of the mean times", "sums of steps", _schloegl),
+    Case("erlang", "1000 stages: relative error of moments, error of the cdf", "gamma law", _erlang),
+    Case("extinction", "deaths down to none: relative error of the mean time", "harmonic number", _extinction),
+)

@@ -1,0 +1,42 @@
+import pytest
+
+from kinetics.hardcases import CASES, Attempt, Case
+from kinetics.hardcases.case import attempt, refusal, relative
+from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+def test_hard_case(case: Case):
+    attempts = list(case.attempts())
+    assert attempts
+    assert [found for found in attempts if not found.passed] == []
+    assert all(isinstance(found, Attempt) for found in attempts)
+
+
+def test_names_differ_and_every_method_is_tried():
+    assert len({case.name for case in CASES}) == len(CASES)
+    (nothing,) = [case for case in CASES if case.name == "nothing to do"]
+    tried = {found.method.split(",")[0] for found in nothing.attempts()}
+    assert tried == {method.name for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
+
+
+def test_wrong_answers_are_seen():
+    assert not attempt("wrong", lambda: relative([1.0, 2.0], [1.0, 2.1]), 1e-3).passed
+    assert relative([1e-9], [0.0]) == float("inf")
+    assert relative([0.0], [0.0]) == 0.0
+    assert not attempt("nan", lambda: float("nan"), 1.0).passed
+    assert not refusal("answers", lambda: 1, "anything").passed
+    assert refusal("refuses", lambda: int("x"), "invalid literal").passed
+    assert not refusal("says something else", lambda: int("x"), "too stiff").passed
+
+
+def test_command(wellmixed, tmp_path):
+    told = wellmixed("hardcases", "--only", "ruin", "--json", cwd=tmp_path).json
+    assert told["failed"] == 0
+    assert {one["case"] for one in told["attempts"]} == {"gambler's ruin"}
+    text = wellmixed("hardcases", "--only", "bad rates", cwd=tmp_path).out
+    assert 'refused: "' in text
+    assert "3 attempts at 1 cases; 0 failed" in text
+    unknown = wellmixed("hardcases", "--only", "nonsense", cwd=tmp_path)
+    assert unknown.code == 2
+    assert "no hard case has 'nonsense'" in unknown.err
