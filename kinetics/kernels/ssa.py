@@ -277,6 +277,8 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
     n_channels, n_species = stoichiometry.shape
     n_blocks = (n_channels + BLOCK - 1) // BLOCK
     runs, n_times, _ = out.shape
+    flat = out.ravel()  # no copy
+    state = np.empty(n_species, dtype=np.int64)
     counts = np.ones((n_species + 1, LANES))
     within, upto = np.empty((n_channels, LANES)), np.empty((n_blocks, LANES))
     total, part, target = np.empty(LANES), np.empty(LANES), np.empty(LANES)
@@ -345,10 +347,14 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
             for lane in range(lanes):
                 if not t[lane] > upcoming[lane]:
                     continue
+                for s in range(n_species):
+                    state[s] = np.int64(counts[s, lane])
                 k = seen[lane]
+                place = np.uint64((run[lane] * n_times + k) * n_species)
                 while k < n_times and grid[k] < t[lane]:
                     for s in range(n_species):
-                        out[run[lane], k, s] = np.int64(counts[s, lane])
+                        flat[place] = state[s]
+                        place += np.uint64(1)
                     k += 1
                 seen[lane] = k
                 if k < n_times:

@@ -73,6 +73,7 @@ def by_species(needed: Terms) -> tuple[Ints, Ints]:
 
 
 def model_of(network: Network, order: Ints, group_starts: Ints) -> grouped.Model:
+    """What the kernel reads of a network whose channels come in this order, in groups that start so."""
     from kinetics.kernels import grouped
 
     laws = mass_action(network)
