@@ -87,7 +87,7 @@ def table(records: Sequence[RunRecord]) -> str:
         line["largest"] = told["largest"]
         if target is not None:
             first = told["first_target"]
-            line |= {target: told["target"], f"first {target} (tu)": "-" if first is None else f"{first:.4g}"}
+            line |= {target: told["target"], f"first {target} (tu)": "-" if first is None else f"{first:.1f}"}
         line["events"] = sum(told["events"].values())
         lines.append(line | {"CPU (s)": f"{told['cpu_seconds']:.1f}", "outcome": told["outcome"]})
     return text_table(tuple(lines[0]), [tuple(str(cell) for cell in line.values()) for line in lines])

@@ -74,7 +74,7 @@ def test_many_species_are_shown_by_size(pyramid):
     assert lines[0].startswith(
         "run  1 cube  2 cubes  3-4 cubes  5-8 cubes  9-16 cubes  17-32 cubes  33-64 cubes  largest"
     )
-    assert lines[1].split()[:11] == ["0", "56", "0", "0", "0", "0", "0", "1", "45", "1", "44"]
+    assert lines[1].split()[:11] == ["0", "56", "0", "0", "0", "0", "0", "1", "45", "1", "44.0"]
     assert lines[2].split()[:11] == ["1", "80", "0", "0", "0", "0", "1", "0", "21", "0", "-"]
     told = row(pyramid[0])
     assert told["final"] == {"monomer": 56, "45-mer": 1}
