@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,8 +21,12 @@ from mechsim.effects.base import EventKind
 from mechsim.scene import Scene
 from mechsim.species import some_of
 
+if TYPE_CHECKING:
+    from mechsim.world import World
+
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
 PHYSICS = 1
+FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500
 
@@ -45,6 +49,7 @@ class RunSpec:
     (paper,
         section VI-A2)
     poses : record all cubes' poses this often, tu; None: not at all
+    until : end the run at the first copy of this species, if that comes before the duration; None: go on to the end
     """
 
     scene: Scene
@@ -54,6 +59,7 @@ class RunSpec:
     run: int
     restart: bool = False
     poses: float | None = None
+    until: str | None = None
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.duration) or self.duration <= 0:
@@ -77,6 +83,13 @@ class RunSpec:
                 raise ValueError(f"{name} = {count}; expected a whole number, 0 or more")
         if self.n_cubes < 1:
             raise ValueError("the composition holds no cubes")
+        if self.until is not None:
+            if self.until not in species:
+                raise ValueError(f"until = {self.until!r}; book {self.scene.rules} has {some_of(species)}")
+            if self.composition.get(self.until, 0):
+                raise ValueError(f"until = {self.until!r}, but the composition already holds one: leave it out")
+            if self.restart:
+                raise ValueError(f"until = {self.until!r} with restart: a tank put back at every event; choose one")
         volume = self.n_cubes * self.scene.cubes.edge**3
         room = float(np.prod(self.scene.tank.size))
         if volume > room or max(self.scene.tank.size) < self.scene.cubes.edge:
@@ -93,7 +106,7 @@ class RunSpec:
     @property
     def inputs(self) -> dict[str, Any]:
         """Everything that decides what happens, ready for JSON; versions that change the physics included."""
-        return {
+        inputs: dict[str, Any] = {
             "scene": self.scene.model_dump(mode="json"),
             "rules": book_of(self.scene.rules)[0].fingerprint,
             "composition": {name: int(n) for name, n in sorted(self.composition.items()) if n},
@@ -104,6 +117,10 @@ class RunSpec:
             "poses": self.poses,
             "physics": {"wellmixed": PHYSICS, "pybullet": version("pybullet"), "numpy": version("numpy")},
         }
+        if self.scene.provider("drag") is None:
+            inputs["physics"] |= {"free_spin": FREE_SPIN}
+        # Named only where it is asked for: a run without it keeps the name that it had before there was one.
+        return inputs if self.until is None else inputs | {"until": self.until}
 
     @property
     def streams(self) -> np.random.SeedSequence:
@@ -120,7 +137,8 @@ class RunSpec:
     def title(self) -> str:
         """Short name for people."""
         what = "+".join(f"{n} {name}" for name, n in self.composition.items() if n)
-        return f"{self.scene.name}: {what}, {self.duration:g} tu, seed {self.seed}, run {self.run}"
+        end = f"{self.duration:g} tu" if self.until is None else f"first {self.until} within {self.duration:g} tu"
+        return f"{self.scene.name}: {what}, {end}, seed {self.seed}, run {self.run}"
 
 
 @dataclass
@@ -173,30 +191,39 @@ class RunRecord:
 
 
 class _Watch:
-    """Turns the world's joins and partings into channels of the network."""
+    """Turns the world's joins and partings into channels of the network; notes the first copy of a species."""
 
-    def __init__(self, derivation: Derivation, composition: dict[str, int]):
+    def __init__(self, derivation: Derivation, composition: dict[str, int], until: str | None):
         self.derivation = derivation
         self.initial = derivation.network.state(composition)
         self.times: list[float] = []
         self.channels: list[int] = []
         self.time = 0.0
+        self.until = None if until is None else derivation.network.index(until)
+        self.is_reached = False
 
     def __call__(self, before: tuple[Structure, ...], after: tuple[Structure, ...]) -> None:
         index = self.derivation.species_of
         self.times.append(self.time)
-        self.channels.append(self.derivation.channel([index(s) for s in before], [index(s) for s in after]))
+        made = [index(s) for s in after]
+        self.channels.append(self.derivation.channel([index(s) for s in before], made))
+        self.is_reached |= self.until in made
 
 
-def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> RunRecord:
+def execute(
+    spec: RunSpec,
+    progress: Callable[[float], None] | None = None,
+    look: Callable[[World], None] | None = None,
+) -> RunRecord:
     """Carry out one run: the same record, bit for bit, on the same machine, whoever calls it.
 
     progress : told the simulated time now and then
+    look : shown the world before every step and at the end
     """
     from mechsim.world import Stopped, World  # the engine is loaded when a run is made, not when one is read
 
     book, derivation = book_of(spec.scene.rules)
-    watch = _Watch(derivation, spec.composition)
+    watch = _Watch(derivation, spec.composition, spec.until)
     start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
     steps = math.ceil(spec.duration / spec.scene.numerics.step - 1e-9)
     every = None if spec.poses is None else max(1, round(spec.poses / spec.scene.numerics.step))
@@ -209,6 +236,8 @@ def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> R
         for step in range(1, steps + 1):
             if every is not None and (step - 1) % every == 0:
                 frames.append(world.snapshot())
+            if look is not None:
+                look(world)
             seen = len(watch.times)
             watch.time = step * world.step_size
             try:
@@ -224,7 +253,11 @@ def execute(spec: RunSpec, progress: Callable[[float], None] | None = None) -> R
                 world.populate(start)
             if progress is not None and step % PROGRESS_STEPS == 0:
                 progress(world.time)
+            if watch.is_reached:
+                break
         end = world.time
+        if look is not None:
+            look(world)
         if every is not None:
             frames.append(world.snapshot())
     arrays = {

@@ -120,3 +120,36 @@ def test_bonds_that_hold_do_not_go_with_breaking(line4):
     with pytest.raises(ValueError, match="bonds of book pyramid45 hold"):
         RunSpec(holding, {"monomer": 60}, 1.0, seed=1, run=0)
     RunSpec(holding.without("breaking"), {"monomer": 60, "seed": 1}, 1.0, seed=1, run=0)
+
+
+def test_a_run_until_a_species_ends_at_its_first_copy(eager):
+    full = RunSpec(eager, {"monomer": 60}, 20.0, seed=4, run=0)
+    short = replace(full, until="dimer")
+    whole, cut = execute(full), execute(short)
+    first = whole.path.first_time("dimer")
+    assert cut.facts["end"] == cut.path.first_time("dimer") == first < 20.0
+    assert cut.outcome == "completed"
+    assert cut.arrays["times"].tolist() == [t for t in whole.arrays["times"].tolist() if t <= first]
+    unreached = execute(replace(short, duration=first / 2))
+    assert unreached.facts["end"] == pytest.approx(first / 2, abs=0.006)
+    assert np.isnan(unreached.path.first_time("dimer"))
+
+
+def test_until_is_part_of_the_name_only_where_it_is_asked_for(eager):
+    spec = RunSpec(eager, {"monomer": 60}, 20.0, seed=4, run=0)
+    assert "until" not in spec.inputs
+    assert replace(spec, until="dimer").inputs == spec.inputs | {"until": "dimer"}
+    assert replace(spec, until="dimer").key != spec.key
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"until": "pentamer"}, "book line4 has monomer"),
+        ({"until": "monomer"}, "already holds one"),
+        ({"until": "dimer", "restart": True}, "choose one"),
+    ],
+)
+def test_until_what_cannot_be_waited_for(eager, changes, said):
+    with pytest.raises(ValueError, match=said):
+        RunSpec(eager, {"monomer": 60}, 20.0, seed=4, run=0, **changes)

@@ -1,0 +1,264 @@
+"""What a study found: first times at each point, exponents beside the paper's, and the tables that hold them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinetics.arrays import Floats
+from kinetics.network import text_table
+from mechsim.record import RunRecord
+from mechsim.store import write_whole
+from mechsim.study import Point, Study
+from mechsim.study_cost import Trial
+from mechsim.study_fit import Estimate, Share, exponents, mean, median, power, ranking
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False)
+class PointResult:
+    """First times at a point.
+
+    times : (n,) tu, inf where the cap came first; runs : their numbers
+    stopped : runs that the guard stopped; they are left out, for what they would have become is not known
+    cpu_seconds : of all its runs; paper : the paper's median, tu, where it gives one
+    """
+
+    point: Point
+    trial: Trial
+    times: Floats
+    runs: tuple[int, ...]
+    stopped: int
+    cpu_seconds: float
+    cap: float
+    paper: float | None = None
+
+    @property
+    def censored(self) -> int:
+        """Runs without a target by the cap."""
+        return int(np.isinf(self.times).sum())
+
+    @property
+    def mean(self) -> Estimate:
+        """Of min(time, cap), tu."""
+        return mean(self.times, self.cap)
+
+    @property
+    def median(self) -> Estimate:
+        """tu."""
+        return median(self.times)
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """A power law. of : what it says; paper : the paper's exponent, where it gives one"""
+
+    of: str
+    estimate: Estimate
+    paper: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Where the paper's exponent lies by our limits."""
+        if self.paper is None:
+            return ""
+        if self.estimate.low <= self.paper <= self.estimate.high:
+            return "the paper's is within"
+        return "the paper's is above" if self.paper > self.estimate.high else "the paper's is below"
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """All that a study found. why : what could not be fitted, and why"""
+
+    study: Study
+    seed: int
+    points: tuple[PointResult, ...]
+    exponents: tuple[Exponent, ...]
+    shares: tuple[Share, ...]
+    why: str = ""
+
+    def __str__(self) -> str:
+        parts = [self.study.title, _text(self._point_rows())]
+        if self.exponents:
+            parts.append(_text(self._exponent_rows()))
+        if self.shares:
+            parts.append(_text(self._share_rows()))
+        return "\n\n".join([*parts, *([f"not fitted: {self.why}"] if self.why else [])])
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        """Rows by table: points, times (each run), exponents, factors."""
+        every = [
+            dict(self._levels(found)) | {"run": run, "first_time": None if math.isinf(t) else t, "cap": found.cap}
+            for found in self.points
+            for run, t in zip(found.runs, found.times.tolist(), strict=True)
+        ]
+        return {
+            "points": self._point_rows(),
+            "times": every,
+            "exponents": self._exponent_rows(),
+            "factors": self._share_rows(),
+        }
+
+    def save(self, folder: Path) -> tuple[Path, ...]:
+        """The tables as CSV files and the box plots as SVG, named after the study, each whole or not at all."""
+        from kinetics.plots import save
+
+        written = []
+        for name, rows in self.tables().items():
+            path = folder / f"{self.study.name}_{name}.csv"
+            if rows:
+                text = io.StringIO()
+                table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+                table.writeheader()
+                table.writerows([{key: _short(value) for key, value in row.items()} for row in rows])
+                write_whole(path, text.getvalue().encode())
+                written.append(path)
+        if any(found.times.size for found in self.points):
+            path = folder / f"{self.study.name}.svg"
+            save(str(path), self.plot, size=(6.4, 4.0) if len(self.study.factors) == 1 else (10.0, 4.6))
+            written.append(path)
+        return tuple(written)
+
+    def plot(self, ax: Axes) -> Axes:
+        """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
+        from mechsim.study_plots import boxes
+
+        return boxes(ax, self)
+
+    def _levels(self, found: PointResult) -> Iterable[tuple[str, float]]:
+        return zip((factor.name for factor in self.study.factors), found.point.levels, strict=True)
+
+    def _point_rows(self) -> list[dict[str, Any]]:
+        rows = []
+        for found in self.points:
+            row: dict[str, Any] = dict(self._levels(found))
+            row |= {"speed": found.trial.speed, "speed_error": found.trial.speed_error}
+            row |= {"runs": found.times.size, "censored": found.censored, "stopped": found.stopped}
+            for name, estimate in (("median", found.median), ("mean", found.mean)):
+                row |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+            rows.append(row | {"paper_median": found.paper, "cpu_seconds": found.cpu_seconds})
+        return rows
+
+    def _exponent_rows(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "of": e.of,
+                "exponent": e.estimate.value,
+                "low": e.estimate.low,
+                "high": e.estimate.high,
+                "paper": e.paper,
+                "verdict": e.verdict,
+            }
+            for e in self.exponents
+        ]
+
+    def _share_rows(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "effect": " x ".join(share.factors),
+                "spread_of_log_time": share.spread,
+                "f": share.f,
+                "degrees_of_freedom": f"{share.freedom}, {share.rest}",
+                "p_value": share.p_value,
+            }
+            for share in self.shares
+        ]
+
+
+def summarise(
+    study: Study, points: Sequence[Point], trials: Mapping[Point, Trial], records: Sequence[RunRecord], seed: int
+) -> StudyResult:
+    """Put the records to their points, and fit what can be fitted. Records of other points are passed over."""
+    known = {paper.at: paper.median for paper in study.paper}
+    by_start: dict[tuple[str, int], list[RunRecord]] = {}
+    for record in records:
+        by_start.setdefault((record.spec.scene.fingerprint, record.spec.n_cubes), []).append(record)
+    found = []
+    for point in points:
+        mine = sorted(by_start.get((point.scene.fingerprint, point.cubes), []), key=lambda record: record.spec.run)
+        sound = [record for record in mine if record.completed]
+        found.append(
+            PointResult(
+                point=point,
+                trial=trials[point],
+                times=np.array([first_time(record) for record in sound]),
+                runs=tuple(record.spec.run for record in sound),
+                stopped=len(mine) - len(sound),
+                cpu_seconds=sum(record.cost["cpu_seconds"] for record in mine),
+                cap=study.cap,
+                paper=known.get(point.levels),
+            )
+        )
+    laws: tuple[Exponent, ...] = ()
+    shares: tuple[Share, ...] = ()
+    why = ""
+    try:
+        laws = _laws(study, found)
+        if len(study.factors) > 1:
+            kept = [each for each in found if each.times.size]
+            levels = np.array([each.point.levels for each in kept])
+            shares = ranking([f.name for f in study.factors], [each.times for each in kept], levels, study.cap)
+    except ValueError as error:
+        why = str(error)
+    return StudyResult(study, seed, tuple(found), laws, shares, why)
+
+
+def first_time(record: RunRecord) -> float:
+    """Time of the first target, tu; inf where the run ended without one."""
+    if record.spec.until is None:
+        raise ValueError(f"{record.spec.title} is no run of a study: it waits for nothing")
+    time = float(record.path.first_time(record.spec.until))
+    return math.inf if math.isnan(time) else time
+
+
+def _laws(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
+    """Exponents of time in each factor that has several levels; in speed, for a factor that stands for it."""
+    varied = [i for i, f in enumerate(study.factors) if len({each.point.levels[i] for each in found}) > 1]
+    laws: list[Exponent] = []
+    for i in varied:
+        factor = study.factors[i]
+        if factor.is_speed:
+            speeds = np.array([each.trial.speed for each in found])
+            at = np.array([each.point.levels[i] for each in found])
+            if len(set(at.tolist())) > 2 and np.isfinite(speeds).all() and (speeds > 0).all():
+                laws.append(Exponent(f"speed ~ {factor.name}^p", power(at, speeds)))
+    kept = [each for each in found if each.times.size]
+    if not varied or not kept:
+        return tuple(laws)
+    columns = [_values(study, i, kept) for i in varied]
+    estimates = exponents([each.times for each in kept], np.column_stack(columns), study.cap)
+    for i, estimate in zip(varied, estimates, strict=True):
+        factor = study.factors[i]
+        what = "speed" if factor.is_speed else factor.name
+        laws.append(Exponent(f"time ~ {what}^p", estimate, factor.paper_exponent))
+    return tuple(laws)
+
+
+def _values(study: Study, i: int, found: Sequence[PointResult]) -> Floats:
+    """What a factor is fitted against: its level, or the mean speed measured at that level."""
+    levels = np.array([each.point.levels[i] for each in found])
+    if not study.factors[i].is_speed:
+        return levels
+    speeds = np.array([each.trial.speed for each in found])
+    return np.array([speeds[levels == level].mean() for level in levels])
+
+
+def _text(rows: Sequence[Mapping[str, Any]]) -> str:
+    return text_table(tuple(rows[0]), [tuple(_short(value) for value in row.values()) for row in rows])
+
+
+def _short(value: Any) -> str:
+    """A cell: four digits, nothing where there is no number."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
