@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from kinetics.methods import Dense, Direct, FiniteStateProjection, Transient, sample_path, simulate, solve
     from kinetics.methods.distribution import Distribution
     from kinetics.methods.passage import Passage, first_passage
+    from kinetics.methods.rare import RareEvent, rare_event
     from kinetics.methods.splitting import Splitting, splitting
     from kinetics.methods.stationary import Stationary, stationary
     from kinetics.network import Network
@@ -23,12 +24,14 @@ if TYPE_CHECKING:
     from kinetics.ranking import Ranking, rank
     from kinetics.rates import ChannelRate, Convention, Rates
     from kinetics.states import StateSpace, reachable
+    from kinetics.verification import Verification, verify
 
 _HOMES = {
     "kinetics.classrates": ("ClassRates",),
     "kinetics.methods": ("Dense", "Direct", "FiniteStateProjection", "Transient", "sample_path", "simulate", "solve"),
     "kinetics.methods.distribution": ("Distribution",),
     "kinetics.methods.passage": ("Passage", "first_passage"),
+    "kinetics.methods.rare": ("RareEvent", "rare_event"),
     "kinetics.methods.splitting": ("Splitting", "splitting"),
     "kinetics.methods.stationary": ("Stationary", "stationary"),
     "kinetics.network": ("Network",),
@@ -39,6 +42,7 @@ _HOMES = {
     "kinetics.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
     "kinetics.states": ("StateSpace", "reachable"),
+    "kinetics.verification": ("Verification", "verify"),
 }
 
 __all__ = [
@@ -58,21 +62,25 @@ __all__ = [
     "Passage",
     "Prediction",
     "Ranking",
+    "RareEvent",
     "Rates",
     "Splitting",
     "StateSpace",
     "Stationary",
     "Transient",
+    "Verification",
     "first_passage",
     "grow",
     "predict",
     "rank",
+    "rare_event",
     "reachable",
     "sample_path",
     "simulate",
     "solve",
     "splitting",
     "stationary",
+    "verify",
 ]
 
 

@@ -9,7 +9,7 @@ from verified_networks import FEW, MANY, dimers, enzyme
 from kinetics import Direct, FiniteStateProjection, JumpPath
 from kinetics.methods import SAMPLING_METHODS
 from kinetics.paths import Ensemble
-from kinetics.verify import Check, detectable, verify
+from kinetics.verification import Check, detectable, verify
 
 
 @dataclass(frozen=True)
