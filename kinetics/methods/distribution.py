@@ -54,8 +54,8 @@ class Distribution:
     def mean_bounds(self) -> tuple[Floats, Floats]:
         """Between which the mean counts (T, S) lie; no upper bound where the space is not complete."""
         mean, top = self.mean(), self.space.states.max(axis=0)
-        # Half of the error is probability too much, the other half too little; a product of N positive terms rounds.
-        slack = (0.5 * self.error + SLACK * len(self.space)) * top
+        # At worst all of the error is on the largest count; and a sum of N positive terms rounds.
+        slack = (self.error + SLACK * len(self.space)) * top
         return np.maximum(mean - slack, 0.0), mean + (slack if self.is_complete else np.inf)
 
     def sd(self) -> Floats:
