@@ -15,6 +15,7 @@ from mechsim.effects.base import EventKind
 
 SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
+LEAST_INERTIA, LARGEST_MASS = 1e-13, 1e9  # of a cube
 
 
 class Units(Settings):
@@ -32,10 +33,26 @@ class Tank(Settings):
 
 
 class Cubes(Settings):
-    """The cubes. edge : length; density : relative to the fluid (1: neutrally buoyant)."""
+    """The cubes. edge : length; density : relative to the fluid (1: neutrally buoyant).
+
+    The engine lets bodies that are far too light or heavy pass through each other and says nothing (measured: with
+    moments of inertia of 1e-16, with masses of 3e17), so such cubes are refused.
+    """
 
     edge: Length
     density: float = Field(default=1.0, gt=0)
+
+    @model_validator(mode="after")
+    def _engine_can(self) -> Cubes:
+        mass = self.density * self.edge * self.edge * self.edge
+        inertia = mass * self.edge * self.edge / 6
+        if not (inertia >= LEAST_INERTIA and mass <= LARGEST_MASS):
+            raise ValueError(
+                f"density = {self.density} and edge = {self.edge} give a cube the mass {mass:.3g} and the moment of "
+                f"inertia {inertia:.3g}; the engine finds collisions of masses up to {LARGEST_MASS:g} and moments from "
+                f"{LEAST_INERTIA:g} on"
+            )
+        return self
 
 
 class Numerics(Settings):

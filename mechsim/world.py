@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from mechsim.bodies import Bodies
 from mechsim.effects.base import Action, Stopped
 from mechsim.engine import Engine
 from mechsim.kernels.contact import blocked
-from mechsim.kernels.motion import TROUBLES, coast, trouble
+from mechsim.kernels.motion import TROUBLES, coast, not_finite, trouble
 from mechsim.placement import scatter
 from mechsim.scene import Scene
+from mechsim.spinning import FreeSpin
 
 # Steps after which every body is read back: rounding between our free flight and the engine's cannot build up.
 RESYNC = 100
@@ -46,7 +48,10 @@ class World:
         self._placing = self.stream("placement")
         actions = {effect.effect: effect.attach(self) for effect in scene.effects}
         self.before = {name: a.before_step for name, a in actions.items() if _overrides(a, "before_step")}
-        self.after = {name: a.after_step for name, a in actions.items() if _overrides(a, "after_step")}
+        # A join makes a new body, of whose collisions in this step nothing is known: breaks are judged first.
+        joiners = scene.openers("join")
+        ordered = sorted(actions.items(), key=lambda item: item[0] in joiners)
+        self.after = {name: a.after_step for name, a in ordered if _overrides(a, "after_step")}
         self.parts = self._parts()
 
     def __enter__(self) -> World:
@@ -157,12 +162,17 @@ class World:
             part()
 
     def _parts(self) -> list[tuple[str, Callable[[], None]]]:
+        hooks = [((name, hook), ("guard", self._checking(name))) for name, hook in self.before.items()]
+        spin = FreeSpin(self.bodies, self.step_size)
+        is_free = self.scene.provider("drag") is None
         return [
-            *self.before.items(),
+            *chain.from_iterable(hooks),
+            *([("free spin", spin.begin)] if is_free else []),
             ("motions into the engine", self.engine.set_motions),
             ("engine", self.engine.step),
             ("free flight", self._coast),
             ("reading back", self._read),
+            *([("free spin", spin.end)] if is_free else []),
             ("guard", self._guard),
             ("places of cubes", self.bodies.locate),
             *self.after.items(),
@@ -180,6 +190,20 @@ class World:
             self.engine.read(self.bodies.live.tolist())
         else:
             self.engine.read(self.engine.near_contacts())
+
+    def _checking(self, effect: str) -> Callable[[], None]:
+        """Names the effect that makes a motion infinite or not a number."""
+        b = self.bodies
+
+        def check() -> None:
+            slot = not_finite(b.live, b.velocity, b.spin)
+            if slot >= 0:
+                raise Stopped(
+                    f"effect {effect!r} made a motion that is not a number: {b.title(slot)} at {self.time:.4f} tu, "
+                    f"mass {b.mass[slot]:.3g}, velocity {b.velocity[slot]}, spin {b.spin[slot]}"
+                )
+
+        return check
 
     def _guard(self) -> None:
         b, limits = self.bodies, self.scene.guard

@@ -1,4 +1,4 @@
-"""Compiled loops of forces that change motions before a step: explicit drag, attraction of faces.
+"""Compiled loops of what changes motions before a step: explicit drag, attraction of faces, gyroscopic torque.
 
 Indices as in `motion`: B body slots, C cubes, P drag points a cube; a quaternion is (x, y, z, w), body frame to world.
 """
@@ -23,10 +23,11 @@ def rotated(qx, qy, qz, qw, x, y, z):
 
 
 @njit(cache=True)
-def spun(qx, qy, qz, qw, i0, i1, i2, x, y, z):
-    """Change of spin by an angular impulse: (inertia tensor in the world)^-1 times it; i0, i1, i2 principal moments."""
+def weighted(qx, qy, qz, qw, f0, f1, f2, x, y, z):
+    """R diag(f) R' v with R the rotation of a quaternion: by principal moments the angular momentum of a spin, by
+    their inverses the spin of an angular momentum."""
     bx, by, bz = rotated(-qx, -qy, -qz, qw, x, y, z)
-    return rotated(qx, qy, qz, qw, bx / i0, by / i1, bz / i2)
+    return rotated(qx, qy, qz, qw, f0 * bx, f1 * by, f2 * bz)
 
 
 @njit(cache=True)
@@ -64,7 +65,7 @@ def explicit_drag(
         stiff = step * max(c0 / mass[slot], c2 / min(i0, i1, i2))
         if not stiff <= stiffest:  # not a number is the worst of all
             stiffest, worst = stiff, slot
-        dx, dy, dz = spun(qx, qy, qz, qw, i0, i1, i2, tx, ty, tz)
+        dx, dy, dz = weighted(qx, qy, qz, qw, 1.0 / i0, 1.0 / i1, 1.0 / i2, tx, ty, tz)
         velocity[slot, 0] += step * fx / mass[slot]
         velocity[slot, 1] += step * fy / mass[slot]
         velocity[slot, 2] += step * fz / mass[slot]
@@ -110,7 +111,7 @@ def attract(
             tx, ty, tz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx
             qx, qy, qz, qw = orientation[slot]
             i0, i1, i2 = inertia[slot]
-            dx, dy, dz = spun(qx, qy, qz, qw, i0, i1, i2, tx, ty, tz)
+            dx, dy, dz = weighted(qx, qy, qz, qw, 1.0 / i0, 1.0 / i1, 1.0 / i2, tx, ty, tz)
             turn[side, 0], turn[side, 1], turn[side, 2] = sign * dx, sign * dy, sign * dz
             give += 1.0 / mass[slot] + tx * dx + ty * dy + tz * dz
             along = velocity[slot, 0] * nx + velocity[slot, 1] * ny + velocity[slot, 2] * nz
@@ -126,3 +127,74 @@ def attract(
             velocity[slot, 2] += pull * nz
             for k in range(3):
                 spin[slot, k] += impulse * turn[side, k]
+
+
+@njit(cache=True)
+def turned_by(wx, wy, wz, time, x, y, z, w):
+    """A quaternion turned by a spin for a time: the exponential map."""
+    rate = math.sqrt(wx * wx + wy * wy + wz * wz)
+    half = 0.5 * rate * time
+    s = math.sin(half) / rate if half > 1e-8 else 0.5 * time
+    ax, ay, az, aw = wx * s, wy * s, wz * s, math.cos(half)
+    return (
+        aw * x + ax * w + ay * z - az * y,
+        aw * y - ax * z + ay * w + az * x,
+        aw * z + ax * y - ay * x + az * w,
+        aw * w - ax * x - ay * y - az * z,
+    )
+
+
+@njit(cache=True)
+def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
+    """Spins to give the engine so that it turns every body by the implicit midpoint rule; overwrites `spin`.
+
+    A body free of torque keeps its angular momentum L: it is turned for the step by the spin I^-1 L at the orientation
+    half way, which depends on that spin (fixed-point iteration). The engine adds its own explicit gyroscopic term to
+    what it is given, so it is given the spin from which that term leads to the wanted one (the same iteration).
+    momentum, middle (B, 3) : L and the spin in the step, for `end_spin`; cubes, which have no such term, are left alone
+    """
+    for slot in live:
+        i0, i1, i2 = inertia[slot]
+        if i0 == i1 and i1 == i2:
+            continue
+        x, y, z, w = orientation[slot]
+        mx, my, mz = spin[slot]
+        lx, ly, lz = weighted(x, y, z, w, i0, i1, i2, mx, my, mz)
+        for _ in range(50):
+            hx, hy, hz, hw = turned_by(mx, my, mz, 0.5 * step, x, y, z, w)
+            nx, ny, nz = weighted(hx, hy, hz, hw, 1.0 / i0, 1.0 / i1, 1.0 / i2, lx, ly, lz)
+            change = abs(nx - mx) + abs(ny - my) + abs(nz - mz)
+            mx, my, mz = nx, ny, nz
+            if change <= 1e-15 * (abs(mx) + abs(my) + abs(mz)):
+                break
+        m0, m1, m2 = rotated(-x, -y, -z, w, mx, my, mz)
+        u0, u1, u2 = m0, m1, m2
+        for _ in range(50):
+            n0 = m0 - step * (i1 - i2) / i0 * u1 * u2
+            n1 = m1 - step * (i2 - i0) / i1 * u2 * u0
+            n2 = m2 - step * (i0 - i1) / i2 * u0 * u1
+            change = abs(n0 - u0) + abs(n1 - u1) + abs(n2 - u2)
+            u0, u1, u2 = n0, n1, n2
+            if change <= 1e-15 * (abs(u0) + abs(u1) + abs(u2)):
+                break
+        momentum[slot, 0], momentum[slot, 1], momentum[slot, 2] = lx, ly, lz
+        middle[slot, 0], middle[slot, 1], middle[slot, 2] = mx, my, mz
+        spin[slot, 0], spin[slot, 1], spin[slot, 2] = rotated(x, y, z, w, u0, u1, u2)
+
+
+@njit(cache=True)
+def end_spin(live, before, orientation, spin, inertia, momentum, middle):
+    """Spins after a step that `begin_spin` began: of the momentum, and what collisions added to it, as bodies lie now.
+
+    before (B, 4) : orientations at the start of the step, by which the engine took the collisions' angular impulses
+    """
+    for slot in live:
+        i0, i1, i2 = inertia[slot]
+        if i0 == i1 and i1 == i2:
+            continue
+        dx, dy, dz = spin[slot, 0] - middle[slot, 0], spin[slot, 1] - middle[slot, 1], spin[slot, 2] - middle[slot, 2]
+        x, y, z, w = before[slot]
+        kx, ky, kz = weighted(x, y, z, w, i0, i1, i2, dx, dy, dz)
+        x, y, z, w = orientation[slot]
+        kx, ky, kz = kx + momentum[slot, 0], ky + momentum[slot, 1], kz + momentum[slot, 2]
+        spin[slot, 0], spin[slot, 1], spin[slot, 2] = weighted(x, y, z, w, 1.0 / i0, 1.0 / i1, 1.0 / i2, kx, ky, kz)

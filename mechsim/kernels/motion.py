@@ -238,3 +238,13 @@ def trouble(live, position, velocity, spin, low, high, edge, step, max_speed, ma
         if math.sqrt(w2) * step > max_turn:
             return 5, slot
     return 0, -1
+
+
+@njit(cache=True)
+def not_finite(live, velocity, spin):
+    """First slot whose motion is not a number or infinite, or -1."""
+    for slot in live:
+        for k in range(3):
+            if not (math.isfinite(velocity[slot, k]) and math.isfinite(spin[slot, k])):
+                return slot
+    return -1
