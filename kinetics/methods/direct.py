@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.arrays import Floats, Ints
-from kinetics.methods.groups import grouped_sampler
+from kinetics.methods.dependencies import updating_sampler
 from kinetics.methods.mass_action import mass_action
 from kinetics.methods.sampling import ExactMethod, Sampler, StalledClockError, whole_number
 from kinetics.methods.shape import Shape
@@ -35,7 +35,7 @@ class Direct(ExactMethod):
         shape = Shape.of(network)
         if _recomputing_cost(shape) <= _updating_cost(shape):
             return RecomputingSampler(network)
-        return grouped_sampler(network, in_bins=False)
+        return updating_sampler(network)
 
     def cost(self, shape: Shape) -> float:
         """Processor time of an event, ns."""

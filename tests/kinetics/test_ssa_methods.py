@@ -9,16 +9,17 @@ import numba
 import numpy as np
 import pytest
 from known_systems import assert_follows_cdf, assert_follows_table, decay, line, network, walk
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm
 from scipy.stats import binom, nbinom
 
 from kinetics import Transient
-from kinetics.kernels import grouped, partial, ssa
-from kinetics.methods import SAMPLING_METHODS, Auto, Direct, Lockstep, PartialPropensities
+from kinetics.kernels import grouped, partial, rejection, ssa
+from kinetics.methods import SAMPLING_METHODS, Auto, Direct, Lockstep, PartialPropensities, dependencies
 from kinetics.methods import partial as partial_method
+from kinetics.methods import rejection as rejection_method
+from kinetics.methods.dependencies import updating_sampler
 from kinetics.methods.direct import RecomputingSampler
-from kinetics.methods.groups import by_species, grouped_sampler, model_of
 from kinetics.methods.lockstep import LockstepSampler
 from kinetics.methods.rejection import CompositionRejection
 from kinetics.methods.sampling import StalledClockError, stream_key
@@ -158,7 +159,7 @@ PRODUCTS = network(("A", "B"), {"pair": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0
 )
 def test_all_kernels_of_the_direct_method_agree_to_the_last_bit(net, initial):
     start, grid, key = net.state(initial), np.linspace(0.5, 8.0, 9), stream_key(29)
-    samplers = [RecomputingSampler(net), LockstepSampler(net), grouped_sampler(net, in_bins=False)]
+    samplers = [RecomputingSampler(net), LockstepSampler(net), updating_sampler(net)]
     outs = [np.empty((100, grid.size, start.size), dtype=np.int64) for _ in samplers]
     for sampler, out in zip(samplers, outs, strict=True):
         assert sampler.ensemble(start, grid, key, 5, out) == (ssa.REACHED_END, 104)
@@ -235,26 +236,41 @@ def test_auto_chooses_by_network():
 # What the kernels carry from event to event, against the definition.
 
 
-@pytest.mark.parametrize("in_bins", [False, True])
-@pytest.mark.parametrize(("net", "initial"), [(MIXED, [60, 9, 20]), (ring(30), 30 * [3]), (THIRD_ORDER, [40, 9])])
-def test_carried_propensities_are_those_of_the_counts(net, initial, in_bins):
-    order = by_species(net.reactant_terms)[0] if in_bins else np.arange(len(net.channels))
-    sampler = grouped_sampler(net, in_bins)
+CARRIED = pytest.mark.parametrize(
+    ("net", "initial"),
+    [(MIXED, [60, 9, 20]), (ring(30), 30 * [3]), (THIRD_ORDER, [40, 9]), (PRODUCTS, [41, 0])],
+    ids=["mixed", "ring", "third order", "products"],
+)
+
+
+@CARRIED
+def test_carried_propensities_are_those_of_the_counts(net, initial):
+    sampler = updating_sampler(net)
     counts = np.append(net.state(initial), 1)
     work = sampler.begin(counts)
     advance_some(sampler, work, counts)
-    assert_array_equal(work.propensities, net.propensities(counts[:-1])[order])
+    assert_array_equal(work.propensities, net.propensities(counts[:-1]))
     assert work.sums.sum() == pytest.approx(work.propensities.sum(), rel=1e-14)
-    if in_bins:
-        groups = np.arange(work.sums.size)
-        bins, places = work.lodgings[::2], work.lodgings[1::2]
-        lodged = bins != grouped.NO_BIN
-        assert_array_equal(lodged, work.sums > 0)
-        assert_array_equal(work.members[bins[lodged] * work.sums.size + places[lodged]], groups[lodged])
-        upper = (5 + bins % 4) * work.quarters[bins // 4]
-        assert np.all(work.sums[lodged] < upper[lodged])
-        assert np.all(work.sums[lodged] >= (upper - work.quarters[bins // 4])[lodged])
-        assert work.total[0] == upper[lodged].sum()
+
+
+@CARRIED
+def test_bins_hold_the_groups_of_the_counts(net, initial):
+    sampler = CompositionRejection().sampler(net)
+    counts = np.append(net.state(initial), 1)
+    work = sampler.begin(counts)
+    advance_some(sampler, work, counts)
+    starts = rejection_method.model_of(net)[0].groups[1::3]
+    assert_allclose(work.sums, np.add.reduceat(net.propensities(counts[:-1])[sampler.order], starts), rtol=1e-14)
+    bins, places = work.lodgings[::2], work.lodgings[1::2]
+    lodged = bins != rejection.NO_BIN
+    assert_array_equal(lodged, work.sums > 0)
+    n_groups = work.sums.size
+    assert_array_equal(work.members[bins[lodged] * n_groups + places[lodged]], np.flatnonzero(lodged))
+    quarter = work.quarters[bins // 4]
+    upper = (5 + bins % 4) * quarter
+    assert np.all((work.sums < upper)[lodged])
+    assert np.all((work.sums >= upper - quarter)[lodged])
+    assert work.total[0] == upper[lodged].sum()
 
 
 def advance_some(sampler, work, counts, n=500):
@@ -309,13 +325,12 @@ def mutant_states(net, module, changes, initial, end, runs):
     """Final states of runs made by a mutant."""
     kernel = plain_python(module, *changes)
     if module is grouped:
-        sampler = grouped_sampler(net, in_bins=True)
-        model = model_of(net, *by_species(net.reactant_terms))
-        sampler.advance = lambda work, counts, *rest: kernel.advance(model, work, counts, True, *rest)
+        sampler, model = updating_sampler(net), dependencies.model_of(net)
+    elif module is rejection:
+        sampler, model = CompositionRejection().sampler(net), rejection_method.model_of(net)[0]
     else:
-        sampler = PartialPropensities().sampler(net)
-        model = partial_method.model_of(net)[0]
-        sampler.advance = lambda work, *rest: kernel.advance(model, work, *rest)
+        sampler, model = PartialPropensities().sampler(net), partial_method.model_of(net)[0]
+    sampler.advance = lambda work, *rest: kernel.advance(model, work, *rest)
     out = np.empty((runs, 1, len(net.species)), dtype=np.int64)
     outcome, _ = sampler.ensemble(net.state(initial), np.array([end]), stream_key(32), 0, out)
     assert outcome == ssa.REACHED_END, "a count fell below 0"
@@ -323,19 +338,21 @@ def mutant_states(net, module, changes, initial, end, runs):
 
 
 PICK = "target = (share - which * width) * quarters[octave]"
-KEPT = "if target >= sums[group]:"
+KEPT = "if target >= sums[group] or which < 0:"
 LIKE = "(others - lessened[chosen] if others >= needed[chosen] else 0)"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
-    (grouped, "a stale bin", ("if bin_ == old:", "if old != NO_BIN and bin_ != NO_BIN:")),
     (
         grouped,
-        "a biased redraw",
-        (KEPT, f"if target >= sums[group]:\n{16 * ' '}t -= waits[draw] / total\n{12 * ' '}{KEPT}"),
+        ("        sums[block] = part\n        if", "        sums[block] = min(part, sums[block])\n        if"),
     ),
-    (grouped, "no rejection", (PICK, "target = (share - which * width) / width * sums[group]")),
-    (grouped, "s * s for s (s - 1)", ("- channels[6 * r + 2]", "- 0")),
-    (grouped, "32-bit waits", ("waits[draw] / total", "np.floor(waits[draw] * 4) / 4 / total + 1e-9")),
+    (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
+    (grouped, "coarse waits", ("waits[draw] / total", "(np.floor(waits[draw] * 4) / 4 + 1e-9) / total")),
+    (rejection, "a stale partial propensity", (20 * " " + "partials[group] = part", 20 * " " + "pass")),
+    (rejection, "a stale bin", ("if bin_ == old:", "if old != NO_BIN and bin_ != NO_BIN:")),
+    (rejection, "a biased redraw", (KEPT, f"{KEPT}\n            t -= waits[draw] / total")),
+    (rejection, "no rejection", (PICK, "target = (share - which * width) / width * sums[group]")),
+    (rejection, "s * s for s (s - 1)", ("- channels[5 * chosen + 1]", "- 0"), ("(copies - 1.0)", "copies")),
     (partial, "a stale partial propensity", ("partials[i] += row[i] * gained", "pass")),
     (partial, "s * s for s (s - 1)", (LIKE, "others"), ("(copies[i] - less[i])", "copies[i]")),
     (partial, "an owner too many", ("share = target / copies[owner]", "share = target / (copies[owner] + 1)")),
@@ -357,6 +374,6 @@ def test_mutants_are_caught(module, changes):
         both_laws(module, changes)
 
 
-@pytest.mark.parametrize("module", [grouped, partial])
+@pytest.mark.parametrize("module", [grouped, rejection, partial])
 def test_without_a_mutation_all_is_well(module):
     both_laws(module, ())
