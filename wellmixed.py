@@ -24,7 +24,7 @@ COMMANDS = {
 }
 
 # package that a command may lack -> the extra that brings it
-EXTRAS = {"pybullet": "mech", "pandas": "data", "pyarrow": "data", "matplotlib": "plot"}
+EXTRAS = {"pybullet": "mech", "pandas": "data", "pyarrow": "data", "matplotlib": "plot", "distributed": "dist"}
 
 
 class FrontDoor(click.Group):

@@ -10,10 +10,12 @@ import click
 
 from kinetics.network import text_table
 from kinetics.options import NumbersCommand, echo_json, in_a_folder, json_option
-from mechsim.cli import PARTIAL, progress_option, runs_option, workers_option
+from mechsim.options import PARTIAL, executor_options, progress_option, run_options
 
 if TYPE_CHECKING:
     from calibration.study import CalibrationStudy, ValidationStudy
+    from mechsim.executors import Executor
+    from mechsim.options import Part
 
 
 def _seed(default: int) -> Any:
@@ -43,9 +45,7 @@ report_option = click.option(
 @click.option("--join-time", type=float, default=1000.0, show_default=True, help="tu for each mixture with bonding.")
 @click.option("--break-time", type=float, default=4000.0, show_default=True, help="tu for each tank without bonding.")
 @report_option
-@runs_option
-@workers_option
-@progress_option
+@run_options
 @_seed(1)
 @json_option
 def calibrate(
@@ -56,7 +56,8 @@ def calibrate(
     break_time: float,
     report: str | None,
     runs_folder: str,
-    workers: int,
+    workers: Executor,
+    part: Part | None,
     progress: bool | None,
     seed: int,
     as_json: bool,
@@ -66,14 +67,19 @@ def calibrate(
     Runs start from several mixtures and are put back after every event; breaks, being rare, are watched in tanks
     without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
     """
-    from calibration.study import run_calibration
+    from calibration.study import calibration_specs, run_calibration
     from mechsim.scene import Scene
 
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
+    described = Scene.load(scene)
+    if part is not None:
+        specs = calibration_specs(described, cubes, join_time, break_time, seed)
+        part.make(specs, runs_folder, workers, progress, as_json)
+        return
     study = run_calibration(
-        Scene.load(scene),
+        described,
         runs_folder,
         cubes=cubes,
         join_time=join_time,
@@ -113,9 +119,7 @@ def calibrate(
 @click.option("--runs", type=click.IntRange(min=2), default=10, show_default=True, help="Held-out runs at each size.")
 @click.option("--duration", type=float, default=2000.0, show_default=True, help="Of a run, tu.")
 @report_option
-@runs_option
-@workers_option
-@progress_option
+@run_options
 @_seed(2)
 @json_option
 def validate(
@@ -126,7 +130,8 @@ def validate(
     duration: float,
     report: str | None,
     runs_folder: str,
-    workers: int,
+    workers: Executor,
+    part: Part | None,
     progress: bool | None,
     seed: int,
     as_json: bool,
@@ -137,13 +142,18 @@ def validate(
     mean distance of a run from the predicted law, in copies, beside what the model scores against runs of its own.
     Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.study import run_validation
+    from calibration.study import check_held_out, run_validation, validation_specs
     from kinetics.rates import Rates
     from mechsim.scene import Scene
 
+    described, rates = Scene.load(scene), Rates.load(rates_name)
+    check_held_out(described, rates, seed)
+    if part is not None:
+        part.make(validation_specs(described, cubes, runs, duration, seed), runs_folder, workers, progress, as_json)
+        return
     study = run_validation(
-        Scene.load(scene),
-        Rates.load(rates_name),
+        described,
+        rates,
         runs_folder,
         sizes=cubes,
         runs=runs,
@@ -176,11 +186,11 @@ def validate(
 @click.command()
 @click.option("--folder", default="demo-output", show_default=True, type=click.Path(file_okay=False))
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Of all durations: 2 takes twice the time.")
-@workers_option
+@executor_options
 @progress_option
 @_seed(1)
 @json_option
-def demo(folder: str, scale: float, workers: int, progress: bool | None, seed: int, as_json: bool) -> None:
+def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
     """The whole loop on real mechanics and a small budget: rates, predictions, held-out runs, report.html."""
     from calibration.overview import full_report
     from calibration.study import run_calibration, run_validation, watched_run

@@ -22,6 +22,7 @@ from kinetics.assembly import Derivation
 from kinetics.rates import Rates
 from mechsim.effects import EFFECTS
 from mechsim.ensemble import Outcome, run_all
+from mechsim.executors import Executor
 from mechsim.preflight import check_starts
 from mechsim.record import RunRecord, RunSpec, book_of, kinds, open_channels
 from mechsim.scene import Scene
@@ -184,7 +185,7 @@ def run_calibration(
     join_time: float = 1000.0,
     break_time: float = 4000.0,
     seed: int = 1,
-    workers: int = 1,
+    workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
     """Make the missing calibration runs and read the others. Times are tu per experiment (see
@@ -192,6 +193,14 @@ def run_calibration(
     specs = calibration_specs(scene, cubes, join_time, break_time, seed)
     settings = {"cubes": cubes, "join_time": join_time, "break_time": break_time, "seed": seed}
     return CalibrationStudy(scene, _run(specs, runs_folder, workers, progress), settings)
+
+
+def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
+    """ValueError for rates of another network, or calibrated with the same seed: those runs would share their random
+    numbers with the calibration."""
+    rates.apply(book_of(scene.rules)[1].network)
+    if rates.evidence.get("seed") == seed:
+        raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,19 +243,15 @@ def run_validation(
     duration: float = 2000.0,
     points: int = 41,
     seed: int = 2,
-    workers: int = 1,
+    workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> ValidationStudy:
     """Make the missing held-out runs and compare them with the prediction at `points` times from 0 to `duration`.
 
-    Raises ValueError for rates of another network, or calibrated with the same seed: those runs would share their
-    random
-    numbers with the calibration.
+    ValueError for rates that do not pass `check_held_out`.
     """
+    check_held_out(scene, rates, seed)
     book, derivation = book_of(scene.rules)
-    rates.apply(derivation.network)
-    if rates.evidence.get("seed") == seed:
-        raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
     outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
     target = species_of(derivation, book.target)
     comparisons = []
@@ -278,7 +283,7 @@ def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, durat
     return outcome.records[0]
 
 
-def _run(specs: list[RunSpec], runs_folder: str | Path, workers: int, progress: bool | None) -> Outcome:
+def _run(specs: list[RunSpec], runs_folder: str | Path, workers: int | Executor, progress: bool | None) -> Outcome:
     """Make what is missing and read the others; a mistake in the specs is found before the folder is made."""
     check_starts(specs)
     return run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)

@@ -8,23 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.options import echo_json, json_option, picture_of, plot_option, seed_option
+from mechsim.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
-
-PARTIAL = 4  # exit code: some runs were stopped by the guard or given up
-
-runs_option = click.option(
-    "--runs-folder",
-    default="runs",
-    show_default=True,
-    type=click.Path(file_okay=False),
-    help="Where runs are kept; a run that is there is not made again.",
-)
-workers_option = click.option(
-    "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Runs at the same time."
-)
-progress_option = click.option("--progress/--quiet", default=None, help="Show progress.  [default: only on a terminal]")
+    from mechsim.executors import Executor
+    from mechsim.options import Part
 
 
 @click.command()
@@ -55,9 +44,7 @@ progress_option = click.option("--progress/--quiet", default=None, help="Show pr
 )
 @click.option("--bill", "as_bill", is_flag=True, help="Make no runs: tell what each part of a step costs.")
 @plot_option
-@runs_option
-@workers_option
-@progress_option
+@run_options
 @seed_option
 @json_option
 def simulate(
@@ -74,7 +61,8 @@ def simulate(
     as_bill: bool,
     plot_file: str | None,
     runs_folder: str,
-    workers: int,
+    workers: Executor,
+    part: Part | None,
     progress: bool | None,
     seed: int,
     as_json: bool,
@@ -104,6 +92,11 @@ def simulate(
     # A picture needs poses of its run: those at the start and the end, where no others are asked for.
     often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]
+    if part is not None:
+        if as_bill:
+            raise ValueError("--bill makes no runs: leave out --shard and --missing")
+        part.make(specs, runs_folder, workers, progress, as_json)
+        return
     check_starts(specs)
     if as_bill:
         from mechsim.bill import bill_of

@@ -9,23 +9,24 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from platform import node
 
-from mechsim.record import RunRecord, RunSpec
+from mechsim.executors.base import Execute
+from mechsim.record import RunSpec
 from mechsim.store import RunStore
 
 REPORT_EVERY = 0.25  # s between two reports
 
-Execute = Callable[[RunSpec, Callable[[float], None]], RunRecord]
 
-
-def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection) -> None:
+def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection, folder: Path) -> None:
     """Body of a worker: make the run, keep it, say what went wrong.
 
-    reports : gets 0.0 at once, then now and then the simulated time, tu; text where the run failed; errno, message and
-        file where it could not be kept
+    reports : gets 0.0 at once, then now and then the simulated time, tu; text where the run failed; an exception where
+        the next run would not fare better
+    folder : working directory, for a rule book that is named by a relative path
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)  # standard output is the command's own; engines print too
@@ -47,14 +48,26 @@ def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection) 
             tell(float(simulated))
 
     try:
+        if folder.is_dir():  # a worker on another machine may lack it, and a shipped book does not need it
+            os.chdir(folder)
+        here = replace(spec)  # its key is computed anew, with the versions and the rule book of this machine
+        if here.key != spec.key:
+            tell(ValueError(f"{spec.title}: {node()} has {_versions(here)}; the run was asked for with others"))
+            return
         record = execute(spec, progress)
         try:
             store.write(record)
-        except OSError as error:  # the next run would not fare better
-            tell((error.errno, error.strerror, error.filename))
+        except OSError as error:
+            tell(OSError(error.errno, error.strerror, error.filename))
     except Exception as error:  # noqa: BLE001 - whatever it is, it goes into the quarantine note
         place = traceback.extract_tb(error.__traceback__)[-1]
         tell(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")
+
+
+def _versions(spec: RunSpec) -> str:
+    """What of this machine is part of a run's name."""
+    physics = spec.inputs["physics"]
+    return ", ".join([f"rules {spec.inputs['rules'][:8]}", *(f"{name} {number}" for name, number in physics.items())])
 
 
 def _end_with_driver() -> None:

@@ -1,6 +1,7 @@
 """Runs that cost nothing, and misbehave on request: what the tests of the store and of ensembles execute.
 
-As a script: `fake_runs.py FOLDER WORKERS SPECS` is a driver of its own; it prints what came of the runs.
+As a script: `fake_runs.py FOLDER WORKERS SPECS` is a driver of its own; it prints what came of the runs. WORKERS is a
+number of processes, or the address of a scheduler.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import json
+import multiprocessing
 import os
 import resource
 import signal
@@ -22,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.ensemble import run_all
+from mechsim.executors import Dask
 from mechsim.record import RunRecord
 from mechsim.store import RunStore
 
@@ -31,7 +34,7 @@ class FakeSpec:
     """Stands in for a RunSpec.
 
     behaviour : what `execute` does with it, see there
-    log : file that gets one line for each start of a run, `run pid`; not an input
+    log : file that gets one line for each start of a run, `run pid parent`; not an input
     """
 
     seed: int
@@ -43,7 +46,12 @@ class FakeSpec:
 
     @property
     def inputs(self) -> dict[str, Any]:
-        return asdict(replace(self, log=None, seconds=0.0)) | {"composition": {"monomer": 60}, "sizes": [2, 2, 3]}
+        return asdict(replace(self, log=None, seconds=0.0)) | {
+            "composition": {"monomer": 60},
+            "sizes": [2, 2, 3],
+            "rules": "0123456789",
+            "physics": {"fake": 1},
+        }
 
     @cached_property
     def key(self) -> str:
@@ -72,7 +80,7 @@ def specs_of(n: int, **settings: Any) -> list[FakeSpec]:
 def begun(log: Path) -> list[tuple[int, int]]:
     """Run and process of every start so far."""
     lines = log.read_text().splitlines() if log.exists() else []
-    return [(int(run), int(pid)) for run, pid in map(str.split, lines)]
+    return [(int(run), int(pid)) for run, pid, _ in map(str.split, lines)]
 
 
 def starts(log: Path) -> list[int]:
@@ -85,12 +93,17 @@ def pids(log: Path) -> list[int]:
     return [pid for _, pid in begun(log)]
 
 
+def parents(log: Path) -> list[int]:
+    """Who asked for these processes: the driver, or a worker of a cluster."""
+    return [int(line.split()[2]) for line in log.read_text().splitlines()] if log.exists() else []
+
+
 def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
     os.write(1, b"an engine talks")
     tries = 1
     if spec.log is not None:
         with Path(spec.log).open("a") as log:
-            log.write(f"{spec.run} {os.getpid()}\n")
+            log.write(f"{spec.run} {os.getpid()} {multiprocessing.parent_process().pid}\n")
         tries = starts(Path(spec.log)).count(spec.run)
     for tenth in range(10):
         time.sleep(spec.seconds / 10)
@@ -110,6 +123,9 @@ def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
             room = 1 << 32
             resource.setrlimit(resource.RLIMIT_AS, (room, room))
             bytearray(2 * room)
+        case "take the worker down":
+            os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
+            time.sleep(600)
         case "hang":
             time.sleep(600)
         case "hang in native code":
@@ -117,10 +133,16 @@ def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
     return record_of(spec)
 
 
+class NotShared(RunStore):
+    """A store whose folder is another one on the workers' machines."""
+
+    def __reduce__(self):
+        return RunStore, (self.folder.with_name("there"),)
+
+
 def main(folder: str, workers: str, specs: str) -> None:
-    outcome = run_all(
-        [FakeSpec(**spec) for spec in json.loads(specs)], RunStore(folder), workers=int(workers), execute=execute
-    )
+    who = int(workers) if workers.isdecimal() else Dask(workers)
+    outcome = run_all([FakeSpec(**spec) for spec in json.loads(specs)], RunStore(folder), workers=who, execute=execute)
     json.dump({"digest": outcome.digest, "computed": outcome.computed, "reused": outcome.reused}, sys.stdout)
 
 

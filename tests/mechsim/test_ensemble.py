@@ -15,7 +15,8 @@ import fake_runs
 import pytest
 from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
 
-from mechsim.ensemble import TRIES, _interrupts_wait, run_all
+from mechsim.ensemble import TRIES, run_all
+from mechsim.executors.processes import Processes, _interrupts_wait
 from mechsim.record import RunSpec
 from mechsim.record import execute as execute_run
 from mechsim.scene import Scene
@@ -120,7 +121,7 @@ def test_a_run_that_hangs_is_ended_and_a_slow_one_is_not(tmp_path):
     store = RunStore(tmp_path)
     hung = [FakeSpec(1, 0, behaviour="hang"), FakeSpec(1, 1, behaviour="hang in native code")]
     slow = FakeSpec(1, 2, seconds=3.5)
-    outcome = run_all([*hung, slow], store, workers=3, timeout=1.5, execute=execute)
+    outcome = run_all([*hung, slow], store, workers=Processes(3, timeout=1.5), execute=execute)
     assert [record.spec for record in outcome.records] == [slow]
     assert [one.spec for one in outcome.quarantined] == hung
     assert all("no progress for 1.5 s" in reason for one in outcome.quarantined for reason in one.reasons)
@@ -153,10 +154,10 @@ def test_workers_killed_at_random_cost_nothing_but_time(tmp_path):
 
 
 def test_the_server_of_workers_may_be_killed_too(tmp_path):
-    log, specs = tmp_path / "log", specs_of(4, seconds=0.2, log=str(tmp_path / "log"))
+    log, specs = tmp_path / "log", specs_of(4, seconds=0.5, log=str(tmp_path / "log"))
 
     def kill():
-        wait_for(lambda: pids(log))
+        wait_for(lambda: len(pids(log)) == 2)  # else a start is lost, and no run
         worker = Path(f"/proc/{pids(log)[0]}/stat").read_text().rpartition(")")[2].split()
         os.kill(int(worker[1]), signal.SIGKILL)  # its parent
 
@@ -264,7 +265,7 @@ def test_mistakes(tmp_path, capfd):
             run_all(specs_of(1), store, workers=workers, execute=execute)
     for timeout in (0.0, float("nan")):
         with pytest.raises(ValueError, match="timeout = "):
-            run_all(specs_of(1), store, timeout=timeout, execute=execute)
+            Processes(timeout=timeout)
     nowhere = type(execute)(execute.__code__, execute.__globals__, "execute")
     with pytest.raises(Exception, match="not the same object"):  # a function that a worker could not find
         run_all(specs_of(1), store, execute=nowhere)

@@ -1,0 +1,149 @@
+"""Options that commands which make runs share: where runs are kept, who makes them, and which of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinetics.options import echo_json
+from mechsim.executors import EXECUTORS, Executor
+
+if TYPE_CHECKING:
+    from mechsim.record import RunSpec
+    from mechsim.shards import Shard
+
+PARTIAL = 4  # exit code: some runs were stopped by the guard or given up, or are missing
+PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tenth
+
+progress_option = click.option("--progress/--quiet", default=None, help="Show progress.  [default: only on a terminal]")
+_timeout_option = click.option(
+    "--timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    default=PATIENCE,
+    show_default=True,
+    help="End a run that shows no progress for so long, s; it is tried three times.",
+)
+runs_option = click.option(
+    "--runs-folder",
+    default="runs",
+    show_default=True,
+    type=click.Path(file_okay=False),
+    help="Where runs are kept; a run that is there is not made again.",
+)
+_shard_option = click.option(
+    "--shard",
+    metavar="K/N",
+    help="For job arrays: make only the K-th of N shares of the runs. The same command without it then finds them all.",
+)
+_missing_option = click.option(
+    "--missing",
+    is_flag=True,
+    help="Make nothing: list the runs that are not in the folder. Exit code 4: there are some.",
+)
+
+
+def executor_options(command: Callable[..., None]) -> Callable[..., None]:
+    """One option for each executor, of which one may be given; the command gets it as `workers`, ready to be used."""
+
+    @wraps(command)
+    def chosen(*args: Any, timeout: float, **values: Any) -> None:
+        given = {kind: values.pop(_name(kind)) for kind in EXECUTORS}
+        asked = [kind for kind, value in given.items() if value is not None]
+        if len(asked) > 1:
+            raise ValueError(f"{asked[0].option} and {asked[1].option} both say who makes the runs; give one of them")
+        kind = asked[0] if asked else EXECUTORS[0]
+        executor = kind.from_option(given[kind], timeout)
+        executor.check()
+        command(*args, workers=executor, **values)
+
+    described = _timeout_option(chosen)
+    for kind in reversed(EXECUTORS):
+        option = click.option(kind.option, _name(kind), type=kind.kind, metavar=kind.metavar, help=kind.help)
+        described = option(described)
+    return described
+
+
+def run_options(command: Callable[..., None]) -> Callable[..., None]:
+    """All options of a command that makes runs: it gets `runs_folder`, `workers`, `part` and `progress`."""
+
+    @wraps(command)
+    def chosen(*args: Any, shard: str | None, missing: bool, **values: Any) -> None:
+        from mechsim.shards import Shard
+
+        part = Part(Shard.parse(shard) if shard else Shard(1, 1), missing) if shard or missing else None
+        command(*args, part=part, **values)
+
+    described: Callable[..., None] = chosen
+    for option in (progress_option, _missing_option, _shard_option, executor_options, runs_option):
+        described = option(described)
+    return described
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a command does instead of its whole work: make one shard of its runs, or list what is missing of it."""
+
+    shard: Shard
+    only_list: bool
+
+    def make(
+        self, specs: Sequence[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool
+    ) -> None:
+        """Do so, say what came of it, and leave with exit code 4 where a run is missing, stopped or given up."""
+        mine = self.shard.of(specs)
+        is_whole = (
+            self._list(mine, folder, as_json) if self.only_list else self._run(mine, folder, workers, progress, as_json)
+        )
+        if not is_whole:
+            click.get_current_context().exit(PARTIAL)
+
+    def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
+        from mechsim.shards import missing
+
+        lacking = missing(mine, folder)
+        if as_json:
+            rows = [{"run": spec.title, "key": spec.key} for spec in lacking]
+            echo_json({"shard": str(self.shard), "runs": len(mine), "missing": rows})
+        else:
+            for spec in lacking:
+                click.echo(f"missing: {spec.title}")
+            click.echo(f"{len(mine) - len(lacking)} of {len(mine)} runs are in {folder}")
+        return not lacking
+
+    def _run(self, mine: list[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool) -> bool:
+        from mechsim.ensemble import run_all
+        from mechsim.preflight import check_starts
+        from mechsim.store import RunStore
+
+        check_starts(mine)
+        outcome = run_all(mine, RunStore(folder), workers=workers, progress=progress)
+        stopped = [record for record in outcome.records if not record.completed]
+        if as_json:
+            echo_json(
+                {
+                    "shard": str(self.shard),
+                    "runs": len(mine),
+                    "computed": outcome.computed,
+                    "reused": outcome.reused,
+                    "stopped": [{"run": record.spec.title, "outcome": record.outcome} for record in stopped],
+                    "quarantined": [{"run": q.spec.title, "reasons": q.reasons} for q in outcome.quarantined],
+                    "digest": outcome.digest,
+                }
+            )
+        else:
+            for record in stopped:
+                click.echo(f"{record.outcome}: {record.spec.title}")
+            for given_up in outcome.quarantined:
+                click.echo(f"given up: {given_up.spec.title}: {given_up.reasons[-1]}")
+            counts = f"{outcome.computed} runs made, {outcome.reused} found"
+            click.echo(f"shard {self.shard}: {counts}; digest {outcome.digest[:16]}")
+        return not stopped and not outcome.quarantined
+
+
+def _name(kind: type[Executor]) -> str:
+    """`--scheduler` -> scheduler"""
+    return kind.option.removeprefix("--").replace("-", "_")
