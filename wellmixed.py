@@ -19,12 +19,22 @@ COMMANDS = {
     "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
+    "accuracy": ("mechsim.cli_accuracy", "accuracy", "Show what accuracy of the mechanics costs in time."),
+    "render": ("mechsim.cli_render", "render", "Show a run: pictures, a film, or a view to turn."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check rule books."),
 }
 
 # package that a command may lack -> the extra that brings it
-EXTRAS = {"pybullet": "mech", "pandas": "data", "pyarrow": "data", "matplotlib": "plot", "distributed": "dist"}
+EXTRAS = {
+    "pybullet": "mech",
+    "pandas": "data",
+    "pyarrow": "data",
+    "matplotlib": "plot",
+    "distributed": "dist",
+    "imageio_ffmpeg": "movie",
+    "plotly": "movie",
+}
 
 
 class FrontDoor(click.Group):

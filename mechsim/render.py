@@ -1,49 +1,110 @@
-"""Pictures of runs: the tank from recorded poses, by the engine's own software renderer, and what grew in it."""
+"""Pictures of runs: the tank from recorded poses, and what grew in it."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections import Counter
+from typing import Any, Literal
 
 import numpy as np
 
+from kinetics.assembly import FACE_NORMALS
 from kinetics.assembly.drawing import Drawing
 from kinetics.assembly.history import alike_first
-from kinetics.assembly.pictures import strip
-from mechsim.bodies import Bodies, quaternion_of
-from mechsim.engine import Engine
+from kinetics.assembly.pictures import FACE_COLOURS, strip
+from mechsim.poses import Poses
 from mechsim.record import RunRecord, book_of
 
 # Okabe and Ito's colours, by the number of cubes in a structure: 1, 2, 3, 4, 5, more.
 COLOURS = ("#BBBBBB", "#56B4E9", "#E69F00", "#D55E00", "#009E73", "#CC79A7")
-EYE = (4.8, -3.15, 2.25)  # in halves of the tank's mean edge
+EYE = np.array((4.8, -3.15, 2.25))  # in halves of the tank's mean edge
+LIGHT = np.array((0.45, -0.6, 0.9))
+Paint = Literal["size", "type"]
+
+# Corners of the six faces, in half edges, going round each, in the order of FACE_NORMALS.
+CORNERS = np.array(
+    [
+        [np.roll((s, t * s * p, p), axis) for t, p in ((-1, -1), (1, -1), (-1, 1), (1, 1))]
+        for axis, s in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
+    ]
+)
 
 
-def draw_tank(record: RunRecord, ax: Any, frame: int = -1, width: int = 900, height: int = 720) -> Any:
-    """The tank at one recorded moment, cubes coloured by the size of their structure; returns `ax`.
+def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size") -> Any:
+    """The tank at one recorded moment; returns `ax`.
 
-    frame : index into the recorded poses. Raises ValueError for a run without poses.
+    frame : index into the recorded poses
+    paint : cubes by the "size" of their structure, or faces by their "type"
+    ValueError for a run without poses, or with damaged ones.
     """
-    if "centres" not in record.arrays:
-        raise ValueError(f"{record.spec.title}: no poses were recorded; run it again with poses every so many tu")
-    slots = record.arrays["slots"][frame]
-    sizes = np.bincount(slots)[slots]
-    size = np.asarray(record.spec.scene.tank.size)
-    image, clip = _image(record, frame, sizes, np.asarray(EYE) * size.mean() / 2, width, height)
-    ax.imshow(image)
-    for start, end in _edges(size / 2):
-        x, y = zip(*(_pixel(clip, p, width, height) for p in (start, end)), strict=True)
-        ax.plot(x, y, color="0.55", lw=0.7)
-    for n in sorted(set(sizes.tolist())):
-        count = int((sizes == n).sum()) // n
-        label = f"{n} cube{'s' if n > 1 else ''}: {count}"
-        ax.plot([], [], "s", ms=9, color=_colour(n), mec="0.4", label=label)
-    ax.legend(loc="upper right", frameon=False, title="structures of")
-    ax.set(xlim=(0, width), ylim=(height, 0), xticks=[], yticks=[])
-    when = record.arrays["pose_times"][frame]
-    ax.set_title(f"{record.spec.scene.name}, {record.spec.n_cubes} cubes at {round(when, 1):g} tu")
+    return draw_frame(Poses.of(record), ax, frame, paint)
+
+
+def draw_frame(poses: Poses, ax: Any, frame: int, paint: Paint = "size", legend: bool = True) -> Any:
+    """The same from poses that have been checked."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    eye = EYE * poses.tank.mean() / 2
+    edges = np.array(tank_edges(poses.tank / 2))
+    behind = _far_edges(edges, eye)
+    polygons, colours = faces_seen(poses, frame, eye, paint)
+    ax.add_collection(LineCollection(list(_project(edges[behind], eye)), colors="0.55", linewidths=0.7, zorder=1))
+    ax.add_collection(PolyCollection(list(polygons), facecolors=colours, edgecolors="0.25", linewidths=0.3, zorder=2))
+    ax.add_collection(LineCollection(list(_project(edges[~behind], eye)), colors="0.55", linewidths=0.7, zorder=3))
+    if legend:
+        for label, colour in labels(poses, frame, paint):
+            ax.plot([], [], "s", ms=9, color=colour, mec="0.4", label=label)
+        title = "structures of" if paint == "size" else "faces of type"
+        ax.legend(loc="upper left", bbox_to_anchor=(0.97, 1.0), frameon=False, title=title)
+    corners = _project(edges, eye).reshape(-1, 2)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    room = 0.03 * (high - low)
+    ax.set(xlim=(low[0] - room[0], high[0] + room[0]), ylim=(low[1] - room[1], high[1] + room[1]), aspect="equal")
+    ax.set(xticks=[], yticks=[])
+    ax.set_title(f"{poses.name}, {poses.slots.shape[1]} cubes at {round(float(poses.times[frame]), 1):g} tu")
     for spine in ax.spines.values():
         spine.set_visible(False)
     return ax
+
+
+def faces_seen(poses: Poses, frame: int, eye: np.ndarray, paint: Paint) -> tuple[np.ndarray, np.ndarray]:
+    """Faces turned to the eye as polygons (n, 4, 2), furthest cubes first, and their shaded colours (n, 3).
+
+    Painting them in this order is exact for cubes of a common lattice (a plane between two equal cubes has the nearer
+    centre on the eye's side); of two tilted cubes that nearly touch, a corner may come out on the wrong side.
+    """
+    centres, axes = poses.centres[frame], poses.axes[frame]
+    normals = np.einsum("cij,fj->cfi", axes, FACE_NORMALS)
+    middles = centres[:, None] + 0.5 * poses.edge * normals
+    order = np.argsort(-np.linalg.norm(centres - eye, axis=1), kind="stable")
+    shown = ((eye - middles) * normals).sum(axis=2) > 0
+    cube, face = np.nonzero(shown[order])
+    cube = order[cube]
+    corners = centres[cube, None] + 0.5 * poses.edge * np.einsum("nij,nkj->nki", axes[cube], CORNERS[face])
+    light = 0.72 + 0.28 * (normals[cube, face] @ (LIGHT / np.linalg.norm(LIGHT)))
+    return _project(corners, eye), face_colours(poses, frame, paint)[cube, face] * light[:, None]
+
+
+def face_colours(poses: Poses, frame: int, paint: Paint) -> np.ndarray:
+    """RGB (C, 6, 3), from 0 to 1, of all faces."""
+    if paint == "type":
+        by_face = np.array([_rgb(FACE_COLOURS[kind]) for kind in poses.face_types])
+        return np.broadcast_to(by_face, (poses.slots.shape[1], 6, 3))
+    by_cube = np.array([_rgb(_colour(int(size))) for size in poses.sizes(frame)])
+    return np.repeat(by_cube[:, None], 6, axis=1)
+
+
+def labels(poses: Poses, frame: int, paint: Paint) -> list[tuple[str, str]]:
+    """Lines of a legend and their colours."""
+    if paint == "type":
+        return [(kind, FACE_COLOURS[kind]) for kind in sorted(set(poses.face_types))]
+    cubes = Counter(poses.sizes(frame).tolist())
+    return [(f"{n} cube{'s' if n > 1 else ''}: {cubes[n] // n}", _colour(n)) for n in sorted(cubes)]
+
+
+def tank_edges(half: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The twelve edges of the tank."""
+    corners = [half * np.array([x, y, z]) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    return [(a, b) for i, a in enumerate(corners) for b in corners[:i] if np.count_nonzero(a != b) == 1]
 
 
 def growth(record: RunRecord, frames: int = 9) -> Drawing:
@@ -67,38 +128,27 @@ def growth(record: RunRecord, frames: int = 9) -> Drawing:
     return strip(shown, captions, book.scheme)
 
 
-def _image(record: RunRecord, frame: int, sizes: np.ndarray, eye: np.ndarray, width: int, height: int) -> tuple:
-    """Every cube as a body of its own at its recorded pose, painted."""
-    monomer = book_of(record.spec.scene.rules)[0].monomer()
-    n = len(sizes)
-    bodies = Bodies(n, record.spec.scene.cubes.edge, 1.0)
-    engine = Engine(bodies, step=0.01, iterations=1)
-    try:
-        for cube in range(n):
-            bodies.fill(cube, monomer, (cube,))
-            bodies.position[cube] = record.arrays["centres"][frame, cube]
-            bodies.orientation[cube] = quaternion_of(record.arrays["axes"][frame, cube])
-            engine.create(cube)
-            engine.put(cube)
-            colour = _colour(int(sizes[cube]))
-            red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
-            engine.paint(cube, (red, green, blue, 1.0))
-        return engine.picture(eye.tolist(), width, height)
-    finally:
-        engine.close()
-
-
 def _colour(size: int) -> str:
     return COLOURS[min(size, len(COLOURS)) - 1]
 
 
-def _edges(half: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The twelve edges of the tank."""
-    corners = [half * np.array([x, y, z]) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-    return [(a, b) for i, a in enumerate(corners) for b in corners[:i] if np.count_nonzero(a != b) == 1]
+def _rgb(colour: str) -> tuple[float, ...]:
+    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
 
 
-def _pixel(clip: np.ndarray, point: np.ndarray, width: int, height: int) -> tuple[float, float]:
-    """Where a point of the world falls in the image."""
-    x, y, _, w = clip @ np.append(point, 1.0)
-    return (x / w + 1) / 2 * width, (1 - y / w) / 2 * height
+def _project(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """Where points (..., 3) of the world fall in the picture (..., 2), in perspective, for an eye on the tank's
+    middle."""
+    ahead = -eye / np.linalg.norm(eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    seen = (points - eye) @ np.stack([right, np.cross(right, ahead), ahead], axis=1)
+    return seen[..., :2] / seen[..., 2:]
+
+
+def _far_edges(edges: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """Which of the edges (12, 2, 3) belong to two walls that we look at from within: cubes are in front of them."""
+    walls = edges.reshape(-1, 3).max(axis=0)
+    on = np.isclose(edges[:, 0], edges[:, 1]) & np.isclose(np.abs(edges[:, 0]), walls)
+    faces_eye = np.sign(edges[:, 0]) * eye > walls  # the wall on that side stands between the eye and the cubes
+    return ~(on & faces_eye).any(axis=1)

@@ -1,0 +1,314 @@
+"""What accuracy costs: the error of mean speed and of the rate of meetings at each numerical setting, and its CPU time.
+
+Errors are relative to a reference, the scene at a quarter of its step and four times its solver iterations. Every
+setting simulates the same runs: the same places, and where the fluid's noise does not depend on the step the same noise
+as well, so what is compared block by block is much alike and its difference known better than either.
+How far a setting of the model itself (a hold, a restitution) matters is told apart: it is no error.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinetics.network import text_table
+from mechsim.accuracy_plan import Plan, Setting, plan
+from mechsim.accuracy_trial import Trial, counter, execute_trial, unbound
+from mechsim.ensemble import run_all
+from mechsim.executors import Executor
+from mechsim.record import RunRecord, book_of
+from mechsim.scene import Scene
+from mechsim.species import single_cubes
+from mechsim.store import RunStore
+
+if TYPE_CHECKING:
+    from mechsim.executors import Executor
+
+QUANTITIES = {"speed": "mean speed", "meetings": "encounter rate"}
+PILOT_STEPS = 200
+
+
+@dataclass(frozen=True)
+class Change:
+    """A relative difference and half the width of its 95 % interval."""
+
+    value: float
+    half_width: float
+
+    @property
+    def limit(self) -> float:
+        """The largest magnitude within the interval."""
+        return abs(self.value) + self.half_width
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a setting came to.
+
+    cost : CPU s a simulated tu, median over blocks and runs
+    changes : of each quantity, against the reference (numerical settings) or the base (model)
+    stopped : the guard's reason, or None; such a setting has no changes
+    """
+
+    setting: Setting
+    cost: float
+    changes: Mapping[str, Change]
+    stopped: str | None = None
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """A work-precision diagram.
+
+    runs, duration : every numerical setting has simulated so many runs of so many tu each
+    means : of the reference: mean speed, length / tu, and meetings a pair of cubes and tu, each with its half width
+    cpu_seconds : spent by the call that returned this
+    """
+
+    scene: Scene
+    cubes: int
+    seed: int
+    runs: int
+    duration: float
+    plan: Plan
+    reference: Point
+    numerical: tuple[Point, ...]
+    model: tuple[Point, ...]
+    means: Mapping[str, Change]
+    cpu_seconds: float = field(compare=False, default=0.0)
+
+    @property
+    def floor(self) -> dict[str, float]:
+        """Half width of the 95 % interval that sampling alone leaves to a numerical setting, the median one."""
+        return {
+            name: float(np.median([p.changes[name].half_width for p in self.numerical if name in p.changes]))
+            for name in self.means
+        }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat row a setting, for tables."""
+        found = [self._row("reference", self.reference)]
+        found += [self._row("numerical", point) for point in self.numerical]
+        found += [self._row("model", point) for point in self.model]
+        return found
+
+    def _row(self, panel: str, point: Point) -> dict[str, Any]:
+        numerics = point.setting.scene.numerics
+        row: dict[str, Any] = {
+            "panel": panel,
+            "knob": point.setting.curve,
+            "value": point.setting.label,
+            "step": numerics.step,
+            "solver_iterations": numerics.solver_iterations,
+            "cpu_s_per_tu": point.cost,
+        }
+        for name in QUANTITIES:
+            change = point.changes.get(name)
+            row |= {
+                f"{name}_change": None if change is None else change.value,
+                f"{name}_half_width_95": None if change is None else change.half_width,
+            }
+        return row | {"stopped": point.stopped}
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "scene": self.scene.name,
+            "scene_hash": self.scene.fingerprint,
+            "cubes": self.cubes,
+            "seed": self.seed,
+            "runs": self.runs,
+            "duration": self.duration,
+            "reference": {
+                name: {"value": mean.value, "half_width_95": mean.half_width} for name, mean in self.means.items()
+            },
+            "floor": self.floor,
+            "settings": self.rows(),
+            "refused": [{"knob": r.curve, "value": r.label, "reason": r.reason} for r in self.plan.refused],
+            "cpu_seconds": self.cpu_seconds,
+        }
+
+    def __str__(self) -> str:
+        lines = [f"reference: step {self.reference.setting.label} tu, {self.reference.cost:.3g} CPU s/tu"]
+        units = {"speed": "mean speed {} length/tu", "meetings": "{} meetings a pair and tu"}
+        lines += [units[name].format(f"{m.value:.4g} ± {m.half_width:.2g}") for name, m in self.means.items()]
+        heads = ("knob", "value", "CPU (ms/tu)", *(QUANTITIES[name] for name in self.means), "")
+        for title, points in (("error against the reference", self.numerical), ("model sensitivity", self.model)):
+            rows = [
+                (
+                    *(point.setting.curve, point.setting.label, f"{1e3 * point.cost:.1f}"),
+                    *(_percent(point.changes.get(name)) for name in self.means),
+                    point.stopped or "",
+                )
+                for point in points
+            ]
+            lines += ["", f"{title} (± half of the 95 % interval)", text_table(heads, rows)]
+        lines += [f"refused: {r.curve} {r.label}: {r.reason}" for r in self.plan.refused]
+        return "\n".join(lines)
+
+
+def pilot(scene: Scene, cubes: int, seed: int) -> float:
+    """CPU s of a step of this scene in a trial, from a short stretch. ValueError where the guard stops that."""
+    from mechsim.world import Stopped, World
+
+    book, derivation = book_of(scene.rules)
+    start = [derivation.structures[s] for s, n in single_cubes(derivation, cubes).items() for _ in range(n)]
+    with World(unbound(scene), book, cubes, np.random.SeedSequence(seed)) as world:
+        count = counter(scene, world) or (lambda: 0)
+        world.populate(start)
+        for step in range(PILOT_STEPS + 20):
+            if step == 20:  # compiled code is loaded by now
+                begin = time.process_time()
+            try:
+                world.step()
+            except Stopped as reason:
+                raise ValueError(f"scene {scene.name} was stopped within {step + 1} steps: {reason}") from reason
+            count()
+        return (time.process_time() - begin) / PILOT_STEPS
+
+
+def measure(
+    scene: Scene,
+    store: RunStore,
+    *,
+    cubes: int,
+    duration: float,
+    rounds: int,
+    budget: float,
+    seed: int,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Accuracy:
+    """Simulate every setting, round by round, until there are `rounds` runs of each or the budget is used up.
+
+    budget : CPU s that this call may spend; what is in the store already costs nothing
+    tell : is given the predicted cost before anything is run
+    Model settings take part in every other round. ValueError: not even the first round fits into the budget.
+    """
+    planned = plan(scene)
+    per_step = pilot(scene, cubes, seed)
+    composition = single_cubes(book_of(scene.rules)[1], cubes)
+    trials = [
+        [Trial(s.scene, composition, duration, seed, run) for s in _settings(planned, run)] for run in range(rounds)
+    ]
+    missing = [[trial for trial in trials[run] if store.read(trial) is None] for run in range(rounds)]
+    prices = [sum((t.duration + 1) / t.scene.numerics.step for t in due) * per_step for due in missing]
+    tell(
+        f"{scene.name}, {cubes} cubes: {len(trials[0])} settings, {rounds} runs of {duration:g} tu each; "
+        f"predicted cost {sum(prices) / 60:.1f} CPU min ({1e6 * per_step:.0f} us a step), budget {budget / 60:.1f}"
+    )
+    if prices[0] > budget:
+        raise ValueError(
+            f"the first round alone is predicted to take {prices[0] / 60:.1f} CPU min, more than the budget of "
+            f"{budget / 60:.1f}: raise the budget, or take shorter runs or fewer cubes"
+        )
+    spent, done = 0.0, 0
+    for price, due in zip(prices, missing, strict=True):
+        if due and spent + price > budget:
+            tell(f"the budget ends after {done} of {rounds} rounds; the same call again goes on")
+            break
+        outcome = run_all(due, store, workers=workers, progress=progress, execute=execute_trial)
+        if outcome.quarantined:
+            given_up = outcome.quarantined[0]
+            raise RuntimeError(f"{given_up.spec.title} was given up: {given_up.reasons[-1]}")
+        spent += sum(record.cost["cpu_seconds"] for record in outcome.records)
+        done += 1
+    return collect(scene, planned, store, composition, duration, done, seed, spent)
+
+
+def collect(
+    scene: Scene,
+    planned: Plan,
+    store: RunStore,
+    composition: dict[str, int],
+    duration: float,
+    runs: int,
+    seed: int,
+    spent: float = 0.0,
+) -> Accuracy:
+    """Compare what the store holds of the first `runs` rounds."""
+
+    def records(setting: Setting) -> dict[int, RunRecord]:
+        found = {run: store.read(Trial(setting.scene, composition, duration, seed, run)) for run in range(runs)}
+        return {run: record for run, record in found.items() if record is not None}
+
+    reference, base = records(planned.reference), records(planned.base)
+    stops = [record.outcome for record in reference.values() if not record.completed]
+    if stops:
+        raise ValueError(f"the reference itself was {stops[0]}; there is nothing to compare with: choose a finer step")
+    cubes = sum(composition.values())
+    pairs = {"speed": 1.0, "meetings": cubes * (cubes - 1) / 2 * next(iter(reference.values())).facts["block"]}
+    means = {name: _mean(_blocks(reference.values(), name) / pairs[name]) for name in QUANTITIES if _has(base, name)}
+    return Accuracy(
+        scene, cubes, seed, runs, duration, planned,
+        Point(planned.reference, _cost(reference), {}),
+        tuple(_point(setting, records(setting), reference) for setting in planned.numerical),
+        tuple(_point(setting, records(setting), base) for setting in planned.model),
+        means, spent,
+    )  # fmt: skip
+
+
+def change_of(blocks: np.ndarray, reference: np.ndarray) -> Change:
+    """Relative difference of two means from blocks (B,) that belong together one by one, with its 95 % interval.
+
+    The ratio estimator sum(x) / sum(r) - 1, its error from the scatter of x - ratio r (Cochran, Sampling Techniques,
+    1977, section 6.3); bias of order 1 / B. What both share within a block cancels; nothing is assumed of it.
+    """
+    from scipy.stats import t
+
+    ratio = blocks.sum() / reference.sum()
+    scatter = np.std(blocks - ratio * reference, ddof=1) / np.sqrt(blocks.size) / reference.mean()
+    return Change(float(ratio - 1), float(t.ppf(0.975, blocks.size - 1) * scatter))
+
+
+def _mean(blocks: np.ndarray) -> Change:
+    from scipy.stats import t
+
+    error = np.std(blocks, ddof=1) / np.sqrt(blocks.size)
+    return Change(float(blocks.mean()), float(t.ppf(0.975, blocks.size - 1) * error))
+
+
+def _point(setting: Setting, own: dict[int, RunRecord], other: dict[int, RunRecord]) -> Point:
+    """A setting against what it is compared with, over the runs that both have."""
+    stopped = next((record.outcome for record in own.values() if not record.completed), None)
+    changes = {}
+    shared = sorted(set(own) & set(other))
+    if stopped is None and all(other[run].completed for run in shared):
+        # Blocks of another step are longer or shorter by less than a step: rates, not counts, are compared.
+        for name in (name for name in QUANTITIES if shared and _has(own, name)):
+            mine, theirs = (_rates([records[run] for run in shared], name) for records in (own, other))
+            if theirs.sum() > 0:
+                changes[name] = change_of(mine, theirs)
+    return Point(setting, _cost(own), changes, stopped)
+
+
+def _rates(records: Sequence[RunRecord], name: str) -> np.ndarray:
+    if name == "speed":
+        return _blocks(records, name)
+    return np.concatenate([record.arrays[name] / record.facts["block"] for record in records])
+
+
+def _blocks(records: Iterable[RunRecord], name: str) -> np.ndarray:
+    return np.concatenate([record.arrays[name] for record in records])
+
+
+def _cost(records: dict[int, RunRecord]) -> float:
+    return float(np.median([record.cost["cpu_per_tu"] for record in records.values()])) if records else float("nan")
+
+
+def _has(records: dict[int, RunRecord], name: str) -> bool:
+    return any(name in record.arrays for record in records.values())
+
+
+def _settings(planned: Plan, run: int) -> tuple[Setting, ...]:
+    """Settings that take part in a round."""
+    return (planned.reference, *planned.numerical, *(planned.model if run % 2 == 0 else ()))
+
+
+def _percent(change: Change | None) -> str:
+    return "-" if change is None else f"{100 * change.value:+.2f} ± {100 * change.half_width:.2f} %"

@@ -1,0 +1,95 @@
+"""`wellmixed accuracy`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from mechsim.options import executor_options, progress_option, runs_option
+
+if TYPE_CHECKING:
+    from mechsim.executors import Executor
+
+
+@click.command()
+@click.argument("scene")
+@click.option("--cubes", type=click.IntRange(min=2), default=120, show_default=True, help="Single cubes in the tank.")
+@click.option("--duration", type=float, default=50.0, show_default=True, help="Of a run, tu.")
+@click.option(
+    "--rounds", type=click.IntRange(min=1), default=4, show_default=True, help="Most runs of each numerical setting."
+)
+@click.option(
+    "--budget",
+    type=click.FloatRange(min=0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Most CPU minutes of this call.",
+)
+@click.option(
+    "--presets",
+    "presets_file",
+    metavar="FILE",
+    callback=in_a_folder,
+    help="Write the presets that the diagram gives as TOML.",
+)
+@runs_option
+@csv_option
+@plot_option
+@executor_options
+@progress_option
+@seed_option
+@json_option
+def accuracy(
+    scene: str,
+    cubes: int,
+    duration: float,
+    rounds: int,
+    budget: float,
+    presets_file: str | None,
+    runs_folder: str,
+    csv_file: str | None,
+    plot_file: str | None,
+    workers: Executor,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Show what accuracy costs in SCENE: errors of mean speed and encounter rate against CPU time, knob by knob.
+
+    Bonds are not made; meetings of faces are counted instead. Errors are relative to the scene at a quarter of its step
+    and four times its solver iterations. The same call again uses what it finds, and goes on where a budget ended.
+    """
+    from mechsim.accuracy import measure
+    from mechsim.preset import choose
+    from mechsim.scene import Scene
+    from mechsim.store import RunStore
+
+    measured = measure(
+        Scene.load(scene),
+        RunStore(runs_folder),
+        cubes=cubes,
+        duration=duration,
+        rounds=rounds,
+        budget=60 * budget,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+        tell=lambda text: click.echo(text, err=as_json),
+    )
+    if csv_file is not None:
+        import pandas as pd
+
+        pd.DataFrame(measured.rows()).to_csv(csv_file, index=False, float_format="%.6g")
+    if plot_file is not None:
+        from kinetics.plots import save
+        from mechsim.accuracy_plot import draw
+
+        save(plot_file, lambda ax: draw(measured, ax.figure), size=(10, 8))
+    if as_json:
+        echo_json(measured.as_dict())
+    else:
+        click.echo(measured)
+    if presets_file is not None:
+        choose(measured).write(presets_file)

@@ -1,0 +1,164 @@
+"""Presets: draft, standard and reference, settings whose error and cost were measured for one scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from kinetics.config import Settings, read_toml, validated
+from mechsim.scene import Scene
+
+if TYPE_CHECKING:
+    from mechsim.accuracy import Accuracy, Change, Point
+
+PRESETS = Path(__file__).parent / "presets"
+# The cheapest step whose error is, with 95 % confidence, within this.
+TOLERANCES = {"draft": 0.10, "standard": 0.04}
+REFERENCE = "reference"
+
+
+class Expected(Settings):
+    """A measured relative error, and half the width of its 95 % interval."""
+
+    error: float
+    half_width: float = Field(ge=0)
+
+    def __str__(self) -> str:
+        return f"{100 * self.error:+.1f} ± {100 * self.half_width:.1f} %"
+
+
+class Preset(Settings):
+    """Numerical settings with what they lead to.
+
+    cpu_per_cube : CPU s a simulated tu and cube, on the machine that measured it
+    speed, meetings : errors of the mean speed and of the rate of meetings (of faces, before any bond)
+    """
+
+    step: float = Field(gt=0)
+    solver_iterations: int = Field(ge=1, le=1000)
+    cpu_per_cube: float = Field(gt=0)
+    speed: Expected
+    meetings: Expected | None = None
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene computed with these settings."""
+        from mechsim.accuracy_trial import with_numerics
+
+        return with_numerics(scene, step=self.step, solver_iterations=self.solver_iterations)
+
+
+class Presets(Settings):
+    """The presets of one scene, and how they were measured.
+
+    fingerprint : of the scene; with any other content its presets are not known
+    cubes, runs, duration, seed : of the measurement
+    """
+
+    scene: str
+    fingerprint: str
+    cubes: int
+    runs: int
+    duration: float
+    seed: int
+    presets: dict[str, Preset]
+
+    def write(self, path: str | Path) -> None:
+        """Keep them as TOML."""
+        import tomli_w
+
+        from mechsim.store import write_whole
+
+        write_whole(Path(path), tomli_w.dumps(self.model_dump(mode="json", exclude_none=True)).encode())
+
+
+def load(text: str, scene: Scene) -> Preset:
+    """The preset `NAME` of a shipped scene, or `FILE.toml:NAME`.
+
+    ValueError: there is none of that name, or none was measured for the scene as it is.
+    """
+    file, _, name = text.rpartition(":")
+    paths = [Path(file)] if file else sorted(PRESETS.glob("*.toml"))
+    known = [validated(Presets, read_toml(path), path.name) for path in paths]
+    for measured in known:
+        if measured.fingerprint == scene.fingerprint:
+            if name not in measured.presets:
+                raise ValueError(f"there is no preset {name!r}; scene {scene.name} has {', '.join(measured.presets)}")
+            return measured.presets[name]
+    where = file or "the shipped files"
+    scenes = ", ".join(f"{m.scene} ({m.fingerprint[:8]})" for m in known) or "no scene"
+    raise ValueError(
+        f"preset {name!r} was never measured for scene {scene.name} as it is ({scene.fingerprint[:8]}); {where} "
+        f"hold those of {scenes}. Measure: wellmixed accuracy SCENE --presets FILE.toml, then --preset FILE.toml:{name}"
+    )
+
+
+def told(preset: Preset, name: str, cubes: int, simulated: float) -> str:
+    """What is to be expected of runs that simulate so many tu in all, for people."""
+    meetings = "" if preset.meetings is None else f", of the encounter rate {preset.meetings}"
+    cost = preset.cpu_per_cube * cubes * simulated
+    return (
+        f"preset {name}: step {preset.step:.6g} tu, {preset.solver_iterations} solver iterations; expected error of "
+        f"the mean speed {preset.speed}{meetings}; expected cost {cost:.3g} CPU s"
+    )
+
+
+def evidence(preset: Preset, name: str, cubes: int, simulated: float) -> dict[str, Any]:
+    """The same for programs."""
+    expected = {"cpu_seconds": preset.cpu_per_cube * cubes * simulated}
+    return {"name": name} | preset.model_dump(mode="json") | {"expected": expected}
+
+
+def choose(accuracy: Accuracy) -> Presets:
+    """Presets from a measured work-precision diagram, along its curve of steps: no other knob is worth turning if its
+    curve is flat, and the diagram shows whether it is.
+
+    The error of the reference itself cannot be seen: it is put down as zero, give or take the limit of the next coarser
+    step's difference from it. ValueError where the measurement is too short to vouch for a tolerance.
+    """
+    steps = [p for p in accuracy.numerical if p.setting.curve == "step" and p.changes]
+    found = {}
+    for name, tolerance in TOLERANCES.items():
+        within = [p for p in steps if max(change.limit for change in p.changes.values()) <= tolerance]
+        if not within:
+            best = min((max(c.limit for c in p.changes.values()) for p in steps), default=float("inf"))
+            raise ValueError(
+                f"no step is within {tolerance:.0%} ({name}) with 95 % confidence, the best is within {best:.1%}: "
+                "measure longer (--rounds, --budget), or make the scene's step smaller"
+            )
+        found[name] = _preset(min(within, key=lambda p: p.cost), accuracy)
+    finest = min(steps, key=lambda p: p.setting.scene.numerics.step)
+    found[REFERENCE] = _preset(accuracy.reference, accuracy, finest)
+    return Presets(
+        scene=accuracy.scene.name,
+        fingerprint=accuracy.scene.fingerprint,
+        cubes=accuracy.cubes,
+        runs=accuracy.runs,
+        duration=accuracy.duration,
+        seed=accuracy.seed,
+        presets=found,
+    )
+
+
+def _preset(point: Point, accuracy: Accuracy, coarser: Point | None = None) -> Preset:
+    """A point of the diagram as a preset; `coarser` : the step above it, where it is the reference."""
+
+    def expected(change: Change | None) -> Expected | None:
+        if change is None:
+            return None
+        if coarser is not None:
+            return Expected(error=0.0, half_width=round(change.limit, 5))
+        return Expected(error=round(change.value, 5), half_width=round(change.half_width, 5))
+
+    changes = (coarser or point).changes
+    numerics = point.setting.scene.numerics
+    speed = expected(changes["speed"])
+    assert speed is not None  # noqa: S101 - a point that is compared has a speed
+    return Preset(
+        step=numerics.step,
+        solver_iterations=numerics.solver_iterations,
+        cpu_per_cube=float(f"{point.cost / accuracy.cubes:.3g}"),
+        speed=speed,
+        meetings=expected(changes.get("meetings")),
+    )
