@@ -21,6 +21,7 @@ COMMANDS = {
     "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
     "accuracy": ("mechsim.cli_accuracy", "accuracy", "Show what accuracy of the mechanics costs in time."),
     "render": ("mechsim.cli_render", "render", "Show a run: pictures, a film, or a view to turn."),
+    "replay": ("mechsim.cli_replay", "replay", "Make a stored run again and look at its last steps."),
     "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check rule books."),
 }

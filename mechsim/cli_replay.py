@@ -1,0 +1,46 @@
+"""`wellmixed replay`: a stored run made once more, with a close look at its end."""
+
+from __future__ import annotations
+
+import click
+
+from kinetics.options import echo_json, json_option, picture_of, seed_option
+
+DIFFERENT = 4  # exit code: not the same happened
+
+
+@click.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.option("--last", type=click.IntRange(min=1), default=40, show_default=True, help="Look at so many steps.")
+@click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
+@click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end.")
+@seed_option
+@json_option
+def replay(file: str, last: int, poses: str | None, picture: str | None, seed: int, as_json: bool) -> None:
+    """Make the run in FILE (KEY.run of a runs folder) once more and look at its last steps.
+
+    A run that the guard stopped holds all that decides what happened, so its end can be seen from here: the table is of
+    the cube whose body moves and turns most. Nothing here is drawn anew; --seed is taken because every command takes
+    it. Exit code 4: not the same happened.
+    """
+    from pathlib import Path
+
+    from mechsim.replay import replay as make_again
+
+    del seed
+    if poses is not None and Path(poses).suffix != ".npz":
+        raise ValueError(f"--poses {poses}; expected a file name that ends in .npz")
+    told = make_again(file, last)
+    if poses is not None:
+        told.save(poses)
+    if picture is not None:
+        from kinetics.plots import save
+        from mechsim.render import draw_tank
+
+        save(picture, lambda ax: draw_tank(told.record, ax))
+    if as_json:
+        echo_json(told.as_dict())
+    else:
+        click.echo(str(told))
+    if not told.is_same:
+        click.get_current_context().exit(DIFFERENT)
