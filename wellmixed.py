@@ -12,6 +12,7 @@ from kinetics.lazy import mount
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
     "simulate": ("mechsim.cli", "simulate", "Run the mechanics: cubes in an agitated tank."),
+    "study": ("mechsim.cli_study", "study", "Time to the first target against speed, number and size, cost first."),
     "calibrate": ("calibration.cli", "calibrate", "Measure the reaction rates in mechanics runs."),
     "predict": ("kinetics.cli", "predict", "Predict the assembly as a Markov chain."),
     "passage": ("kinetics.cli", "passage", "Time until the first copy of a species appears."),

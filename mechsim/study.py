@@ -35,6 +35,7 @@ class Factor(Settings):
     also : settings that change with it: setting -> power of (level / the scene's own value) by which it is multiplied
     is_speed : the factor stands for the cubes' speed, and times are drawn and fitted against the speed measured
     paper_exponent : of the time to the first target, as the paper has it
+    paper_speeds : the paper's mean speed at each level, length / tu
     """
 
     name: str = Field(pattern=r"^[a-z][a-z-]*$")
@@ -44,6 +45,7 @@ class Factor(Settings):
     also: dict[str, float] = Field(default_factory=dict)
     is_speed: bool = False
     paper_exponent: float | None = None
+    paper_speeds: tuple[float, ...] = ()
 
     @model_validator(mode="after")
     def _levels_differ(self) -> Factor:
@@ -51,6 +53,8 @@ class Factor(Settings):
             raise ValueError(f"levels {list(self.levels)}; expected numbers above 0")
         if len(set(self.levels)) < len(self.levels):
             raise ValueError(f"levels {list(self.levels)} name one twice")
+        if self.paper_speeds and len(self.paper_speeds) != len(self.levels):
+            raise ValueError(f"{len(self.paper_speeds)} paper_speeds for {len(self.levels)} levels; expected one each")
         if self.setting is None and not self.also:
             raise ValueError("expected a `setting`, or an `also` that says what the level multiplies")
         return self

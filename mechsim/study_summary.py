@@ -143,6 +143,9 @@ class StudyResult:
         for found in self.points:
             row: dict[str, Any] = dict(self._levels(found))
             row |= {"speed": found.trial.speed, "speed_error": found.trial.speed_error}
+            for i, factor in enumerate(self.study.factors):
+                if factor.paper_speeds:
+                    row["paper_speed"] = factor.paper_speeds[factor.levels.index(found.point.levels[i])]
             row |= {"runs": found.times.size, "censored": found.censored, "stopped": found.stopped}
             for name, estimate in (("median", found.median), ("mean", found.mean)):
                 row |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
@@ -231,7 +234,9 @@ def _laws(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
             speeds = np.array([each.trial.speed for each in found])
             at = np.array([each.point.levels[i] for each in found])
             if len(set(at.tolist())) > 2 and np.isfinite(speeds).all() and (speeds > 0).all():
-                laws.append(Exponent(f"speed ~ {factor.name}^p", power(at, speeds)))
+                theirs = factor.paper_speeds
+                paper = power(np.array(factor.levels), np.array(theirs)).value if len(theirs) > 2 else None
+                laws.append(Exponent(f"speed ~ {factor.name}^p", power(at, speeds), paper))
     kept = [each for each in found if each.times.size]
     if not varied or not kept:
         return tuple(laws)

@@ -130,6 +130,7 @@ def test_points_that_are_not_there(choice, said):
         ([factor(), factor(name="again")], {}, "two factors vary one setting"),
         ([factor("agitation.hold", [0.0107], "hold")], {}, "not a whole number of steps"),
         ([{"name": "n", "label": "n", "levels": [1.0]}], {}, "expected a `setting`"),
+        ([factor(paper_speeds=[1.0])], {}, "1 paper_speeds for 2 levels"),
         ([factor()], {"scene": "nowhere"}, "unknown scene"),
         ([factor()], {"cap": 0.0}, "cap"),
         ([factor()], {"paper": [{"at": [9.0], "median": 5.0}]}, "is no point of the study"),
@@ -183,6 +184,19 @@ def test_runs_are_made_once_and_summed_up(tmp_path):
     assert result.tables()["times"][3] == {"number": 8.0, "run": 3, "first_time": None, "cap": 7.0}
     written = {path.name for path in result.save(tmp_path)}
     assert written == {"own_points.csv", "own_times.csv", "own_exponents.csv", "own.svg"}
+
+
+def test_speeds_stand_beside_the_paper_s():
+    study = Study.load("velocity")
+    trials = {p: Trial(0.1 * p.levels[0] ** 1.4, 0.0, 2.0, 0.5) for p in study.points}
+    records = [fake_run(spec, print) for point in study.points for spec in point.specs(study.cap, 5, 0)]
+    result = summarise(study, study.points, trials, records, 0)
+    speed, time = result.exponents
+    assert (speed.of, time.of) == ("speed ~ sigma^p", "time ~ speed^p")
+    assert (speed.estimate.value, speed.paper) == (pytest.approx(1.4), pytest.approx(1.23, abs=0.01))
+    assert speed.verdict == "the paper's is below"
+    assert time.estimate.low < 0 < time.estimate.high  # the fake runs take no notice of sigma
+    assert result.tables()["points"][0]["paper_speed"] == 0.8
 
 
 def test_runs_the_guard_stopped_are_counted_apart(tmp_path):

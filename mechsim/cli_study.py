@@ -1,0 +1,116 @@
+"""The command `wellmixed study`: time to the first target against factors, cost first."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kinetics.options import echo_json, json_option, seed_option
+from mechsim.options import PARTIAL, run_options
+
+if TYPE_CHECKING:
+    from mechsim.executors import Executor
+    from mechsim.options import Part
+    from mechsim.record import RunRecord, RunSpec
+    from mechsim.store import RunStore
+
+
+@click.command()
+@click.argument("study")
+@click.option("--runs", type=click.IntRange(min=1), help="A point.  [default: the study's]")
+@click.option(
+    "--points",
+    "choices",
+    multiple=True,
+    metavar="FACTOR=LEVEL,...",
+    help="Only the points with these levels; may be repeated, once for each factor.",
+)
+@click.option("--cost-only", is_flag=True, help="Try each point, predict the cost, and stop there.")
+@click.option("--collect", is_flag=True, help="Make no run: tell what those in the runs folder say.")
+@click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and the box plots (SVG).")
+@run_options
+@seed_option
+@json_option
+def study(
+    study: str,
+    runs: int | None,
+    choices: tuple[str, ...],
+    cost_only: bool,
+    collect: bool,
+    out: str | None,
+    runs_folder: str,
+    workers: Executor,
+    part: Part | None,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Time to the first target against the factors of STUDY, a shipped study or a TOML file.
+
+    Shipped are velocity, number, size, interactions (the paper's section V), scale and similarity. A short trial of
+    each point comes first, and with it the predicted cost. Runs end at the first target or at the study's cap; each is
+    kept in the runs folder, and the same command again makes only what is missing, also for another study that has the
+    same points. After Ctrl-C, --collect tells what there is. Exit code 4: some runs were stopped by the guard or given
+    up.
+    """
+    from mechsim.ensemble import run_all
+    from mechsim.preflight import check_starts
+    from mechsim.store import RunStore
+    from mechsim.study import Study
+    from mechsim.study_cost import predict, trial
+    from mechsim.study_summary import summarise
+
+    if cost_only and collect:
+        raise ValueError("give either --cost-only or --collect: the one predicts, the other reads what there is")
+    described = Study.load(study)
+    points = described.chosen(choices)
+    number = runs or described.runs
+    # In rounds: wherever the work is interrupted, all points have nearly as many runs.
+    by_point = [point.specs(described.cap, number, seed) for point in points]
+    specs = [of_point[run] for run in range(number) for of_point in by_point]
+    if part is not None:
+        part.make(specs, runs_folder, workers, progress, as_json)
+        return
+    store = RunStore(runs_folder)
+    check_starts(specs[: len(points)])
+    trials = {point: trial(point, seed) for point in points}
+    told = {"study": described.name, "title": described.title, "seed": seed}
+    if not collect:
+        prediction = predict(described, points, trials, number, seed, store)
+        click.echo(prediction, err=as_json)
+        told["predicted_cpu_seconds"], told["at_most_cpu_seconds"] = prediction.cpu, prediction.most
+    if cost_only:
+        if as_json:
+            echo_json(told | {"runs_to_make": prediction.missing})
+        return
+    if collect:
+        records, given_up = _stored(store, specs), 0
+    else:
+        outcome = run_all(specs, store, workers=workers, progress=progress)
+        records, given_up = list(outcome.records), len(outcome.quarantined)
+    result = summarise(described, points, trials, records, seed)
+    written = []
+    if out is not None:
+        Path(out).mkdir(parents=True, exist_ok=True)
+        written = [str(path) for path in result.save(Path(out))]
+    stopped = sum(found.stopped for found in result.points)
+    if as_json:
+        shares = [asdict(share) for share in result.shares]
+        tables = {name: rows for name, rows in result.tables().items() if name != "factors"}
+        echo_json(told | tables | {"factors": shares, "why": result.why, "given_up": given_up, "written": written})
+    else:
+        click.echo(f"\n{result}")
+        for path in written:
+            click.echo(path)
+        if stopped or given_up:
+            click.echo(f"{stopped} runs stopped by the guard, {given_up} given up: none of them is counted above")
+    if stopped or given_up:
+        click.get_current_context().exit(PARTIAL)
+
+
+def _stored(store: RunStore, specs: list[RunSpec]) -> list[RunRecord]:
+    """Those runs that are in the store."""
+    return [record for spec in specs if (record := store.read(spec)) is not None]
