@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kinetics.classrates import ClassRates
-    from kinetics.methods import Dense, Direct, FiniteStateProjection, Transient, sample_path, simulate, solve
+    from kinetics.methods import (
+        Auto,
+        CompositionRejection,
+        Dense,
+        Direct,
+        FiniteStateProjection,
+        Lockstep,
+        PartialPropensities,
+        Transient,
+        sample_path,
+        simulate,
+        solve,
+    )
     from kinetics.methods.distribution import Distribution
     from kinetics.methods.passage import Passage, first_passage
     from kinetics.methods.rare import RareEvent, rare_event
@@ -28,7 +40,19 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "kinetics.classrates": ("ClassRates",),
-    "kinetics.methods": ("Dense", "Direct", "FiniteStateProjection", "Transient", "sample_path", "simulate", "solve"),
+    "kinetics.methods": (
+        "Auto",
+        "CompositionRejection",
+        "Dense",
+        "Direct",
+        "FiniteStateProjection",
+        "Lockstep",
+        "PartialPropensities",
+        "Transient",
+        "sample_path",
+        "simulate",
+        "solve",
+    ),
     "kinetics.methods.distribution": ("Distribution",),
     "kinetics.methods.passage": ("Passage", "first_passage"),
     "kinetics.methods.rare": ("RareEvent", "rare_event"),
@@ -47,8 +71,10 @@ _HOMES = {
 
 __all__ = [
     "RESTART",
+    "Auto",
     "ChannelRate",
     "ClassRates",
+    "CompositionRejection",
     "Convention",
     "Dense",
     "Direct",
@@ -58,7 +84,9 @@ __all__ = [
     "Growth",
     "Growths",
     "JumpPath",
+    "Lockstep",
     "Network",
+    "PartialPropensities",
     "Passage",
     "Prediction",
     "Ranking",

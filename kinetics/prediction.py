@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats
-from kinetics.methods import Direct, SamplingMethod, SolvingMethod, simulate, solve
+from kinetics.methods import Auto, SamplingMethod, SolvingMethod, simulate, solve
 from kinetics.methods.direct import whole_number
 from kinetics.methods.distribution import Distribution
 from kinetics.methods.passage import Passage, first_passage
@@ -84,17 +84,17 @@ def predict(
 ) -> Prediction:
     """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
 
-    method : Direct() unless another is given
+    method : Auto() unless another is given
     runs : of a sampling method
     draws : rate sets drawn from `rates.sample` for the interval
 
-    The interval always comes from the direct method: each draw's mean over `RUNS_PER_DRAW` runs, then the 2.5 % and
+    The interval always comes from sampling, by `Auto`: each draw's mean over `RUNS_PER_DRAW` runs, then the 2.5 % and
     97.5 % quantiles of these means, drawn together by the share of their variance that is Monte-Carlo noise (known
     from the runs). So it shows what the rates leave open, and nothing else. Approximate: quantiles of `draws` values.
     """
     began = time.process_time()
     model = rates.apply(network)
-    method = Direct() if method is None else method
+    method = Auto() if method is None else method
     result: Ensemble | Distribution
     if isinstance(method, SamplingMethod):
         result = simulate(model, method, initial, times, runs=runs, seed=seed, threads=threads)
@@ -183,7 +183,7 @@ def _draw_means(
     for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
         # Numbers beyond those of the prediction's own runs, so that all runs are independent.
         first_run = runs + d * RUNS_PER_DRAW
-        sample = Direct().simulate(drawn, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
+        sample = Auto().simulate(drawn, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
         means.append(sample.mean())
         errors.append(sample.standard_error() ** 2)
     return np.array(means), np.mean(errors, axis=0)

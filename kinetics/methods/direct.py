@@ -43,11 +43,11 @@ class Direct(ExactMethod):
 
 
 def _recomputing_cost(shape: Shape) -> float:
-    return 30.0 + 1.15 * shape.n_channels
+    return 25.0 + 1.5 * shape.n_channels
 
 
 def _updating_cost(shape: Shape) -> float:
-    return 70.0 + shape.update_cost + 0.12 * shape.n_channels
+    return 48.0 + shape.update_cost + 0.13 * shape.n_channels
 
 
 class RecomputingSampler:

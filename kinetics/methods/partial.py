@@ -34,7 +34,7 @@ class PartialPropensities(ExactMethod):
         """Processor time of an event, ns."""
         if shape.order > MOST_REACTANTS or shape.n_species > MOST_SPECIES:
             return float("inf")
-        return 85.0 + 0.4 * shape.n_species + 0.008 * shape.n_channels
+        return 105.0 + 0.4 * shape.n_species + 0.012 * shape.n_channels
 
     def sampler(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.partial`."""

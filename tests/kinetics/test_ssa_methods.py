@@ -342,10 +342,6 @@ KEPT = "if target >= sums[group] or which < 0:"
 LIKE = "(others - lessened[chosen] if others >= needed[chosen] else 0)"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
-    (
-        grouped,
-        ("        sums[block] = part\n        if", "        sums[block] = min(part, sums[block])\n        if"),
-    ),
     (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
     (grouped, "coarse waits", ("waits[draw] / total", "(np.floor(waits[draw] * 4) / 4 + 1e-9) / total")),
     (rejection, "a stale partial propensity", (20 * " " + "partials[group] = part", 20 * " " + "pass")),
