@@ -38,6 +38,8 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
 
     A whisker that leaves the panel below holds an error of zero. Crosses: stopped by the guard, at their cost.
     """
+    from matplotlib.ticker import LogLocator
+
     floor = accuracy.floor[name]
     curves: dict[str, list[Point]] = {}
     for point in accuracy.numerical:
@@ -49,8 +51,13 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
         half = np.array([point.changes[name].half_width for point in shown])
         spread = [y - np.maximum(y - half, LOWEST / 10), half]
         ax.errorbar(x, y, spread, fmt=f"-{MARKERS[i % len(MARKERS)]}", color=colour(i), label=knob, capsize=2, ms=4)
-        for point, height in zip(shown, y, strict=True):
-            ax.annotate(point.setting.label, (point.cost, height), (4, 4), textcoords="offset points", fontsize=6)
+        for k, (point, height) in enumerate(zip(shown, y, strict=True)):
+            # Steps lie apart and are labelled beside the point; what costs the same is labelled in a pile.
+            at, side = ((5, 4), "left") if knob.startswith("step") else ((-6, 7 * k - 8), "right")
+            ax.annotate(
+                point.setting.label, (point.cost, height), at, ha=side, textcoords="offset points", fontsize=6,
+                color=colour(i),
+            )  # fmt: skip
     stopped = [point for point in accuracy.numerical if point.stopped]
     for k, point in enumerate(stopped):
         ax.plot(point.cost, 0.5, "x", color=RED, ms=8, mew=2, label="stopped by the guard" if k == 0 else None)
@@ -60,7 +67,10 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
         )  # fmt: skip
     ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
     ax.axvline(accuracy.reference.cost, color="0.7", ls=":", lw=0.9, label="cost of the reference")
-    ax.set(xscale="log", yscale="log", ylim=(LOWEST / 2, 1), xlabel="CPU time (s/tu)")
+    ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor) / 2, 1), xlabel="CPU time (s/tu)")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
     ax.set_ylabel(f"|error| of {QUANTITIES[name]}")
     ax.legend(frameon=False, fontsize=6)
     return ax

@@ -42,6 +42,12 @@ if TYPE_CHECKING:
     callback=picture_of,
     help="Draw the largest structures so far of the first run, and when each came to be.",
 )
+@click.option(
+    "--preset",
+    metavar="NAME",
+    help="Compute the scene as draft, standard or reference (or FILE.toml:NAME), with the error and cost measured for "
+    "it.  [default: the scene's own step]",
+)
 @click.option("--bill", "as_bill", is_flag=True, help="Make no runs: tell what each part of a step costs.")
 @plot_option
 @run_options
@@ -58,6 +64,7 @@ def simulate(
     poses: float | None,
     picture: str | None,
     growth_file: str | None,
+    preset: str | None,
     as_bill: bool,
     plot_file: str | None,
     runs_folder: str,
@@ -86,12 +93,21 @@ def simulate(
     if unknown:
         listed = ", ".join(e.effect for e in described.effects)
         raise ValueError(f"--without {unknown[0]}: scene {described.name} lists {listed}")
+    known = None
+    if preset is not None:
+        from mechsim.preset import load
+
+        known = load(preset, described, without)
+        described = known.scene(described)
     described = described.without(*without)
     derivation = book_of(described.rules)[1]
     start = _composition(derivation, cubes, initial)
     # A picture needs poses of its run: those at the start and the end, where no others are asked for.
     often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]
+    if known is not None:
+        expected = known.expected(specs[0].n_cubes, duration * runs)
+        click.echo(str(expected), err=True)
     if part is not None:
         if as_bill:
             raise ValueError("--bill makes no runs: leave out --shard and --missing")
@@ -132,6 +148,7 @@ def simulate(
                 "initial": start,
                 "duration": duration,
                 "seed": seed,
+                "preset": None if known is None else expected.as_dict(),
                 "species": network.species,
                 "channels": network.channels,
                 "target": species_of(derivation, derivation.book.target),

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from kinetics.config import Settings, read_toml, validated
+from kinetics.config import Settings, find, read_toml, validated, write_toml
+from mechsim.accuracy_plan import MOST_ITERATIONS
+from mechsim.accuracy_trial import with_numerics
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
@@ -37,16 +41,10 @@ class Preset(Settings):
     """
 
     step: float = Field(gt=0)
-    solver_iterations: int = Field(ge=1, le=1000)
+    solver_iterations: int = Field(ge=1, le=MOST_ITERATIONS)
     cpu_per_cube: float = Field(gt=0)
     speed: Expected
     meetings: Expected | None = None
-
-    def scene(self, scene: Scene) -> Scene:
-        """The scene computed with these settings."""
-        from mechsim.accuracy_trial import with_numerics
-
-        return with_numerics(scene, step=self.step, solver_iterations=self.solver_iterations)
 
 
 class Presets(Settings):
@@ -66,48 +64,72 @@ class Presets(Settings):
 
     def write(self, path: str | Path) -> None:
         """Keep them as TOML."""
-        import tomli_w
-
-        from mechsim.store import write_whole
-
-        write_whole(Path(path), tomli_w.dumps(self.model_dump(mode="json", exclude_none=True)).encode())
+        write_toml(self.model_dump(mode="json", exclude_none=True), Path(path))
 
 
-def load(text: str, scene: Scene) -> Preset:
+@dataclass(frozen=True)
+class Chosen:
+    """A preset under its name."""
+
+    name: str
+    preset: Preset
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene computed with the preset's settings."""
+        return with_numerics(scene, step=self.preset.step, solver_iterations=self.preset.solver_iterations)
+
+    def expected(self, cubes: int, simulated: float) -> Expectation:
+        """Of runs with so many cubes, for so many tu in all."""
+        return Expectation(self.name, self.preset, self.preset.cpu_per_cube * cubes * simulated)
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What is to be expected of runs made with a preset; cpu_seconds : on the machine that measured it."""
+
+    name: str
+    preset: Preset
+    cpu_seconds: float
+
+    def __str__(self) -> str:
+        p = self.preset
+        meetings = "" if p.meetings is None else f", of the encounter rate {p.meetings}"
+        return (
+            f"preset {self.name}: step {p.step:.6g} tu, {p.solver_iterations} solver iterations; expected error of the "
+            f"mean speed {p.speed}{meetings}; expected cost {self.cpu_seconds:.3g} CPU s"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"name": self.name} | self.preset.model_dump(mode="json") | {"expected_cpu_seconds": self.cpu_seconds}
+
+
+def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
     """The preset `NAME` of a shipped scene, or `FILE.toml:NAME`.
 
-    ValueError: there is none of that name, or none was measured for the scene as it is.
+    without : effects that will be left out of the scene. What makes or breaks bonds may be, it was not there when the
+        preset was measured; ValueError where another one is, or where no such preset was measured for the scene.
     """
     file, _, name = text.rpartition(":")
-    paths = [Path(file)] if file else sorted(PRESETS.glob("*.toml"))
+    others = [effect for effect in without if effect not in scene.openers("join") + scene.openers("break")]
+    if others:
+        raise ValueError(
+            f"preset {name!r} was never measured for scene {scene.name} without {others[0]}: leave out --preset, or "
+            "write that scene to a file and measure it with wellmixed accuracy"
+        )
+    paths = [find(file, PRESETS, "preset")] if file else sorted(PRESETS.glob("*.toml"))
     known = [validated(Presets, read_toml(path), path.name) for path in paths]
     for measured in known:
         if measured.fingerprint == scene.fingerprint:
             if name not in measured.presets:
                 raise ValueError(f"there is no preset {name!r}; scene {scene.name} has {', '.join(measured.presets)}")
-            return measured.presets[name]
-    where = file or "the shipped files"
+            return Chosen(name, measured.presets[name])
+    where = f"{file} holds" if file else "the shipped presets are"
     scenes = ", ".join(f"{m.scene} ({m.fingerprint[:8]})" for m in known) or "no scene"
     raise ValueError(
-        f"preset {name!r} was never measured for scene {scene.name} as it is ({scene.fingerprint[:8]}); {where} "
-        f"hold those of {scenes}. Measure: wellmixed accuracy SCENE --presets FILE.toml, then --preset FILE.toml:{name}"
+        f"preset {name!r} was never measured for scene {scene.name} as it is ({scene.fingerprint[:8]}); {where} of "
+        f"{scenes}. Measure it: wellmixed accuracy SCENE --presets FILE.toml; then say --preset FILE.toml:{name}"
     )
-
-
-def told(preset: Preset, name: str, cubes: int, simulated: float) -> str:
-    """What is to be expected of runs that simulate so many tu in all, for people."""
-    meetings = "" if preset.meetings is None else f", of the encounter rate {preset.meetings}"
-    cost = preset.cpu_per_cube * cubes * simulated
-    return (
-        f"preset {name}: step {preset.step:.6g} tu, {preset.solver_iterations} solver iterations; expected error of "
-        f"the mean speed {preset.speed}{meetings}; expected cost {cost:.3g} CPU s"
-    )
-
-
-def evidence(preset: Preset, name: str, cubes: int, simulated: float) -> dict[str, Any]:
-    """The same for programs."""
-    expected = {"cpu_seconds": preset.cpu_per_cube * cubes * simulated}
-    return {"name": name} | preset.model_dump(mode="json") | {"expected": expected}
 
 
 def choose(accuracy: Accuracy) -> Presets:
