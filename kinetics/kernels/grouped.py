@@ -26,7 +26,7 @@ class Model(NamedTuple):
     What is read together lies together, and in flat arrays, row after row: cache lines and the products that places
     in tables ask for are much of what an event costs.
 
-    coefficients (R,), factors (R, K, 3) int32 : see `kernels.ssa`
+    coefficients (R,), factors (R, K, 3) int32 : see `methods.mass_action`
     channels (6 R,) int32 : a, b, less, is_general, start, end. The propensity is the coefficient times x[a] times
         (x[b] - less), or takes the factors where is_general is not 0. Rows start to end of `changes` are its changes
     changes (2 n,) int64 : species, and copies gained
@@ -69,7 +69,7 @@ def start(model, work, counts):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def general(coefficient, factors, r, counts):
-    """Propensity of a channel of any order, see `kernels.ssa`. Slow: kept out of the common path."""
+    """Propensity of a channel of any order. Slow: kept out of the common path."""
     propensity = coefficient
     for j in range(factors.shape[1]):
         copies = counts[factors[r, j, 0]]

@@ -40,7 +40,7 @@ class Model(NamedTuple):
     What is read together lies together, and in flat arrays, row after row: cache lines and the products that places
     in tables ask for are much of what an event costs. Species S stands for the constant 1.
 
-    coefficients (R,), factors (R, K, 3) int32 : see `kernels.ssa.MassAction`; the first factor is the owner's
+    coefficients (R,), factors (R, K, 3) int32 : see `methods.mass_action`; the first factor is the owner's
     channels (5 R,) int32 : partner, less, is_general, start, end. The partial propensity is the coefficient times
         (x[partner] - less), or takes the factors where is_general is not 0. Its changes are rows start to end
     changes (2 n,) int64 : species, and copies gained

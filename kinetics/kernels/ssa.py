@@ -1,7 +1,7 @@
 """Gillespie's direct method (1977) over general mass action: one run at a time, or many in lockstep.
 
-A channel's propensity is its coefficient times a product of factors, see `MassAction`. So s(s-1)/2 is the coefficient
-k/2 with factors s and s - 1, and no channel can fire below its reactants.
+A channel's propensity is its coefficient times a product of factors, see `methods.mass_action`. So s(s-1)/2 is the
+coefficient k/2 with factors s and s - 1, and no channel can fire below its reactants.
 
 Random numbers: xoshiro256++ (Blackman & Vigna 2021), 53 bits a double, one word for the wait and one for the choice of
 each event. The stream of a run is keyed by its number, so it does not matter which thread makes the run, or when.
@@ -11,7 +11,6 @@ the same order: their runs agree to the last bit.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -29,24 +28,6 @@ LARGEST_EXACT = 2.0**52  # lanes count in doubles, which are exact up to 2**53
 LN2 = math.log(2.0)
 HALF_ROOT = 0x3FE6A09E667F3BCD  # the bits of the double sqrt(1/2)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-
-
-class MassAction(NamedTuple):
-    """Propensities of R channels among S species; a species index of S stands for the constant 1.
-
-    coefficients (R,) : 1/tu
-    first, second (R,) int32, less (R,) : the propensity is coefficient * x[first] * (x[second] - less), which is 0 on
-        its own for want of copies
-    is_general (R,) bool : it takes the factors instead: those of other orders, and like pairs counted as s * s
-    factors (R, K, 3) int32 : factor j reads species [r, j, 0], subtracts [r, j, 1] copies, and is 0 below [r, j, 2]
-    """
-
-    coefficients: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    less: np.ndarray
-    is_general: np.ndarray
-    factors: np.ndarray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -121,7 +102,7 @@ def general_propensity(coefficient, factors, r, counts):
 def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
     """Run one trajectory on until `end`, or until the buffers of events are full.
 
-    model : see `MassAction`
+    model : see `methods.mass_action.MassAction`
     stoichiometry : (R, S) int64
     counts : (S + 1,) int64, the last one 1; changed in place
     clock : (1,) tu; changed in place

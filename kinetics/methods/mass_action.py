@@ -1,26 +1,39 @@
 """The propensities of a network as the kernels read them.
 
-Every kernel evaluates the one form that mass action of any order takes, see `kernels.ssa.MassAction`. Another rate law
-would be another form beside it.
+Every kernel evaluates the one form that mass action of any order takes, see `MassAction`. Another rate law would be
+another form beside it.
 """
 
 from __future__ import annotations
 
 from math import factorial
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.network import Network
 
-if TYPE_CHECKING:
-    from kinetics.kernels.ssa import MassAction
+
+class MassAction(NamedTuple):
+    """Propensities of R channels among S species; a species index of S stands for the constant 1.
+
+    coefficients (R,) : 1/tu
+    first, second (R,) int32, less (R,) : the propensity is coefficient * x[first] * (x[second] - less), which is 0 on
+        its own for want of copies
+    is_general (R,) bool : it takes the factors instead: those of other orders, and like pairs counted as s * s
+    factors (R, K, 3) int32 : factor j reads species [r, j, 0], subtracts [r, j, 1] copies, and is 0 below [r, j, 2]
+    """
+
+    coefficients: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    less: np.ndarray
+    is_general: np.ndarray
+    factors: np.ndarray
 
 
 def mass_action(network: Network) -> MassAction:
     """Coefficients, pairs and factors of every channel."""
-    from kinetics.kernels.ssa import MassAction
-
     coefficients = network.known_rates * network.ways
     needed = network.reactant_terms
     n_channels = len(network.channels)
