@@ -1,11 +1,14 @@
 """What all tests share: `--validate`, drawing without a display, the command as a user has it."""
 
 import os
+import signal
 
 import pytest
 from command_line import run
 
 os.environ["MPLBACKEND"] = "Agg"  # before anything imports matplotlib, here and in subprocesses
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell starts what it puts into the background; tests send it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_addoption(parser):
