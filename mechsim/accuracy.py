@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,6 +66,7 @@ class Accuracy:
 
     runs, duration : every numerical setting has simulated so many runs of so many tu each
     means : of the reference: mean speed, length / tu, and meetings a pair of cubes and tu, each with its half width
+    given_up : trials that failed at every try of that call, each with the last reason; the others are compared without
     cpu_seconds : spent by the call that returned this
     """
 
@@ -79,6 +80,7 @@ class Accuracy:
     numerical: tuple[Point, ...]
     model: tuple[Point, ...]
     means: Mapping[str, Change]
+    given_up: tuple[str, ...] = ()
     cpu_seconds: float = field(compare=False, default=0.0)
 
     @property
@@ -129,6 +131,7 @@ class Accuracy:
             "floor": self.floor,
             "settings": self.rows(),
             "refused": [{"knob": r.curve, "value": r.label, "reason": r.reason} for r in self.plan.refused],
+            "given_up": list(self.given_up),
             "cpu_seconds": self.cpu_seconds,
         }
 
@@ -148,6 +151,7 @@ class Accuracy:
             ]
             lines += ["", f"{title} (± half of the 95 % interval)", text_table(heads, rows)]
         lines += [f"refused: {r.curve} {r.label}: {r.reason}" for r in self.plan.refused]
+        lines += [f"given up: {trial}" for trial in self.given_up]
         return "\n".join(lines)
 
 
@@ -200,25 +204,25 @@ def measure(
     prices = [sum((t.duration + 1) / t.scene.numerics.step for t in due) * per_step for due in missing]
     tell(
         f"{scene.name}, {cubes} cubes: {len(trials[0])} settings, {rounds} runs of {duration:g} tu each; "
-        f"predicted cost {sum(prices) / 60:.1f} CPU min ({1e6 * per_step:.0f} us a step), budget {budget / 60:.1f}"
+        f"predicted cost {sum(prices) / 60:.3g} CPU min ({1e6 * per_step:.0f} us a step), budget {budget / 60:.3g}"
     )
     if prices[0] > budget:
         raise ValueError(
-            f"the first round alone is predicted to take {prices[0] / 60:.1f} CPU min, more than the budget of "
-            f"{budget / 60:.1f}: raise the budget, or take shorter runs or fewer cubes"
+            f"the first round alone is predicted to take {prices[0] / 60:.3g} CPU min, more than the budget of "
+            f"{budget / 60:.3g}: raise the budget, or take shorter runs or fewer cubes"
         )
     spent, done = 0.0, 0
+    given_up: list[str] = []
     for price, due in zip(prices, missing, strict=True):
         if due and spent + price > budget:
             tell(f"the budget ends after {done} of {rounds} rounds; the same call again goes on")
             break
         outcome = run_all(due, store, workers=workers, progress=progress, execute=execute_trial)
-        if outcome.quarantined:
-            given_up = outcome.quarantined[0]
-            raise RuntimeError(f"{given_up.spec.title} was given up: {given_up.reasons[-1]}")
+        given_up += [f"{lost.spec.title}: {lost.reasons[-1]}" for lost in outcome.quarantined]
         spent += sum(record.cost["cpu_seconds"] for record in outcome.records)
         done += 1
-    return collect(scene, planned, store, composition, duration, done, seed, spent)
+    found = collect(scene, planned, store, composition, duration, done, seed)
+    return replace(found, given_up=tuple(given_up), cpu_seconds=spent)
 
 
 def collect(
@@ -229,7 +233,6 @@ def collect(
     duration: float,
     runs: int,
     seed: int,
-    spent: float = 0.0,
 ) -> Accuracy:
     """Compare what the store holds of the first `runs` rounds."""
 
@@ -238,6 +241,8 @@ def collect(
         return {run: record for run, record in found.items() if record is not None}
 
     reference, base = records(planned.reference), records(planned.base)
+    if not reference:
+        raise ValueError(f"no run of the reference of scene {scene.name} was made: there is nothing to compare with")
     stops = [record.outcome for record in reference.values() if not record.completed]
     if stops:
         raise ValueError(f"the reference itself was {stops[0]}; there is nothing to compare with: choose a finer step")
@@ -249,7 +254,7 @@ def collect(
         Point(planned.reference, _cost(reference), {}),
         tuple(_point(setting, records(setting), reference) for setting in planned.numerical),
         tuple(_point(setting, records(setting), base) for setting in planned.model),
-        means, spent,
+        means,
     )  # fmt: skip
 
 

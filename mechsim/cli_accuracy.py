@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
-from mechsim.options import executor_options, progress_option, runs_option
+from mechsim.options import PARTIAL, executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
     from mechsim.executors import Executor
@@ -60,6 +60,7 @@ def accuracy(
 
     Bonds are not made; meetings of faces are counted instead. Errors are relative to the scene at a quarter of its step
     and four times its solver iterations. The same call again uses what it finds, and goes on where a budget ended.
+    Exit code 4: some trials were given up.
     """
     from mechsim.accuracy import measure
     from mechsim.preset import choose
@@ -93,3 +94,5 @@ def accuracy(
         click.echo(measured)
     if presets_file is not None:
         choose(measured).write(presets_file)
+    if measured.given_up:
+        click.get_current_context().exit(PARTIAL)

@@ -68,7 +68,7 @@ def render(
         save = movie.save_mp4 if kind == ".mp4" else movie.save_gif
         hidden = None if progress is None else not progress
         with tqdm(total=len(shown), disable=hidden, unit="frame", dynamic_ncols=True) as bar:
-            save(movie.images(poses, shown, paint, lambda done: bar.update(done - bar.n) and None), out, fps)
+            save(movie.images(poses, shown, paint, lambda done: bar.update(done - bar.n)), out, fps)
     elif kind == ".html":
         from mechsim.interactive import save_html
 

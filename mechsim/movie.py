@@ -37,7 +37,7 @@ def save_strip(poses: Poses, path: str | Path, frames: Sequence[int], paint: Pai
 
 
 def images(
-    poses: Poses, frames: Sequence[int], paint: Paint = "size", tell: Callable[[int], None] = lambda _: None
+    poses: Poses, frames: Sequence[int], paint: Paint = "size", tell: Callable[[int], object] = lambda _: None
 ) -> Iterator[np.ndarray]:
     """The frames as RGB pictures (HEIGHT, WIDTH, 3), uint8; `tell` hears how many are done."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

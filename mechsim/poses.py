@@ -95,12 +95,11 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
     """
     path = Path(run)
     if not path.is_file():
-        found = sorted(Path(folder).glob(f"{run}*.run")) if run and path.name == run else []
+        found = sorted(Path(folder).glob(f"{run}*.run")) if run.isalnum() else []
         if len(found) != 1:
-            what = "no run" if not found else f"{len(found)} runs"
             raise ValueError(
-                f"{run} is no file, and {what} in {folder} begin with it; give the path of a .run file, or a key that "
-                "simulate --json prints, and its folder by --runs-folder"
+                f"{run} is no file, and {folder} holds {len(found) or 'no'} runs whose key begins with it; give the "
+                "path of a .run file, or a key that simulate --json prints, and its folder by --runs-folder"
             )
         path = found[0]
     try:

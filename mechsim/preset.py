@@ -30,7 +30,7 @@ class Expected(Settings):
     half_width: float = Field(ge=0)
 
     def __str__(self) -> str:
-        return f"{100 * self.error:+.1f} ± {100 * self.half_width:.1f} %"
+        return f"{100 * self.error:+.2f} ± {100 * self.half_width:.2f} %"
 
 
 class Preset(Settings):

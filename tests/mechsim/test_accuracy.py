@@ -11,7 +11,7 @@ from mechsim import accuracy, accuracy_plot
 from mechsim.accuracy import change_of, measure
 from mechsim.accuracy_plan import plan
 from mechsim.accuracy_trial import Trial, counter, execute_trial, unbound, with_numerics
-from mechsim.ensemble import Outcome, run_all
+from mechsim.ensemble import Outcome, Quarantined, run_all
 from mechsim.kernels.contact import facing_pairs
 from mechsim.record import RunSpec
 from mechsim.store import RunStore
@@ -234,6 +234,22 @@ def test_a_budget_ends_the_rounds_and_the_next_call_goes_on(tmp_path, scene_of, 
     assert "the same call again goes on" in told[-1]
     second = measure(scene, store, **settings, rounds=2, budget=steps + 1)
     assert second.runs == 2
+
+
+def test_what_is_given_up_is_named_and_the_rest_compared(tmp_path, scene_of, monkeypatch):
+    def some_fail(specs, store, **_):
+        made = run_here([s for s in specs if s.scene.numerics.solver_iterations != 5], store)
+        lost = [Quarantined(s, ("killed",) * 3) for s in specs if s.scene.numerics.solver_iterations == 5]
+        return Outcome(made.records, tuple(lost), made.computed, 0)
+
+    monkeypatch.setattr(accuracy, "run_all", some_fail)
+    settings = {"cubes": 2, "duration": 0.1, "rounds": 1, "budget": 60.0, "seed": 1}
+    found = measure(scene_of("agitation", "drag"), RunStore(tmp_path), **settings)
+    assert len(found.given_up) == 1
+    assert "given up: line4" in str(found)
+    without = [point.setting.label for point in found.numerical if not point.changes]
+    assert without == ["5"]
+    accuracy_plot.draw(found, Figure(figsize=(8, 6)))
 
 
 def test_stopped_settings_are_crosses_at_their_cost(measured):
