@@ -21,7 +21,7 @@ from kinetics.arrays import rising_times
 from kinetics.assembly.rules import RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.classrates import ClassRates
-from kinetics.methods.direct import StalledClockError, whole_number
+from kinetics.methods.sampling import StalledClockError, whole_number
 from kinetics.networkfree_paths import NOTHING, Growth, Growths
 from kinetics.networkfree_tank import Event, Known, Rate, Tank
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from kinetics.arrays import Floats, Ints
 from kinetics.methods import sample_path
-from kinetics.methods.direct import whole_number
 from kinetics.methods.poisson import poisson_window, window_error
+from kinetics.methods.sampling import whole_number
 from kinetics.methods.uniformisation import DiscreteChain
 from kinetics.network import Network
 from kinetics.states import StateSpace, TooManyStatesError, reachable

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats
 from kinetics.methods import Auto, SamplingMethod, SolvingMethod, simulate, solve
-from kinetics.methods.direct import whole_number
 from kinetics.methods.distribution import Distribution
 from kinetics.methods.passage import Passage, first_passage
+from kinetics.methods.sampling import whole_number
 from kinetics.network import Network
 from kinetics.paths import Ensemble
 from kinetics.rates import Rates

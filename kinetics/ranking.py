@@ -20,7 +20,7 @@ from kinetics.candidates import (
     target_shape,
 )
 from kinetics.classrates import ClassRates
-from kinetics.methods.direct import whole_number
+from kinetics.methods.sampling import whole_number
 from kinetics.network import text_table
 from kinetics.outcomes import MAX_STATES, Figure
 

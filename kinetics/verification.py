@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats, Ints, rising_times
 from kinetics.methods import Distribution, SamplingMethod, SolvingMethod, Transient
-from kinetics.methods.direct import whole_number
+from kinetics.methods.sampling import whole_number
 from kinetics.methods.transient import MANY_STEPS
 from kinetics.methods.uniformisation import DiscreteChain, mixtures
 from kinetics.network import Network, text_table

@@ -7,7 +7,7 @@ import pytest
 from command_line import run
 
 os.environ["MPLBACKEND"] = "Agg"  # before anything imports matplotlib, here and in subprocesses
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell starts what it puts into the background; tests send it
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background; tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

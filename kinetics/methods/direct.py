@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from kinetics.arrays import Floats, Ints
 from kinetics.methods.dependencies import updating_sampler
 from kinetics.methods.mass_action import mass_action
-from kinetics.methods.sampling import ExactMethod, Sampler, StalledClockError, whole_number
+from kinetics.methods.sampling import ExactMethod, Sampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
-
-__all__ = ["Direct", "StalledClockError", "whole_number"]
 
 BUFFER = 4096  # events a sampled path grows by
 

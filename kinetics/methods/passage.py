@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, reals
-from kinetics.methods.direct import whole_number
 from kinetics.methods.elimination import Elimination, SparseFactors, equations, relative_error
+from kinetics.methods.sampling import whole_number
 from kinetics.methods.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.network import Network
 from kinetics.states import MAX_STATES, reachable

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, Ints, rising_times
-from kinetics.methods.direct import whole_number
+from kinetics.methods.sampling import whole_number
 from kinetics.network import Network
 
 Level = Callable[[Ints], NDArray[np.float64]]

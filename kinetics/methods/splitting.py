@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, Ints, read_only
-from kinetics.methods.direct import whole_number
 from kinetics.methods.elimination import equations, relative_error, totals
+from kinetics.methods.sampling import whole_number
 from kinetics.network import Network
 from kinetics.paths import JumpPath
 from kinetics.states import MAX_STATES, StateSpace, reachable

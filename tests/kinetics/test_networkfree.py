@@ -12,7 +12,7 @@ from kinetics import Direct, Network, Transient, first_passage, networkfree_tank
 from kinetics.assembly import RuleBook, Senses, Structure, derive
 from kinetics.assembly.conditions import Combination, Dissociation, Internal
 from kinetics.classrates import ClassRates
-from kinetics.methods.direct import StalledClockError
+from kinetics.methods.sampling import StalledClockError
 from kinetics.networkfree import free_cubes, grow
 from kinetics.networkfree_paths import Growth, Growths, aligned
 from kinetics.networkfree_tank import bridges
