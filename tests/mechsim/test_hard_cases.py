@@ -22,6 +22,7 @@ from mechsim.record import RunSpec, execute
 from mechsim.world import World
 
 HALF_BUILT = {"monomer": 10, "dimer": 5, "trimer": 4, "quadmer": 4}
+LONG = (pytest.mark.validate, pytest.mark.timeout(7200))
 CONTACT = {"effect": "contact", "restitution": 0.3, "friction": 0.3}
 
 
@@ -244,7 +245,7 @@ def test_a_heavy_cube_sinks_less_than_2_percent_into_a_light_one(make_world, sce
     assert np.abs(b.position[:, :2]).max() < 0.02 * b.edge
 
 
-@pytest.mark.parametrize("steps", [400, pytest.param(100_000, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("steps", [400, pytest.param(100_000, marks=LONG)])
 def test_120_large_cubes_run_in_the_papers_tank(make_world, line4, steps):
     large = line4.model_copy(update={"cubes": line4.cubes.model_copy(update={"edge": 0.25})})
     world = make_world({"monomer": 120}, large)
@@ -416,7 +417,7 @@ def test_masses_at_the_limits_collide_as_others(make_world, scene_of, density, e
 # -- long runs ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [5_000, pytest.param(1_000_000, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("steps", [5_000, pytest.param(1_000_000, marks=LONG)])
 def test_many_steps_without_leak_or_drift(make_world, line4, steps):
     """Joins and breaks all along: resident memory, quaternions, cubes and the books of momentum stay as they were."""
     scene = line4.changed("bonding", latch={"kind": "encounter", "probability": 1.0})
