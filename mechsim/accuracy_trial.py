@@ -23,7 +23,7 @@ WARM_UP = 1.0  # tu, many times the relaxation of a cube's speed
 
 @dataclass(frozen=True)
 class Trial(RunSpec):
-    """A run whose bonds are not made: every meeting of two faces that the scene's bonding could latch is counted.
+    """A run whose bonds are not made: meetings of faces within the reach of the scene's bonding are counted instead.
 
     `scene` is the whole scene; what makes or breaks bonds is left out of the tank. `duration` comes after the warm-up.
     """

@@ -40,21 +40,29 @@ def view(poses: Poses, frames: Sequence[int], paint: Paint = "size") -> Any:
         x=x, y=y, z=z, mode="lines", line={"color": "#888888", "width": 2}, hoverinfo="skip", showlegend=False
     )
     names = [f"{poses.times[frame]:.4g} tu" for frame in frames]
-    first = frames[0]
+    told = {frame: labels(poses, frame, paint) for frame in frames}
+    # The legend stays, so it names what is there in any frame; how many there are is in the title of each.
+    kinds = {label.split(":")[0]: colour for frame in frames for label, colour in told[frame]}
     key = [
-        go.Scatter3d(x=[None], y=[None], z=[None], mode="markers", marker={"color": c, "symbol": "square"}, name=label)
-        for label, c in labels(poses, first, paint)
+        go.Scatter3d(x=[None], y=[None], z=[None], mode="markers", marker={"color": c, "symbol": "square"}, name=kind)
+        for kind, c in sorted(kinds.items(), key=lambda kind: (len(kind[0]), kind[0]))
     ]
+
+    def title(frame: int) -> str:
+        counts = ", ".join(label for label, _ in told[frame]) if paint == "size" else f"{poses.slots.shape[1]} cubes"
+        return f"{poses.name} at {poses.times[frame]:.4g} tu: {counts}"
+
     figure = go.Figure(
-        data=[cubes(first), tank, *key],
+        data=[cubes(frames[0]), tank, *key],
         frames=[
-            go.Frame(data=[cubes(frame)], traces=[0], name=name) for frame, name in zip(frames, names, strict=True)
+            go.Frame(data=[cubes(frame)], traces=[0], name=name, layout={"title": {"text": title(frame)}})
+            for frame, name in zip(frames, names, strict=True)
         ],
     )
-    eye = dict(zip("xyz", EYE / np.linalg.norm(EYE) * 1.9, strict=True))
+    eye = dict(zip("xyz", EYE / np.linalg.norm(EYE) * 2.2, strict=True))
     hidden = {"visible": False}
     figure.update_layout(
-        title=f"{poses.name}, {poses.slots.shape[1]} cubes",
+        title={"text": title(frames[0]), "font": {"size": 14}},
         scene={"aspectmode": "data", "camera": {"eye": eye}, "xaxis": hidden, "yaxis": hidden, "zaxis": hidden},
         margin={"l": 10, "r": 10, "b": 20, "t": 40},
         sliders=[

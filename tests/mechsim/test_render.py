@@ -202,6 +202,9 @@ def test_the_view_has_twelve_triangles_a_cube(poses):
         (name, render.FACE_COLOURS[name].upper()) for name in ("f1", "f2")
     }
     assert len(figure.frames) == 2
+    by_size = view(poses, [0, 6])
+    assert by_size.layout.title.text == "line4 at 0 tu: 1 cube: 4, 3 cubes: 1"
+    assert [trace.name for trace in by_size.data[2:]] == ["1 cube", "3 cubes"]
 
 
 @pytest.mark.parametrize(("kind", "package"), [("mp4", "imageio_ffmpeg"), ("html", "plotly")])
