@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mechsim.ensemble import Outcome, Quarantined, run_all
+    from mechsim.executors import Dask, Processes
     from mechsim.record import RunRecord, RunSpec, execute
     from mechsim.render import draw_tank
     from mechsim.scene import Scene
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "mechsim.ensemble": ("Outcome", "Quarantined", "run_all"),
+    "mechsim.executors": ("Dask", "Processes"),
     "mechsim.record": ("RunRecord", "RunSpec", "execute"),
     "mechsim.render": ("draw_tank",),
     "mechsim.scene": ("Scene",),
@@ -21,7 +23,9 @@ _HOMES = {
 }
 
 __all__ = [
+    "Dask",
     "Outcome",
+    "Processes",
     "Quarantined",
     "RunRecord",
     "RunSpec",

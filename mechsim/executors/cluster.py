@@ -8,7 +8,6 @@ worker would take the blame.
 
 from __future__ import annotations
 
-import asyncio
 import multiprocessing
 import time
 import warnings
@@ -76,6 +75,8 @@ class Dask(Executor):
         return ClusterSession(self, client, store, execute)
 
     def _connect(self) -> Client:
+        import asyncio
+
         from distributed import Client
 
         try:
@@ -94,6 +95,8 @@ class Dask(Executor):
 
 async def _identity(address: str) -> str:
     """What answers at this address. The client itself would wait without end for one that does not."""
+    import asyncio
+
     from distributed import Security, rpc
 
     async def ask() -> str:
@@ -145,17 +148,16 @@ class ClusterSession(Session):
                 self._hear(self.news.get_nowait())
         except Empty:
             pass
-        made = [(attempt, attempt.made) for attempt in self.attempts if attempt.made is not None]
-        if made:
-            visible = set(self.store.folder.iterdir())  # a network disk is asked anew
-            for attempt, when in made:
-                path = self.store.path(attempt.spec)
-                attempt.ended = path in visible
-                if not attempt.ended and time.monotonic() > when + SEEN_WITHIN:
-                    raise OSError(
-                        f"a worker has made {path}, which cannot be seen from {node()}; workers must share this "
-                        "folder under the same name"
-                    )
+        for attempt in self.attempts:
+            if attempt.made is None:
+                continue
+            path = self.store.path(attempt.spec)
+            attempt.ended = path.exists() or path in self.store.folder.iterdir()  # so a network disk is asked anew
+            if not attempt.ended and time.monotonic() > attempt.made + SEEN_WITHIN:
+                raise OSError(
+                    f"a worker has made {path}, which cannot be seen from {node()}; workers must share this folder "
+                    "under the same name"
+                )
 
     def _hear(self, future: Future) -> None:
         """Take in what a worker has said of its run."""
@@ -172,8 +174,15 @@ class ClusterSession(Session):
             attempt.failure, attempt.is_last, attempt.ended = _blame(error), True, True
         except CancelledError as error:
             raise OSError(
-                f"the scheduler at {self.settings.address} is gone; what was finished is kept, and the same command "
-                "goes on from there"
+                f"the scheduler at {self.settings.address} is gone, or has dropped the runs; what was finished is "
+                "kept, and the same command goes on from there"
+            ) from error
+        except (OSError, ValueError):  # the run's worker says so
+            raise
+        except Exception as error:
+            raise OSError(
+                f"the cluster at {self.settings.address} cannot make runs: {' '.join(str(error).split())}; its "
+                "scheduler and its workers need the same wellmixed as this machine"
             ) from error
         else:
             if said is None:
@@ -181,7 +190,7 @@ class ClusterSession(Session):
             elif said:
                 attempt.failure, attempt.ended = said, True
             else:
-                attempt.made = time.monotonic()
+                attempt.made, attempt.failure = time.monotonic(), "what a worker has written could not be read"
 
     def close(self) -> None:
         """Call the runs back, end those at work, and leave the cluster."""

@@ -1,7 +1,7 @@
 """Runs that cost nothing, and misbehave on request: what the tests of the store and of ensembles execute.
 
-As a script: `fake_runs.py FOLDER WORKERS SPECS` is a driver of its own; it prints what came of the runs. WORKERS is a
-number of processes, or the address of a scheduler.
+As a script: `fake_runs.py FOLDER WORKERS SPECS [TIMEOUT]` is a driver of its own; it prints what came of the runs.
+WORKERS is a number of processes, or the address of a scheduler.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.ensemble import run_all
-from mechsim.executors import Dask
+from mechsim.executors import Dask, Processes
 from mechsim.record import RunRecord
 from mechsim.store import RunStore
 
@@ -140,8 +140,8 @@ class NotShared(RunStore):
         return RunStore, (self.folder.with_name("there"),)
 
 
-def main(folder: str, workers: str, specs: str) -> None:
-    who = int(workers) if workers.isdecimal() else Dask(workers)
+def main(folder: str, workers: str, specs: str, timeout: str = "60") -> None:
+    who = Processes(int(workers), float(timeout)) if workers.isdecimal() else Dask(workers, float(timeout))
     outcome = run_all([FakeSpec(**spec) for spec in json.loads(specs)], RunStore(folder), workers=who, execute=execute)
     json.dump({"digest": outcome.digest, "computed": outcome.computed, "reused": outcome.reused}, sys.stdout)
 

@@ -16,7 +16,7 @@ import pytest
 from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
 
 from mechsim.ensemble import TRIES, run_all
-from mechsim.executors.processes import Processes, _interrupts_wait
+from mechsim.executors.processes import AWAY, Processes, _interrupts_wait
 from mechsim.record import RunSpec
 from mechsim.record import execute as execute_run
 from mechsim.scene import Scene
@@ -40,10 +40,11 @@ def is_alive(pid):
         return False
 
 
-def driver(folder, specs, workers=2):
+def driver(folder, specs, workers=2, timeout=60):
     """A driver in a process group of its own, as a shell would start it."""
+    described = json.dumps([asdict(spec) for spec in specs])
     return subprocess.Popen(
-        [sys.executable, fake_runs.__file__, folder, str(workers), json.dumps([asdict(spec) for spec in specs])],
+        [sys.executable, fake_runs.__file__, folder, str(workers), described, str(timeout)],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -125,6 +126,23 @@ def test_a_run_that_hangs_is_ended_and_a_slow_one_is_not(tmp_path):
     assert [record.spec for record in outcome.records] == [slow]
     assert [one.spec for one in outcome.quarantined] == hung
     assert all("no progress for 1.5 s" in reason for one in outcome.quarantined for reason in one.reasons)
+
+
+@pytest.mark.parametrize(("stopped", "starts_again"), [("all", False), ("workers", True)])
+def test_a_pause_is_no_fault_of_a_run(tmp_path, stopped, starts_again):
+    """Ctrl-Z, or a machine that sleeps, stops the driver too; a worker that alone makes no progress is ended."""
+    log, specs = tmp_path / "log", specs_of(1, seconds=3.0, log=str(tmp_path / "log"))
+    with driver(tmp_path / "runs", specs, timeout=1.5) as process:
+        wait_for(lambda: pids(log))
+        time.sleep(0.5)
+        signal_to = (os.killpg, process.pid) if stopped == "all" else (os.kill, pids(log)[0])
+        signal_to[0](signal_to[1], signal.SIGSTOP)
+        time.sleep(1.5 + AWAY + 1.0)
+        if not starts_again:
+            os.killpg(process.pid, signal.SIGCONT)
+        outcome = json.loads(process.communicate()[0])
+    assert len(starts(log)) == 1 + starts_again
+    assert outcome["digest"] == digest_of(map(record_of, specs))
 
 
 def test_workers_killed_at_random_cost_nothing_but_time(tmp_path):
