@@ -88,7 +88,6 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
     from mechsim.world import Stopped, World
 
     book, derivation = book_of(spec.scene.rules)
-    start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
     step = spec.scene.numerics.step
     warm_up, length = math.ceil(WARM_UP / step - 1e-9), max(1, round(spec.duration / BLOCKS / step))
     speed, met = [], []
@@ -97,7 +96,7 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
     began, wall = time.process_time(), time.perf_counter()
     with World(unbound(spec.scene), book, spec.n_cubes, spec.streams) as world:
         count = counter(spec.scene, world)
-        world.populate(start)
+        world.populate(spec.start)
 
         def advance(steps: int) -> tuple[float, int]:
             """Mean speed of these steps, and meetings so far."""

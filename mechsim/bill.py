@@ -85,10 +85,9 @@ class Bill:
 
 def bill_of(spec: RunSpec) -> Bill:
     """The bill of a run's first steps; see `bill`."""
-    book, derivation = book_of(spec.scene.rules)
-    start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
+    book, _ = book_of(spec.scene.rules)
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
-        world.populate(start)
+        world.populate(spec.start)
         what = ", ".join(f"{n} {name}" for name, n in spec.composition.items() if n)
         return bill(world, f"{spec.scene.name}, {what}")
 

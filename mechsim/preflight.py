@@ -18,7 +18,6 @@ def check_starts(specs: Iterable[RunSpec]) -> None:
     for spec in specs:
         kinds.setdefault((spec.scene.fingerprint, *sorted(spec.composition.items())), spec)
     for spec in kinds.values():
-        book, derivation = book_of(spec.scene.rules)
-        start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
+        book, _ = book_of(spec.scene.rules)
         with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
-            world.populate(start)
+            world.populate(spec.start)

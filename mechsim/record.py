@@ -42,7 +42,7 @@ def book_of(rules: str) -> tuple[RuleBook, Derivation]:
 class RunSpec:
     """Full inputs of one run.
 
-    composition : how many of each species start in the tank, ready-made
+    composition : how many of each species start in the tank, ready-made; kept and placed in the network's order
     duration : tu
     seed, run : of the run's random streams; runs that start from different compositions never share a stream
     restart : after every event put the tank back to the composition, places drawn anew, and let the clock run on
@@ -81,6 +81,9 @@ class RunSpec:
                 raise ValueError(f"unknown species {name!r}; book {self.scene.rules} has {some_of(species)}")
             if isinstance(count, bool) or int(count) != count or count < 0:
                 raise ValueError(f"{name} = {count}; expected a whole number, 0 or more")
+        # One order of placing for one name: a run's key does not tell in which order its species were written.
+        ordered = {name: int(self.composition[name]) for name in species if self.composition.get(name)}
+        object.__setattr__(self, "composition", ordered)
         if self.n_cubes < 1:
             raise ValueError("the composition holds no cubes")
         if self.until is not None:
@@ -104,12 +107,18 @@ class RunSpec:
         return sum(len(structures[name]) * count for name, count in self.composition.items())
 
     @property
+    def start(self) -> list[Structure]:
+        """The structures that are in the tank at first, in the order in which they are placed."""
+        structures = book_of(self.scene.rules)[1].structures
+        return [structures[name] for name, n in self.composition.items() for _ in range(n)]
+
+    @property
     def inputs(self) -> dict[str, Any]:
         """Everything that decides what happens, ready for JSON; versions that change the physics included."""
         inputs: dict[str, Any] = {
             "scene": self.scene.model_dump(mode="json"),
             "rules": book_of(self.scene.rules)[0].fingerprint,
-            "composition": {name: int(n) for name, n in sorted(self.composition.items()) if n},
+            "composition": dict(sorted(self.composition.items())),
             "duration": self.duration,
             "seed": self.seed,
             "run": self.run,
@@ -136,7 +145,7 @@ class RunSpec:
     @property
     def title(self) -> str:
         """Short name for people."""
-        what = "+".join(f"{n} {name}" for name, n in self.composition.items() if n)
+        what = "+".join(f"{n} {name}" for name, n in self.composition.items())
         end = f"{self.duration:g} tu" if self.until is None else f"first {self.until} within {self.duration:g} tu"
         return f"{self.scene.name}: {what}, {end}, seed {self.seed}, run {self.run}"
 
@@ -224,7 +233,7 @@ def execute(
 
     book, derivation = book_of(spec.scene.rules)
     watch = _Watch(derivation, spec.composition, spec.until)
-    start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
+    start = spec.start
     steps = math.ceil(spec.duration / spec.scene.numerics.step - 1e-9)
     every = None if spec.poses is None else max(1, round(spec.poses / spec.scene.numerics.step))
     frames: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []

@@ -97,7 +97,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
         manifest, _ = decode(Path(file).read_bytes(), Path(file))
     except DamagedRunError as error:
         raise ValueError(f"{file} is not a sound run file: {error}") from error
-    spec = spec_of(manifest["inputs"], manifest["title"])
+    spec = spec_of(manifest["inputs"])
     if spec.key != manifest["key"]:
         differ = [name for name, value in spec.inputs.items() if manifest["inputs"].get(name) != value]
         raise ValueError(
@@ -112,13 +112,9 @@ def replay(file: str | Path, last: int = 40) -> Replay:
     return Replay(shown, speed, spin, is_same=record.digest == manifest["digest"])
 
 
-def spec_of(inputs: dict[str, Any], title: str) -> RunSpec:
-    """The run that a file's inputs describe. Its title names the species in the order in which they were placed, which
-    the inputs, sorted for the run's name, do not tell."""
-    counts = inputs["composition"]
-    placed = {name: max(title.rfind(f"{n} {name}{end}") for end in "+,") for name, n in counts.items()}
+def spec_of(inputs: dict[str, Any]) -> RunSpec:
+    """The run that a file's inputs describe."""
     known = {field.name: inputs[field.name] for field in fields(RunSpec) if field.name in inputs}
-    known["composition"] = {name: counts[name] for name in sorted(counts, key=placed.__getitem__)}
     return RunSpec(**known | {"scene": validated(Scene, inputs["scene"], "the scene of the run file")})
 
 

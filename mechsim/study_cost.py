@@ -38,11 +38,10 @@ def trial(point: Point, seed: int) -> Trial:
     from mechsim.world import World
 
     spec = point.specs(WARM_UP + TRIAL, 1, seed)[0]
-    book, derivation = book_of(spec.scene.rules)
-    start = [derivation.structures[name] for name, n in spec.composition.items() for _ in range(n)]
+    book, _ = book_of(spec.scene.rules)
     began = time.process_time()
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
-        world.populate(start)
+        world.populate(spec.start)
         ready = time.process_time()
         for _ in range(math.ceil(WARM_UP / world.step_size)):
             world.step()

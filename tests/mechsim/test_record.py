@@ -153,3 +153,14 @@ def test_until_is_part_of_the_name_only_where_it_is_asked_for(eager):
 def test_until_what_cannot_be_waited_for(eager, changes, said):
     with pytest.raises(ValueError, match=said):
         RunSpec(eager, {"monomer": 60}, 20.0, seed=4, run=0, **changes)
+
+
+def test_the_order_in_which_a_composition_is_written_does_not_matter(line4):
+    """A run's name does not tell it, so it must not decide what happens."""
+    one, other = (
+        RunSpec(line4, start, 0.5, seed=1, run=0)
+        for start in ({"monomer": 4, "dimer": 2, "trimer": 0}, {"dimer": 2, "monomer": 4})
+    )
+    assert (one.key, one.title) == (other.key, other.title)
+    assert list(one.composition) == ["monomer", "dimer"]
+    assert execute(one).digest == execute(other).digest

@@ -76,7 +76,7 @@ def test_what_cannot_be_replayed_is_refused(stopped, tmp_path, monkeypatch):
 def test_inputs_name_a_run_fully(stopped):
     spec = stopped[0].spec
     for other in (spec, replace(spec, restart=True, poses=0.5), replace(spec, until="quadmer")):
-        again = spec_of(json.loads(json.dumps(other.inputs, sort_keys=True)), other.title)
+        again = spec_of(json.loads(json.dumps(other.inputs, sort_keys=True)))
         assert again.key == other.key
         assert list(again.composition) == ["monomer", "dimer"]
 
