@@ -35,7 +35,7 @@ def boxes(ax: Axes, result: StudyResult) -> Axes:
     if len(factors) == 1:
         ax.set_xticks(range(len(firsts)), [_tick(result, level) for level in firsts])
         ax.set_xlabel(factors[0].label + (": mean speed below" if factors[0].is_speed else ""))
-        top = max(found.times[np.isfinite(found.times)].max(initial=1.0) for found in drawn)
+        top = max((found.times[np.isfinite(found.times)].max(initial=1.0) for found in drawn), default=1.0)
         ax.set_ylim(0, 1.1 * max([top, *(found.cap for found in drawn if found.censored)]))
     else:
         middle = (len(firsts) - 1) / 2
