@@ -214,25 +214,6 @@ class Engine:
                 found[name] = max(found.get(name, -np.inf), value)
         return found
 
-    def picture(self, eye: Sequence[float], width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """What a camera at `eye` sees of the origin: RGBA (height, width, 4), and the matrix (4, 4) from world to
-        clip space.
-
-        By the engine's software renderer, which needs no display; shadows would cost sixteen times the time.
-        """
-        view = pybullet.computeViewMatrix(eye, (0, 0, 0), (0, 0, 1))
-        reach = float(np.linalg.norm(eye))
-        lens = pybullet.computeProjectionMatrixFOV(35, width / height, 0.05 * reach, 3 * reach)
-        image = pybullet.getCameraImage(
-            width, height, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self.client
-        )
-        clip = np.reshape(lens, (4, 4)).T @ np.reshape(view, (4, 4)).T
-        return np.asarray(image[2], np.uint8).reshape(height, width, 4), clip
-
-    def paint(self, slot: int, rgba: tuple[float, float, float, float]) -> None:
-        """Colour of a body in pictures."""
-        pybullet.changeVisualShape(self._body[slot], -1, rgbaColor=rgba, physicsClientId=self.client)
-
     def _shape(self, positions: tuple[tuple[int, int, int], ...]) -> int:
         """Collision shape of cubes at these lattice places; cached, for each new compound shape leaks 9 kB."""
         known = self._shapes.get(positions)
