@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from kinetics.config import Settings, read_toml, validated, write_toml
 from kinetics.network import Network
-from kinetics.rates import ChannelRate, Convention, Rates
+from kinetics.rates import ChannelRate, Convention, MeasuredRate, Rates
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
@@ -31,29 +31,10 @@ LEVEL = 0.95
 _KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(\w+) \+ (?:(\d+) )?(\w+))?")
 
 
-class ClassRate(Settings):
-    """Rate constant of one class, 1/tu per way and combination.
-
-    low, high : 95 % interval of the rate
-    events, exposure : firings n, and the integral of ways * combinations over the time watched, tu; a number of
-        events that is not whole says what the evidence is worth where classes that differ were taken together
+class ClassRate(MeasuredRate):
+    """Rate constant of one class. A number of events that is not whole says what the evidence is worth where classes
+    that differ were taken together.
     """
-
-    rate: float = Field(ge=0)
-    low: float | None = Field(default=None, ge=0)
-    high: float | None = Field(default=None, ge=0)
-    events: float | None = Field(default=None, ge=0)
-    exposure: float | None = Field(default=None, gt=0)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> ClassRate:
-        if (self.low is None) != (self.high is None):
-            raise ValueError("low and high come together")
-        if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
-            raise ValueError(f"expected low <= rate <= high; {self.low}, {self.rate}, {self.high} came")
-        if (self.events is None) != (self.exposure is None):
-            raise ValueError("events and exposure come together")
-        return self
 
 
 class ClassRates(Settings):

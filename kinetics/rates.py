@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -23,23 +23,21 @@ class Convention(Settings):
     time_unit: Literal["tu"] = "tu"
 
 
-class ChannelRate(Settings):
-    """Rate constant of one channel, 1/tu per way and combination.
+class MeasuredRate(Settings):
+    """A rate constant, 1/tu per way and combination, with what is known of it.
 
     low, high : 95 % interval of the rate
-    ways : number of ways N of one combination of reactants
     events, exposure : firings n, and the integral of ways * combinations over the time watched, tu
     """
 
     rate: float = Field(ge=0)
-    ways: float = Field(gt=0)
     low: float | None = Field(default=None, ge=0)
     high: float | None = Field(default=None, ge=0)
-    events: int | None = Field(default=None, ge=0)
+    events: float | None = Field(default=None, ge=0)
     exposure: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _consistent(self) -> ChannelRate:
+    def _consistent(self) -> Self:
         if (self.low is None) != (self.high is None):
             raise ValueError("low and high come together")
         if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
@@ -47,6 +45,16 @@ class ChannelRate(Settings):
         if (self.events is None) != (self.exposure is None):
             raise ValueError("events and exposure come together")
         return self
+
+
+class ChannelRate(MeasuredRate):
+    """Rate constant of one channel.
+
+    ways : number of ways N of one combination of reactants
+    """
+
+    events: int | None = Field(default=None, ge=0)
+    ways: float = Field(gt=0)
 
 
 class Rates(Settings):

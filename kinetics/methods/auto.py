@@ -9,11 +9,11 @@ from kinetics.methods.direct import Direct
 from kinetics.methods.lockstep import Lockstep
 from kinetics.methods.partial import PartialPropensities
 from kinetics.methods.rejection import CompositionRejection
-from kinetics.methods.sampling import ExactMethod, Sampler
+from kinetics.methods.sampling import Candidate, ExactMethod, Sampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 
-CANDIDATES: tuple[type[ExactMethod], ...] = (Direct, PartialPropensities, CompositionRejection)
+CANDIDATES: tuple[type[Candidate], ...] = (Direct, PartialPropensities, CompositionRejection)
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Auto(ExactMethod):
     many: bool = True
     name: ClassVar[str] = "auto"
 
-    def choose(self, network: Network) -> ExactMethod:
+    def choose(self, network: Network) -> Candidate:
         """The method for this network."""
         shape = Shape.of(network)
-        candidates = [*CANDIDATES, Lockstep] if self.many else CANDIDATES
+        candidates: tuple[type[Candidate], ...] = (*CANDIDATES, Lockstep) if self.many else CANDIDATES
         return min((method() for method in candidates), key=lambda method: method.cost(shape))
 
     def sampler(self, network: Network) -> Sampler:

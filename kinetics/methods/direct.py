@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetics.arrays import Floats, Ints
 from kinetics.methods.dependencies import updating_sampler
 from kinetics.methods.mass_action import mass_action
-from kinetics.methods.sampling import ExactMethod, Sampler
+from kinetics.methods.sampling import Candidate, Sampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 
@@ -19,7 +19,7 @@ BUFFER = 4096  # events a sampled path grows by
 
 
 @dataclass(frozen=True)
-class Direct(ExactMethod):
+class Direct(Candidate):
     """Direct method (Gillespie 1977). Exact; the cost of an event grows with the number of channels.
 
     Choose it for networks of up to some tens of channels: no exact method is quicker for single runs. Where that costs

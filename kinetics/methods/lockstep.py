@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetics.arrays import Floats, Ints
 from kinetics.methods.direct import Direct
 from kinetics.methods.mass_action import mass_action
-from kinetics.methods.sampling import ExactMethod, Sampler
+from kinetics.methods.sampling import Candidate, Sampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 
@@ -22,7 +22,7 @@ FEWEST_RUNS = 16  # in lockstep; fewer cost less one by one
 
 
 @dataclass(frozen=True)
-class Lockstep(ExactMethod):
+class Lockstep(Candidate):
     """The runs of `Direct`, to the last bit, made 64 at a time. Exact.
 
     Choose it for ensembles of networks with up to some hundred channels. Fewer than `FEWEST_RUNS` are made one by one.

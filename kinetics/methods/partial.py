@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.arrays import Ints
 from kinetics.methods.mass_action import mass_action
-from kinetics.methods.sampling import ExactMethod, StepwiseSampler
+from kinetics.methods.sampling import Candidate, StepwiseSampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 
@@ -21,7 +21,7 @@ MOST_REACTANTS = 2
 
 
 @dataclass(frozen=True)
-class PartialPropensities(ExactMethod):
+class PartialPropensities(Candidate):
     """Partial propensities (Ramaswamy, Gonzalez-Segredo & Sbalzarini 2009), with thinning. Exact.
 
     Choose it where many channels couple few species, as in polymerisation: the cost of an event grows with the number

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinetics.arrays import Ints
 from kinetics.methods.mass_action import mass_action
-from kinetics.methods.sampling import ExactMethod, StepwiseSampler
+from kinetics.methods.sampling import Candidate, StepwiseSampler
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 from kinetics.terms import Terms
@@ -22,7 +22,7 @@ LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than an
 
 
 @dataclass(frozen=True)
-class CompositionRejection(ExactMethod):
+class CompositionRejection(Candidate):
     """Composition and rejection over groups of channels (Slepoy et al. 2008; Ramaswamy & Sbalzarini 2010). Exact.
 
     Choose it for hundreds of channels and more, each event changing a few of them: the cost of an event grows with

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -38,18 +39,14 @@ class Sampler(Protocol):
         """The outcome, and times and channels of all events until `end`."""
 
 
-class ExactMethod:
+class ExactMethod(ABC):
     """A sampling method, given its `sampler`: see `SamplingMethod` in `kinetics.methods`."""
 
     name: ClassVar[str]
 
+    @abstractmethod
     def sampler(self, network: Network) -> Sampler:
         """The network made ready; a ValueError where this method cannot take it."""
-        raise NotImplementedError
-
-    def cost(self, shape: Shape) -> float:
-        """Processor time of an event, ns, as measured on long runs; inf where this method cannot take the network."""
-        raise NotImplementedError
 
     def simulate(
         self,
@@ -110,6 +107,14 @@ class ExactMethod:
         outcome, times, channels = self.sampler(network).path(start, horizon, key, whole_number("run", run, 0))
         check_outcome(outcome, run)
         return JumpPath(network, start, times, channels, horizon)
+
+
+class Candidate(ExactMethod):
+    """A method that `Auto` weighs against others."""
+
+    @abstractmethod
+    def cost(self, shape: Shape) -> float:
+        """Processor time of an event, ns, as measured on long runs; inf where this method cannot take the network."""
 
 
 class StepwiseSampler:

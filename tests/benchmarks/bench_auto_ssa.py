@@ -14,7 +14,7 @@ from functools import partial
 import click
 import numpy as np
 
-from kinetics.methods.sampling import ExactMethod, Sampler, stream_key
+from kinetics.methods.sampling import Candidate, Sampler, stream_key
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, polymer, ring, tanks_in_a_row
 
@@ -49,7 +49,7 @@ def row(name: str, workload: Workload, many: bool) -> float:
     probe = CompositionRejection()
     events = probe.sample_path(network, start, end / 10, 1).times.size * 10
     end *= EVENTS / max(events, 1) / (RUNS if many else 1)
-    methods: list[ExactMethod] = [Direct(), PartialPropensities(), CompositionRejection()]
+    methods: list[Candidate] = [Direct(), PartialPropensities(), CompositionRejection()]
     methods += [Lockstep()] if many and len(network.channels) <= MOST_CHANNELS else []
     samplers = {}
     for method in methods:

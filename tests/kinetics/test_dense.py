@@ -8,6 +8,7 @@ from scipy.linalg import expm
 from scipy.special import gammaln
 
 from kinetics import Transient
+from kinetics.hardcases.stiffness import leak_exact
 from kinetics.methods.dense import Dense, exponential_action
 
 EPSILON = 2.0**-52
@@ -16,20 +17,6 @@ EPSILON = 2.0**-52
 def leak_rates(fast, slow):
     """A <-> B quickly, B -> C slowly."""
     return np.array([[0, fast, 0], [fast, 0, slow], [0, 0, 0.0]])
-
-
-def leak_exact(fast, slow, time):
-    """Its probabilities from A, by the two roots in 60 digits."""
-    with localcontext() as context:
-        context.prec = 60
-        q, k, t = Decimal(fast), Decimal(slow), Decimal(time)
-        root = (4 * q * q + k * k).sqrt()
-        slower, faster = -2 * q * k / (2 * q + k + root), -(2 * q + k + root) / 2
-        weight = q / (slower - faster)
-        b = weight * ((slower * t).exp() - (faster * t).exp())
-        b_change = weight * (slower * (slower * t).exp() - faster * (faster * t).exp())
-        a = (b_change + (q + k) * b) / q
-        return np.array([float(a), float(b), float(1 - a - b)])
 
 
 def decimal_exponential(rates, times):
