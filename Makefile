@@ -3,6 +3,7 @@
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
+SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 
 .PHONY: demo test lint validate benchmarks clean
@@ -11,7 +12,7 @@ demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
 
 test: lint
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q $(SIDE_BY_SIDE)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -11,8 +11,12 @@ from kinetics.lazy import mount
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
-    "simulate": ("mechsim.cli", "simulate", "Run the mechanics: cubes in an agitated tank."),
-    "study": ("mechsim.cli_study", "study", "Time to the first target against speed, number and size, cost first."),
+    "simulate": ("mechsim.commands.simulate", "simulate", "Run the mechanics: cubes in an agitated tank."),
+    "study": (
+        "mechsim.commands.study",
+        "study",
+        "First times against speed, number and size, cost first.",
+    ),
     "calibrate": ("calibration.cli", "calibrate", "Measure the reaction rates in mechanics runs."),
     "predict": ("kinetics.cli", "predict", "Predict the assembly as a Markov chain."),
     "passage": ("kinetics.cli", "passage", "Time until the first copy of a species appears."),
@@ -20,10 +24,10 @@ COMMANDS = {
     "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
-    "accuracy": ("mechsim.cli_accuracy", "accuracy", "Show what accuracy of the mechanics costs in time."),
-    "render": ("mechsim.cli_render", "render", "Show a run: pictures, a film, or a view to turn."),
-    "replay": ("mechsim.cli_replay", "replay", "Make a stored run again and look at its last steps."),
-    "export": ("mechsim.cli", "export", "Write stored runs as Parquet and CSV tables."),
+    "accuracy": ("mechsim.commands.accuracy", "accuracy", "Show what accuracy of the mechanics costs in time."),
+    "render": ("mechsim.commands.render", "render", "Show a run: pictures, a film, or a view to turn."),
+    "replay": ("mechsim.commands.replay", "replay", "Make a stored run again and look at its last steps."),
+    "export": ("mechsim.commands.export", "export", "Write stored runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check rule books."),
 }
 

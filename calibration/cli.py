@@ -10,12 +10,12 @@ import click
 
 from kinetics.network import text_table
 from kinetics.options import NumbersCommand, echo_json, in_a_folder, json_option
-from mechsim.options import PARTIAL, executor_options, progress_option, run_options
+from mechsim.commands.options import PARTIAL, executor_options, progress_option, run_options
 
 if TYPE_CHECKING:
     from calibration.study import CalibrationStudy, ValidationStudy
+    from mechsim.commands.options import Part
     from mechsim.executors import Executor
-    from mechsim.options import Part
 
 
 def _seed(default: int) -> Any:
@@ -194,7 +194,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     """The whole loop on real mechanics and a small budget: rates, predictions, held-out runs, report.html."""
     from calibration.overview import full_report
     from calibration.study import run_calibration, run_validation, watched_run
-    from mechsim.render import draw_tank
+    from mechsim.pictures.tank import draw_tank
     from mechsim.scene import Scene
 
     if not 0.1 <= scale <= 100:

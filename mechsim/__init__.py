@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mechsim.ensemble import Outcome, Quarantined, run_all
     from mechsim.executors import Dask, Processes
+    from mechsim.pictures.tank import draw_tank
     from mechsim.record import RunRecord, RunSpec, execute
-    from mechsim.render import draw_tank
     from mechsim.scene import Scene
     from mechsim.store import RunStore
 
@@ -17,7 +17,7 @@ _HOMES = {
     "mechsim.ensemble": ("Outcome", "Quarantined", "run_all"),
     "mechsim.executors": ("Dask", "Processes"),
     "mechsim.record": ("RunRecord", "RunSpec", "execute"),
-    "mechsim.render": ("draw_tank",),
+    "mechsim.pictures.tank": ("draw_tank",),
     "mechsim.scene": ("Scene",),
     "mechsim.store": ("RunStore",),
 }

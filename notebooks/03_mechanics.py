@@ -34,9 +34,9 @@ from IPython.display import SVG
 
 from kinetics.plots import COLOURS
 from mechsim import RunSpec, Scene, draw_tank, execute
-from mechsim.movie import draw_strip
+from mechsim.accuracy.preset import load
+from mechsim.pictures.movie import draw_strip
 from mechsim.poses import Poses
-from mechsim.preset import load
 
 plt.rcParams.update(
     {"figure.constrained_layout.use": True, "font.size": 9, "axes.prop_cycle": plt.cycler(color=COLOURS)}

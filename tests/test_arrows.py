@@ -103,7 +103,7 @@ def test_arrows():
         ("kinetics.methods.direct", "from kinetics import assembly"),
         ("kinetics.states", "from .assembly import faces"),
         ("mechsim.record", "try:\n    import calibration\nexcept ImportError:\n    pass"),
-        ("calibration.report", "from mechsim.render import draw_tank"),
+        ("calibration.report", "from mechsim.pictures.tank import draw_tank"),
         ("calibration.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),
         ("mechsim.world", "import pybullet as p"),
     ],

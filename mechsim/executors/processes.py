@@ -86,7 +86,7 @@ class ProcessSession(Session):
         self.folder = Path.cwd() if settings.folder is None else settings.folder
         self.context = multiprocessing.get_context("forkserver")
         # What a run needs is imported once, in the server that workers are forked from.
-        self.context.set_forkserver_preload([execute.__module__, "mechsim.worker", "mechsim.world"])
+        self.context.set_forkserver_preload([execute.__module__, "mechsim.executors.worker", "mechsim.world"])
 
     def has_room(self) -> bool:
         """Are fewer processes at work than there may be?"""
@@ -106,7 +106,7 @@ class ProcessSession(Session):
         raise RuntimeError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
-        from mechsim.worker import work
+        from mechsim.executors.worker import work
 
         reports, sender = self.context.Pipe(duplex=False)
         arguments = (self.execute, spec, self.store, sender, self.folder)

@@ -7,10 +7,10 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
-from mechsim import accuracy, accuracy_plot
-from mechsim.accuracy import change_of, measure
-from mechsim.accuracy_plan import plan
-from mechsim.accuracy_trial import Trial, counter, execute_trial, unbound, with_numerics
+from mechsim.accuracy import diagram, plot
+from mechsim.accuracy.diagram import change_of, measure
+from mechsim.accuracy.plan import plan
+from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound, with_numerics
 from mechsim.ensemble import Outcome, Quarantined, run_all
 from mechsim.kernels.contact import facing_pairs
 from mechsim.record import RunSpec
@@ -49,7 +49,7 @@ def run_here(specs, store, **_):
 @pytest.fixture(autouse=True, scope="module")
 def _in_this_process():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(accuracy, "run_all", run_here)
+        patch.setattr(diagram, "run_all", run_here)
         yield
 
 
@@ -221,11 +221,11 @@ def test_a_budget_ends_the_rounds_and_the_next_call_goes_on(tmp_path, scene_of, 
             record.cost["cpu_seconds"] = (record.spec.duration + 1) / record.spec.scene.numerics.step
         return outcome
 
-    monkeypatch.setattr(accuracy, "pilot", lambda *_: 1.0)  # CPU s a step
-    monkeypatch.setattr(accuracy, "run_all", a_second_each_step)
+    monkeypatch.setattr(diagram, "pilot", lambda *_: 1.0)  # CPU s a step
+    monkeypatch.setattr(diagram, "run_all", a_second_each_step)
     scene = scene_of("agitation", "drag")
     store, told = RunStore(tmp_path), []
-    steps = sum((0.1 + 1) / s.scene.numerics.step for s in accuracy._settings(plan(scene), 0))
+    steps = sum((0.1 + 1) / s.scene.numerics.step for s in diagram._settings(plan(scene), 0))
     settings = {"cubes": 2, "duration": 0.1, "seed": 1}
     with pytest.raises(ValueError, match="first round alone is predicted"):
         measure(scene, store, **settings, rounds=3, budget=steps / 2)
@@ -242,26 +242,26 @@ def test_what_is_given_up_is_named_and_the_rest_compared(tmp_path, scene_of, mon
         lost = [Quarantined(s, ("killed",) * 3) for s in specs if s.scene.numerics.solver_iterations == 5]
         return Outcome(made.records, tuple(lost), made.computed, 0)
 
-    monkeypatch.setattr(accuracy, "run_all", some_fail)
+    monkeypatch.setattr(diagram, "run_all", some_fail)
     settings = {"cubes": 2, "duration": 0.1, "rounds": 1, "budget": 60.0, "seed": 1}
     found = measure(scene_of("agitation", "drag"), RunStore(tmp_path), **settings)
     assert len(found.given_up) == 1
     assert "given up: line4" in str(found)
     without = [point.setting.label for point in found.numerical if not point.changes]
     assert without == ["5"]
-    accuracy_plot.draw(found, Figure(figsize=(8, 6)))
+    plot.draw(found, Figure(figsize=(8, 6)))
 
 
 def test_stopped_settings_are_crosses_at_their_cost(measured):
     """A guard of its own limit stops the coarse explicit runs; the others go on."""
     found, _, _ = measured
     point = next(p for p in found.numerical if "explicit" in p.setting.curve)
-    stopped = accuracy.Point(point.setting, 0.123, {}, "stopped: spin")
-    changed = accuracy.Accuracy(
+    stopped = diagram.Point(point.setting, 0.123, {}, "stopped: spin")
+    changed = diagram.Accuracy(
         found.scene, found.cubes, found.seed, found.runs, found.duration, found.plan, found.reference,
         (*found.numerical[:3], stopped), (), found.means,
     )  # fmt: skip
-    figure = accuracy_plot.draw(changed, Figure(figsize=(8, 4)))
+    figure = plot.draw(changed, Figure(figsize=(8, 4)))
     crosses = [line for ax in figure.axes for line in ax.lines if line.get_marker() == "x"]
     assert len(crosses) == 2
     assert {float(line.get_xdata()[0]) for line in crosses} == {0.123}

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 import mechsim.bill as bills
 from mechsim.bill import bill
-from mechsim.cli import simulate
+from mechsim.commands.simulate import simulate
 from mechsim.engine import LEAST_BOUNCE, RECOVERY
 
 

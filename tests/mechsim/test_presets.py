@@ -5,10 +5,10 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from mechsim import preset
-from mechsim.accuracy import Accuracy, Change, Point
-from mechsim.accuracy_plan import plan
-from mechsim.preset import Presets, choose, load
+from mechsim.accuracy import preset
+from mechsim.accuracy.diagram import Accuracy, Change, Point
+from mechsim.accuracy.plan import plan
+from mechsim.accuracy.preset import Presets, choose, load
 from mechsim.record import RunSpec
 from wellmixed import main
 

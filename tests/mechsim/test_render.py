@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
-from mechsim import movie, render
+from mechsim.pictures import movie, tank
 from mechsim.poses import Poses, record_at
 from mechsim.record import RunRecord, RunSpec, execute
 from mechsim.store import RunStore
@@ -51,9 +51,9 @@ def with_arrays(record, **arrays):
 
 def test_three_faces_of_a_cube_are_seen_and_have_their_type():
     cube = lattice((0, 0, 0))
-    polygons, colours = render.faces_seen(cube, 0, FAR, "type")
+    polygons, colours = tank.faces_seen(cube, 0, FAR, "type")
     assert polygons.shape == (3, 4, 2)
-    wanted = np.array([render._rgb(render.FACE_COLOURS[kind]) for kind in ("f1", "f2", "f3")])
+    wanted = np.array([tank._rgb(tank.FACE_COLOURS[kind]) for kind in ("f1", "f2", "f3")])
     for colour in colours:  # shaded, but of the same hue
         assert np.isclose(colour / colour.max(), wanted / wanted.max(axis=1, keepdims=True)).all(axis=1).sum() == 1
 
@@ -65,11 +65,11 @@ def test_polygons_are_the_convex_outlines_of_faces():
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     turn[:, 0] *= np.sign(np.linalg.det(turn))
     cube = lattice((0, 0, 0), axes=turn)
-    polygons, _ = render.faces_seen(cube, 0, FAR, "size")
+    polygons, _ = tank.faces_seen(cube, 0, FAR, "size")
     x, y = polygons[..., 0], polygons[..., 1]
     areas = 0.5 * np.abs((x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(axis=1))
     corners = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * 0.05 @ turn.T
-    np.testing.assert_allclose(areas.sum(), ConvexHull(render._project(corners, FAR)).volume, rtol=1e-12)
+    np.testing.assert_allclose(areas.sum(), ConvexHull(tank._project(corners, FAR)).volume, rtol=1e-12)
 
 
 def test_nearer_cubes_are_painted_later():
@@ -88,18 +88,18 @@ def test_nearer_cubes_are_painted_later():
 
 
 def test_axis_edges_of_the_tank_lie_before_or_behind():
-    edges = np.array(render.tank_edges(np.ones(3)))
+    edges = np.array(tank.tank_edges(np.ones(3)))
     assert len(edges) == 12
-    behind = render._far_edges(edges, FAR)
+    behind = tank._far_edges(edges, FAR)
     assert behind.sum() == 3  # those that meet in the furthest corner
     np.testing.assert_array_equal((edges[behind] == -np.sign(FAR)).all(axis=2).any(axis=1), True)
 
 
 def test_a_tank_tells_its_structures_and_its_faces(record):
-    ax = render.draw_tank(record, Figure().add_subplot())
+    ax = tank.draw_tank(record, Figure().add_subplot())
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["1 cube: 4", "3 cubes: 1"]
     assert ax.get_title().startswith("line4, 7 cubes at 0.3 tu")
-    ax = render.draw_tank(record, Figure().add_subplot(), frame=0, paint="type")
+    ax = tank.draw_tank(record, Figure().add_subplot(), frame=0, paint="type")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["f1", "f2"]
 
 
@@ -186,7 +186,7 @@ def test_page_needs_nothing_else(stored, tmp_path):
 
 def test_the_view_has_twelve_triangles_a_cube(poses):
     pytest.importorskip("plotly")
-    from mechsim.interactive import view
+    from mechsim.pictures.interactive import view
 
     figure = view(poses, [0, 6], "type")
     mesh = figure.data[0]
@@ -199,7 +199,7 @@ def test_the_view_has_twelve_triangles_a_cube(poses):
     own = np.einsum("tij,tj->ti", poses.axes[0][np.array(mesh.i) // 24].transpose(0, 2, 1), outward)
     face = np.array(poses.face_types)[[2 * k + (o[k] < 0) for o in own for k in [int(np.argmax(abs(o)))]]]
     assert {(f, colour) for f, colour in zip(face.tolist(), mesh.facecolor, strict=True)} == {
-        (name, render.FACE_COLOURS[name].upper()) for name in ("f1", "f2")
+        (name, tank.FACE_COLOURS[name].upper()) for name in ("f1", "f2")
     }
     assert len(figure.frames) == 2
     by_size = view(poses, [0, 6])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from mechsim.cli_replay import replay as command
+from mechsim.commands.replay import replay as command
 from mechsim.record import RunSpec, execute
 from mechsim.replay import replay, spec_of
 from mechsim.store import RunStore

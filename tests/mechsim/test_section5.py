@@ -8,9 +8,9 @@ from mechsim.ensemble import run_all
 from mechsim.record import RunRecord, book_of
 from mechsim.scene import Scene
 from mechsim.store import RunStore
-from mechsim.study import STUDIES, Study
-from mechsim.study_cost import Trial, predict, trial
-from mechsim.study_summary import first_time, summarise
+from mechsim.studies.cost import Trial, predict, trial
+from mechsim.studies.study import STUDIES, Study
+from mechsim.studies.summary import first_time, summarise
 
 TO_A_T = ("1+1->dimer.a", "1+1->dimer.a", "dimer.a+dimer.a->quadmer.b", "1+quadmer.b->5")
 NAMES = sorted(path.stem for path in STUDIES.glob("*.toml"))

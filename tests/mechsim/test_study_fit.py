@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from mechsim.study_fit import exponents, fit_log, mean, median, power, ranking
+from mechsim.studies.fit import exponents, fit_log, mean, median, power, ranking
 
 LEVELS = np.array([40.0, 60.0, 80.0, 100.0, 120.0])
 SETS = 400  # of synthetic data

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import RuleBook
+from mechsim.pictures.tank import growth
 from mechsim.record import RunRecord, RunSpec, book_of
-from mechsim.render import growth
 from mechsim.scene import Scene
 from mechsim.species import single_cubes, species_of
 from mechsim.summary import columns_of, plot_counts, row, table

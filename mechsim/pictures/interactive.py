@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from mechsim.pictures.tank import CORNERS, EYE, Paint, face_colours, labels, tank_edges
 from mechsim.poses import Poses
-from mechsim.render import CORNERS, EYE, Paint, face_colours, labels, tank_edges
 from mechsim.store import write_whole
 
 DIGITS = 3  # after the point of a coordinate, in lengths: a file of half the size

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.options import PICTURES, echo_json, in_a_folder, json_option
-from mechsim.options import progress_option, runs_option
+from mechsim.commands.options import progress_option, runs_option
 
 if TYPE_CHECKING:
-    from mechsim.render import Paint
+    from mechsim.pictures.tank import Paint
 
 FILMS = (".mp4", ".gif")
 MOST = {".html": 60, ".mp4": 300, ".gif": 120}  # frames, where --frames does not say; pictures: 5
@@ -63,18 +63,18 @@ def render(
     shown = poses.spread(frames or MOST.get(kind, 5)).tolist()
     paint: Paint = "type" if faces else "size"
     if kind in FILMS:
-        from mechsim import movie
+        from mechsim.pictures import movie
 
         save = movie.save_mp4 if kind == ".mp4" else movie.save_gif
         hidden = None if progress is None else not progress
         with tqdm(total=len(shown), disable=hidden, unit="frame", dynamic_ncols=True) as bar:
             save(movie.images(poses, shown, paint, lambda done: bar.update(done - bar.n)), out, fps)
     elif kind == ".html":
-        from mechsim.interactive import save_html
+        from mechsim.pictures.interactive import save_html
 
         save_html(poses, out, shown, paint)
     else:
-        from mechsim.movie import save_strip
+        from mechsim.pictures.movie import save_strip
 
         save_strip(poses, out, shown, paint)
     if as_json:

@@ -11,7 +11,7 @@ from kinetics.plots import colour
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mechsim.study_summary import PointResult, StudyResult
+    from mechsim.studies.summary import PointResult, StudyResult
 
 GAP = 1.0  # between two groups of boxes
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.network import text_table
-from mechsim.accuracy_plan import Plan, Setting, plan
-from mechsim.accuracy_trial import Trial, counter, execute_trial, unbound
+from mechsim.accuracy.plan import Plan, Setting, plan
+from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound
 from mechsim.ensemble import run_all
 from mechsim.executors import Executor
 from mechsim.record import RunRecord, book_of

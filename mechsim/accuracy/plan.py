@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from kinetics.config import validated
-from mechsim.accuracy_trial import with_numerics
+from mechsim.accuracy.trial import with_numerics
 from mechsim.scene import Scene
 
 STEP_FACTORS = (4.0, 2.0, 1.0, 0.5)  # of the scene's step

@@ -35,7 +35,7 @@ def replay(file: str, last: int, poses: str | None, picture: str | None, seed: i
         told.save(poses)
     if picture is not None:
         from kinetics.plots import save
-        from mechsim.render import draw_tank
+        from mechsim.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(told.record, ax))
     if as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
-from mechsim.options import PARTIAL, executor_options, progress_option, runs_option
+from mechsim.commands.options import PARTIAL, executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
     from mechsim.executors import Executor
@@ -62,8 +62,8 @@ def accuracy(
     and four times its solver iterations. The same call again uses what it finds, and goes on where a budget ended.
     Exit code 4: some trials were given up.
     """
-    from mechsim.accuracy import measure
-    from mechsim.preset import choose
+    from mechsim.accuracy.diagram import measure
+    from mechsim.accuracy.preset import choose
     from mechsim.scene import Scene
     from mechsim.store import RunStore
 
@@ -85,7 +85,7 @@ def accuracy(
         pd.DataFrame(measured.rows()).to_csv(csv_file, index=False, float_format="%.6g")
     if plot_file is not None:
         from kinetics.plots import save
-        from mechsim.accuracy_plot import draw
+        from mechsim.accuracy.plot import draw
 
         save(plot_file, lambda ax: draw(measured, ax.figure), size=(10, 8))
     if as_json:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.options import echo_json, json_option, seed_option
-from mechsim.options import PARTIAL, run_options
+from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
+    from mechsim.commands.options import Part
     from mechsim.executors import Executor
-    from mechsim.options import Part
     from mechsim.record import RunRecord, RunSpec
     from mechsim.store import RunStore
 
@@ -59,9 +59,9 @@ def study(
     from mechsim.ensemble import run_all
     from mechsim.preflight import check_starts
     from mechsim.store import RunStore
-    from mechsim.study import Study
-    from mechsim.study_cost import predict, trial
-    from mechsim.study_summary import summarise
+    from mechsim.studies.cost import predict, trial
+    from mechsim.studies.study import Study
+    from mechsim.studies.summary import summarise
 
     if cost_only and collect:
         raise ValueError("give either --cost-only or --collect: the one predicts, the other reads what there is")

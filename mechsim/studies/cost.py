@@ -12,7 +12,7 @@ import numpy as np
 from kinetics.network import text_table
 from mechsim.record import book_of
 from mechsim.store import RunStore
-from mechsim.study import Point, Study
+from mechsim.studies.study import Point, Study
 
 WARM_UP = 0.5  # tu; cubes start at rest, and drag brings them to the fluid's pace within 0.02
 TRIAL = 5.0  # tu

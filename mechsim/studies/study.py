@@ -22,7 +22,7 @@ from mechsim.record import RunSpec, book_of
 from mechsim.scene import Scene
 from mechsim.species import single_cubes, species_of
 
-STUDIES = Path(__file__).parent / "studies"
+STUDIES = Path(__file__).parent / "shipped"
 NUMBER = "number"  # the one setting that is not the scene's: cubes in the tank
 
 

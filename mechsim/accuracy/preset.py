@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from kinetics.config import Settings, find, read_toml, validated, write_toml
-from mechsim.accuracy_plan import MOST_ITERATIONS
-from mechsim.accuracy_trial import with_numerics
+from mechsim.accuracy.plan import MOST_ITERATIONS
+from mechsim.accuracy.trial import with_numerics
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
-    from mechsim.accuracy import Accuracy, Change, Point
+    from mechsim.accuracy.diagram import Accuracy, Change, Point
 
 PRESETS = Path(__file__).parent / "presets"
 # The cheapest step whose error is, with 95 % confidence, within this.

@@ -1,19 +1,18 @@
-"""Commands of the mechanics: `wellmixed simulate` and `export`."""
+"""The command `wellmixed simulate`: runs of the mechanics, kept as they are made."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from kinetics.options import echo_json, json_option, picture_of, plot_option, seed_option
-from mechsim.options import PARTIAL, run_options
+from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
+    from mechsim.commands.options import Part
     from mechsim.executors import Executor
-    from mechsim.options import Part
 
 
 @click.command()
@@ -95,7 +94,7 @@ def simulate(
         raise ValueError(f"--without {unknown[0]}: scene {described.name} lists {listed}")
     known = None
     if preset is not None:
-        from mechsim.preset import load
+        from mechsim.accuracy.preset import load
 
         known = load(preset, described, without)
         described = known.scene(described)
@@ -126,11 +125,11 @@ def simulate(
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:
         from kinetics.plots import save
-        from mechsim.render import draw_tank
+        from mechsim.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(outcome.records[0], ax))
     if growth_file and outcome.records:
-        from mechsim.render import growth
+        from mechsim.pictures.tank import growth
 
         growth(outcome.records[0]).save(growth_file)
     sound = [record for record in outcome.records if record.completed]
@@ -168,29 +167,6 @@ def simulate(
         click.echo(f"{outcome.computed} runs made, {outcome.reused} found; digest {outcome.digest[:16]}")
     if outcome.quarantined or len(sound) < len(outcome.records):
         click.get_current_context().exit(PARTIAL)
-
-
-@click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False))
-@click.option("--out", required=True, type=click.Path(file_okay=False), help="Folder for the tables.")
-@click.option("--format", "formats", multiple=True, type=click.Choice(["parquet", "csv"]), default=("parquet", "csv"))
-@seed_option
-@json_option
-def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: bool) -> None:
-    """Write the runs kept in FOLDER as tables: one of runs, one of events.
-
-    Nothing here is random; --seed is taken because every command takes it.
-    """
-    from mechsim.store import RunStore
-
-    if not (Path(folder) / "format").is_file():
-        raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
-    written = RunStore(folder).export(out, formats)
-    if as_json:
-        echo_json({"folder": folder, "written": [str(path) for path in written], "seed": seed})
-    else:
-        for path in written:
-            click.echo(str(path))
 
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:

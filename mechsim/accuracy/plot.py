@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.plots import colour
-from mechsim.accuracy import QUANTITIES, Accuracy, Point
+from mechsim.accuracy.diagram import QUANTITIES, Accuracy, Point
 
 MARKERS = ("o", "s", "^", "D", "v")
 LOWEST = 1e-3  # of the errors shown

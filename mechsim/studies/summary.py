@@ -16,9 +16,9 @@ from kinetics.arrays import Floats
 from kinetics.network import text_table
 from mechsim.record import RunRecord
 from mechsim.store import write_whole
-from mechsim.study import Point, Study
-from mechsim.study_cost import Trial
-from mechsim.study_fit import Estimate, Share, exponents, mean, median, power, ranking
+from mechsim.studies.cost import Trial
+from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
+from mechsim.studies.study import Point, Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,7 +131,7 @@ class StudyResult:
 
     def plot(self, ax: Axes) -> Axes:
         """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
-        from mechsim.study_plots import boxes
+        from mechsim.studies.plots import boxes
 
         return boxes(ax, self)
 

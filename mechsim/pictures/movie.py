@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mechsim.pictures.tank import Paint, draw_frame
 from mechsim.poses import Poses
-from mechsim.render import Paint, draw_frame
 from mechsim.store import write_whole
 
 WIDTH, HEIGHT = 640, 640  # px of a film; H.264 wants them even

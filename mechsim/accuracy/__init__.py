@@ -1,0 +1,1 @@
+"""What accuracy of the mechanics costs in time, and the presets that follow from it."""

@@ -1,0 +1,1 @@
+"""Commands of the mechanics, one file each; `wellmixed` mounts them."""

@@ -1,0 +1,32 @@
+"""The command `wellmixed export`: stored runs as tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from kinetics.options import echo_json, json_option, seed_option
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False))
+@click.option("--out", required=True, type=click.Path(file_okay=False), help="Folder for the tables.")
+@click.option("--format", "formats", multiple=True, type=click.Choice(["parquet", "csv"]), default=("parquet", "csv"))
+@seed_option
+@json_option
+def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: bool) -> None:
+    """Write the runs kept in FOLDER as tables: one of runs, one of events.
+
+    Nothing here is random; --seed is taken because every command takes it.
+    """
+    from mechsim.store import RunStore
+
+    if not (Path(folder) / "format").is_file():
+        raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
+    written = RunStore(folder).export(out, formats)
+    if as_json:
+        echo_json({"folder": folder, "written": [str(path) for path in written], "seed": seed})
+    else:
+        for path in written:
+            click.echo(str(path))
