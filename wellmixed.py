@@ -17,18 +17,22 @@ COMMANDS = {
         "study",
         "First times against speed, number and size, cost first.",
     ),
-    "calibrate": ("calibration.cli", "calibrate", "Measure the reaction rates in mechanics runs."),
+    "calibrate": ("calibration.commands.calibrate", "calibrate", "Measure the reaction rates in mechanics runs."),
     "predict": ("kinetics.cli", "predict", "Predict the assembly as a Markov chain."),
     "passage": ("kinetics.cli", "passage", "Time until the first copy of a species appears."),
-    "validate": ("calibration.cli", "validate", "Compare prediction and mechanics the rates never saw."),
-    "demo": ("calibration.cli", "demo", "The whole loop on a small budget, with a report."),
+    "validate": ("calibration.commands.validate", "validate", "Compare prediction and mechanics the rates never saw."),
+    "demo": ("calibration.commands.demo", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),
     "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
-    "accuracy": ("mechsim.commands.accuracy", "accuracy", "Show what accuracy of the mechanics costs in time."),
     "render": ("mechsim.commands.render", "render", "Show a run: pictures, a film, or a view to turn."),
     "replay": ("mechsim.commands.replay", "replay", "Make a stored run again and look at its last steps."),
     "export": ("mechsim.commands.export", "export", "Write stored runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check rule books."),
+}
+
+# `wellmixed accuracy ...`, a command a room
+ACCURACY = {
+    "mechanics": ("mechsim.commands.accuracy", "mechanics", "Error of mean speed and encounter rate against CPU time."),
 }
 
 # package that a command may lack -> the extra that brings it
@@ -83,6 +87,12 @@ def main(debug: bool) -> None:
     del debug
 
 
+@main.group()
+def accuracy() -> None:
+    """Show what accuracy costs in time."""
+
+
+mount(accuracy, ACCURACY)
 mount(main, COMMANDS)
 
 if __name__ == "__main__":

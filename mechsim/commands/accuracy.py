@@ -1,4 +1,4 @@
-"""`wellmixed accuracy`."""
+"""`wellmixed accuracy mechanics`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @progress_option
 @seed_option
 @json_option
-def accuracy(
+def mechanics(
     scene: str,
     cubes: int,
     duration: float,

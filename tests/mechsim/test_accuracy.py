@@ -285,7 +285,9 @@ def test_a_scene_that_stops_at_once_is_told(line4, tmp_path):
 def test_command(scene_file, tmp_path):
     arguments = ["--cubes", "2", "--duration", "0.2", "--rounds", "1", "--runs-folder", str(tmp_path / "runs")]
     out = [str(tmp_path / "a.csv"), str(tmp_path / "a.svg")]
-    done = CliRunner().invoke(main, ["accuracy", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]])
+    done = CliRunner().invoke(
+        main, ["accuracy", "mechanics", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]]
+    )
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert "predicted cost" in done.stderr
@@ -305,7 +307,18 @@ def test_command(scene_file, tmp_path):
     ],
 )
 def test_bad_requests(scene_file, tmp_path, arguments, message):
-    given = ["accuracy", scene_file, "--cubes", "2", "--duration", "1", "--runs-folder", str(tmp_path), *arguments]
+    given = [
+        "accuracy",
+        "mechanics",
+        scene_file,
+        "--cubes",
+        "2",
+        "--duration",
+        "1",
+        "--runs-folder",
+        str(tmp_path),
+        *arguments,
+    ]
     done = CliRunner().invoke(main, given)
     assert done.exit_code == 2
     assert message in done.output

@@ -131,7 +131,7 @@ def test_a_scene_that_was_never_measured(tmp_path):
     )
     assert done.exit_code == 2
     assert "preset 'draft' was never measured for scene t5" in done.output
-    assert "wellmixed accuracy" in done.output
+    assert "wellmixed accuracy mechanics" in done.output
 
 
 def test_bonds_may_be_left_out(line4):
