@@ -10,7 +10,7 @@ from pydantic import Field
 
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.ornstein_uhlenbeck import check_memory
-from mechsim.kernels.fluid import flow
+from mechsim.kernels.fluid import flow, renew
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
@@ -60,25 +60,19 @@ class RandomField(Effect):
 
 class _Flowing(Action):
     def __init__(self, settings: RandomField, world: World):
-        self.settings, self.world = settings, world
-        self.rng = world.stream("agitation")
-        self.replaced = -math.expm1(-world.step_size / settings.correlation_time)
-        self.modes = np.zeros((settings.modes, 7))  # wave vector, phase, amplitude
+        self.world, self.rng = world, world.stream("agitation")
+        self.wave_spread = 1 / settings.correlation_length
+        self.push_spread = settings.sigma * math.sqrt(3 / settings.modes)
+        self.replaced = -math.expm1(-world.step_size / settings.correlation_time)  # chance of a mode in a step
+        self.modes = np.zeros((settings.modes, 7))
+        self.renew(1.0)
 
-    def draw(self, count: int) -> np.ndarray:
-        """New modes (count, 7)."""
-        s, rng = self.settings, self.rng
-        wave = rng.standard_normal((count, 3)) / s.correlation_length
-        push = rng.standard_normal((count, 3)) * s.sigma * math.sqrt(3 / s.modes)
-        push -= wave * ((push * wave).sum(axis=1) / (wave * wave).sum(axis=1))[:, None]
-        phase = rng.uniform(0, 2 * math.pi, count)
-        return np.column_stack([wave, phase, push])
+    def renew(self, chance: float) -> None:
+        """Let new modes come for old ones."""
+        renew(self.modes, chance, self.wave_spread, self.push_spread, self.rng)
 
     def before_step(self) -> None:
         w = self.world
-        old = np.ones(len(self.modes), bool)
         if w.step_count:
-            old = self.rng.random(len(self.modes)) < self.replaced
-        if old.any():
-            self.modes[old] = self.draw(int(old.sum()))
+            self.renew(self.replaced)
         flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, w.fluid)
