@@ -9,10 +9,9 @@ import click
 import numpy as np
 
 from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
-from kinetics.network import Network, text_table
+from kinetics.network import text_table
 from kinetics.options import (
     NumbersCommand,
-    counts_of,
     csv_option,
     echo_json,
     json_option,
@@ -20,10 +19,10 @@ from kinetics.options import (
     seed_option,
     time_grid,
 )
+from kinetics.starting import network_of_book, start
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
-    from kinetics.rates import Rates
 
 METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
     **{method.name: method for method in SAMPLING_METHODS},
@@ -34,14 +33,12 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 
 def starting_options(command: Any) -> Any:
-    """Book, rates, and what the tank holds at time 0."""
+    """Book or network file, rates, and what the tank holds at time 0."""
     for decorate in (
         click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
         click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
-        click.option(
-            "--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: table3, or a .toml file."
-        ),
-        click.argument("book"),
+        click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates: table3, or a .toml file."),
+        click.argument("book", metavar="NETWORK"),
     ):
         command = decorate(command)
     return command
@@ -61,7 +58,7 @@ def starting_options(command: Any) -> Any:
 @json_option
 def predict(
     book: str,
-    rates_name: str,
+    rates_name: str | None,
     cubes: int | None,
     initial: str | None,
     duration: float | None,
@@ -75,16 +72,17 @@ def predict(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Predict how the assembly of BOOK proceeds, as a Markov chain.
+    """Predict how the assembly by a rule book proceeds, or the reactions of a network file, as a Markov chain.
 
+    NETWORK is a book, which needs --rates and --cubes, or a file that brings both (BioNetGen's .net and others).
     Mean and standard deviation of every species over time; a 95 % interval of the mean where the rates carry the
     evidence for one. The method `ssa` samples runs, `exact` solves the master equation.
     """
     from kinetics.prediction import predict as make
 
-    network, rates, state = _start(book, rates_name, cubes, initial)
+    begin = start(book, rates_name, cubes, initial)
     grid = time_grid(duration, times)
-    made = make(network, rates, state, grid, METHODS[method](), runs, seed, draws, threads)
+    made = make(begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads)
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
@@ -97,13 +95,13 @@ def predict(
             {
                 "book": book,
                 "rates": rates_name,
-                "convention": rates.convention.model_dump(),
-                "initial": dict(zip(network.species, state, strict=True)),
+                "convention": begin.convention,
+                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "method": method,
                 "runs": runs if METHODS[method] in SAMPLING_METHODS else None,
                 "seed": seed,
                 "times": made.times,
-                "species": network.species,
+                "species": begin.network.species,
                 "mean": made.mean,
                 "sd": made.sd,
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
@@ -127,7 +125,7 @@ def predict(
 @json_option
 def passage(
     book: str,
-    rates_name: str,
+    rates_name: str | None,
     cubes: int | None,
     initial: str | None,
     species: str,
@@ -141,8 +139,8 @@ def passage(
     from kinetics.prediction import evidence_notes, predict_passage
 
     began = time.process_time()
-    network, rates, state = _start(book, rates_name, cubes, initial)
-    law, interval = predict_passage(network, rates, state, species, copies, seed, draws)
+    begin = start(book, rates_name, cubes, initial)
+    law, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
     quantiles = law.quantile(QUANTILES)
     if plot_file:
         from kinetics import plots
@@ -154,8 +152,8 @@ def passage(
             {
                 "book": book,
                 "rates": rates_name,
-                "convention": rates.convention.model_dump(),
-                "initial": dict(zip(network.species, state, strict=True)),
+                "convention": begin.convention,
+                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "species": species,
                 "copies": copies,
                 "mean": law.mean,
@@ -167,7 +165,7 @@ def passage(
                 "interval": {"level": 0.95, "low": interval[0], "high": interval[1]} if interval else None,
                 "error": law.error,
                 "seed": seed,
-                "notes": evidence_notes(rates),
+                "notes": evidence_notes(begin.rates),
                 "cpu_seconds": time.process_time() - began,
             }
         )
@@ -176,7 +174,7 @@ def passage(
     if interval:
         click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
-    for note in evidence_notes(rates):
+    for note in evidence_notes(begin.rates):
         click.echo(note)
 
 
@@ -189,7 +187,7 @@ def derive(book: str, seed: int, as_json: bool) -> None:
 
     Nothing here is random; --seed is taken because every command takes it.
     """
-    network, _ = _network(book)
+    network, _ = network_of_book(book)
     if not as_json:
         click.echo(str(network))
         return
@@ -207,28 +205,6 @@ def derive(book: str, seed: int, as_json: bool) -> None:
             "seed": seed,
         }
     )
-
-
-def _network(book_name: str) -> tuple[Network, str]:
-    """The network that a book gives, and the name of its single cube."""
-    from kinetics.assembly import RuleBook
-    from kinetics.assembly import derive as derive_network
-
-    book = RuleBook.load(book_name)
-    derivation = derive_network(book)
-    return derivation.network, derivation.network.species[derivation.species_of(book.monomer())]
-
-
-def _start(book: str, rates_name: str, cubes: int | None, initial: str | None) -> tuple[Network, Rates, np.ndarray]:
-    """Network, rates and the counts at time 0."""
-    from kinetics.rates import Rates
-
-    if (cubes is None) == (initial is None):
-        raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
-    rates = Rates.load(rates_name)
-    network, monomer = _network(book)
-    counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
-    return network, rates, network.state(counts)
 
 
 def _prediction_table(made: Prediction) -> str:

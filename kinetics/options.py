@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -78,9 +79,9 @@ class NumbersCommand(click.Command):
 
 
 def counts_of(text: str) -> dict[str, int]:
-    """`monomer=20,dimer=20` as counts."""
+    """`monomer=20,dimer=20` as counts. Names may hold commas: `A(x,y)=3`."""
     counts: dict[str, int] = {}
-    for part in text.split(","):
+    for part in re.split(r",(?![^()]*\))", text):
         name, equals, number = part.strip().partition("=")
         if not equals or not number.strip().isdecimal():
             raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")

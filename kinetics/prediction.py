@@ -73,7 +73,7 @@ class Prediction:
 
 def predict(
     network: Network,
-    rates: Rates,
+    rates: Rates | None,
     initial: ArrayLike,
     times: ArrayLike,
     method: SamplingMethod | SolvingMethod | None = None,
@@ -84,6 +84,7 @@ def predict(
 ) -> Prediction:
     """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
 
+    rates : None for the network's own, taken as known: there is no interval then
     method : Auto() unless another is given
     runs : of a sampling method
     draws : rate sets drawn from `rates.sample` for the interval
@@ -93,7 +94,7 @@ def predict(
     from the runs). So it shows what the rates leave open, and nothing else. Approximate: quantiles of `draws` values.
     """
     began = time.process_time()
-    model = rates.apply(network)
+    model = network if rates is None else rates.apply(network)
     method = Auto() if method is None else method
     result: Ensemble | Distribution
     if isinstance(method, SamplingMethod):
@@ -103,7 +104,7 @@ def predict(
         result = solve(model, method, initial, times)
         standard_error, error = np.zeros((result.times.size, len(model.species))), result.error
     low = high = None
-    if not _is_bare(rates):
+    if rates is not None and not _is_bare(rates):
         means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads)
         low, high = _noise_free_limits(means, noise)
     return Prediction(
@@ -124,7 +125,7 @@ def predict(
 
 def predict_passage(
     network: Network,
-    rates: Rates,
+    rates: Rates | None,
     initial: ArrayLike,
     species: str,
     copies: int = 1,
@@ -135,9 +136,9 @@ def predict_passage(
 
     Each draw of the rates is solved exactly. The interval is None where the rates carry no evidence.
     """
-    model = rates.apply(network)
+    model = network if rates is None else rates.apply(network)
     passage = first_passage(model, initial, species, copies)
-    if _is_bare(rates):
+    if rates is None or _is_bare(rates):
         return passage, None
     means = [first_passage(drawn, initial, species, copies).mean for drawn in _drawn(model, rates, seed, draws)]
     # No interpolation between a finite mean and an infinite one.
@@ -145,8 +146,10 @@ def predict_passage(
     return passage, (float(low), float(high))
 
 
-def evidence_notes(rates: Rates) -> tuple[str, ...]:
+def evidence_notes(rates: Rates | None) -> tuple[str, ...]:
     """What a reader must know about the interval of a prediction from `rates`."""
+    if rates is None:
+        return ("no interval: the network's own rates are taken as known",)
     bare = rates.without_evidence()
     if _is_bare(rates):
         return ("no interval: these rates come without evidence (events and exposure)",)

@@ -103,7 +103,7 @@ def test_derive():
         (["--rates", "table3", "--initial", "pentamer=3"], "unknown species 'pentamer'"),
         (["--rates", "table3", "--initial", "monomer=-3"], "expected species=count"),
         (["--rates", "table3", "--initial", "monomer=3,monomer=4"], "names 'monomer' twice"),
-        (["--cubes", 60], "Missing option '--rates'"),
+        (["--cubes", 60], "a rule book has no rates; name some"),
         (["--rates", "table3", "--cubes", 60, "--seed", -1], "-1 is not in the range"),
     ],
 )

@@ -1,0 +1,36 @@
+"""Network files of other programs, read and written.
+
+To add a kind: write its class in a file of its own, after `Format` in `kinetics.formats.model`, and put it into the
+tuple. The commands and the tests read the tuple.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kinetics.formats.model import Format, Model
+
+FORMATS: tuple[Format, ...] = ()
+SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
+
+
+def read(path: str | Path) -> Model:
+    """The model in a network file; its kind is told by what its name ends in."""
+    file = Path(path)
+    kind = _kind_of(file)
+    if not file.is_file():
+        raise ValueError(f"network file {path} does not exist")
+    return kind.read(file)
+
+
+def write(model: Model, path: str | Path) -> None:
+    """Write a network file; its kind is told by what its name ends in."""
+    file = Path(path)
+    file.write_text(_kind_of(file).text(model), encoding="utf-8")
+
+
+def _kind_of(file: Path) -> Format:
+    for kind in FORMATS:
+        if file.suffix.lower() in kind.suffixes:
+            return kind
+    raise ValueError(f"{file} is not a network file that we know; its name must end in {', '.join(SUFFIXES)}")

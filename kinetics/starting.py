@@ -1,0 +1,81 @@
+"""What a prediction starts from: a network, its rates, and what the tank holds at time 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kinetics.arrays import Ints
+from kinetics.network import Network
+from kinetics.options import counts_of
+
+if TYPE_CHECKING:
+    from kinetics.rates import Rates
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A network with the counts (S,) at time 0.
+
+    rates : to be applied to it; None where the network has its own, as one from a file has
+    """
+
+    network: Network
+    state: Ints
+    rates: Rates | None = None
+
+    @property
+    def convention(self) -> dict[str, Any]:
+        """How a propensity is put together, as a rates file tells it."""
+        from kinetics.rates import Convention
+
+        if self.rates is not None:
+            return self.rates.convention.model_dump()
+        return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
+
+
+def start(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+    """The start that the arguments of `predict` and `passage` ask for.
+
+    source : a rule book, whose network needs rates and counts; or a network file, which has both
+    """
+    if is_network_file(source):
+        return _from_file(source, rates_name, cubes, initial)
+    from kinetics.rates import Rates
+
+    if rates_name is None:
+        raise ValueError("a rule book has no rates; name some, as in --rates table3")
+    if (cubes is None) == (initial is None):
+        raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
+    rates = Rates.load(rates_name)
+    network, monomer = network_of_book(source)
+    counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
+    return Start(network, network.state(counts), rates)
+
+
+def network_of_book(name: str) -> tuple[Network, str]:
+    """The network that a book gives, and the name of its single cube."""
+    from kinetics.assembly import RuleBook, derive
+
+    book = RuleBook.load(name)
+    derivation = derive(book)
+    return derivation.network, derivation.network.species[derivation.species_of(book.monomer())]
+
+
+def is_network_file(source: str) -> bool:
+    """Does the name end as a network file's does? A book ends in .toml, or in nothing."""
+    from kinetics.formats import SUFFIXES
+
+    return Path(source).suffix.lower() in SUFFIXES
+
+
+def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+    from kinetics.formats import read
+
+    for option, value in (("--rates", rates_name), ("--cubes", cubes)):
+        if value is not None:
+            raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
+    model = read(source)
+    counts = dict(zip(model.network.species, model.initial.tolist(), strict=True)) | counts_of(initial or "")
+    return Start(model.network, model.network.state(counts))
