@@ -20,6 +20,7 @@ COMMANDS = {
     "calibrate": ("calibration.commands.calibrate", "calibrate", "Measure the reaction rates in mechanics runs."),
     "predict": ("kinetics.cli", "predict", "Predict the assembly as a Markov chain."),
     "passage": ("kinetics.cli", "passage", "Time until the first copy of a species appears."),
+    "rates": ("calibration.commands.rates", "rates", "Measure the rates at each point of a study."),
     "validate": ("calibration.commands.validate", "validate", "Compare prediction and mechanics the rates never saw."),
     "demo": ("calibration.commands.demo", "demo", "The whole loop on a small budget, with a report."),
     "derive": ("kinetics.cli", "derive", "Show the reaction network that a rule book gives."),

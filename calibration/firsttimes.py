@@ -85,20 +85,27 @@ def compare_first_times(
     rate_draws: Floats | None = None,
     first_run: int = 0,
     max_states: int = MAX_STATES,
+    horizon: float | None = None,
 ) -> FirstTimes:
     """First times of `paths` against the law of `network` (with rate constants) from the same initial state.
 
     rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
     first_run : number of the first simulated run, see `Direct.simulate`
     max_states : with more states on the way than these, the law is that of 10,000 SSA runs
+    horizon : tu until which all runs would have been watched, had they not ended with their first copy. None: they did
+        not, and all were watched as long as the shortest
 
     Runs still waiting at the horizon are not thrown away: they enter both means as `horizon`, and the test compares the
     curves only up to there, with the null distribution drawn under the same censoring.
     """
     if paths[0].initial[network.index(species)]:
         raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")
-    horizon = float(min(path.end for path in paths))
     times = np.array([path.first_time(species) for path in paths])
+    watched = np.array([path.end for path in paths])
+    if horizon is None:
+        horizon = float(watched.min())
+    elif (short := np.isnan(times) & (watched < horizon)).any():
+        raise ValueError(f"horizon = {horizon:g}, but a run without a copy ends at {watched[short].min():g} tu")
     times[times > horizon] = np.nan
     cut = np.nan_to_num(times, nan=horizon)
     grid = np.linspace(0.0, horizon, CURVE)

@@ -15,6 +15,7 @@ from kinetics.plots import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from calibration.bypoint import RatesByPoint
     from calibration.crossvalidation import CrossValidation
     from calibration.diagnostics import Homogeneity, WaitingTimes
     from calibration.estimate import Calibration
@@ -164,4 +165,48 @@ def first_times(ax: Axes, first: FirstTimes) -> Axes:
     ax.set_xlabel("time (tu)")
     ax.set_ylabel(f"share of runs with a {first.species}")
     ax.legend(frameon=False, fontsize="small", loc="lower right")
+    return ax
+
+
+def rates_by_point(ax: Axes, found: RatesByPoint, channel: str) -> Axes:
+    """The rate of one channel at each point, with exact 95 % intervals and its events."""
+    for i, point in enumerate(found.points):
+        estimate = point.calibration[channel]
+        low, high = estimate.interval()
+        forest_row(ax, i, estimate.rate, low, high)
+        ax.annotate(f"{estimate.events}", (1.01, i), xycoords=ax.get_yaxis_transform(), va="center", fontsize="small")
+    ax.set_yticks(range(len(found.points)), [point.title for point in found.points])
+    ax.set_ylim(len(found.points) - 0.5, -0.5)
+    ax.set_xlim(left=0)
+    ax.set_xlabel("rate constant k (1/tu), 95 % interval; events on the right")
+    ax.set_title(channel)
+    return ax
+
+
+def first_by_point(ax: Axes, found: RatesByPoint) -> Axes:
+    """Mean of min(first time, cap) at each point: seen, and predicted from the rates of the other points."""
+    rows = found.first_table()
+    x = np.arange(len(rows))
+    keys = ("mean", "low", "high", "predicted", "predicted_low", "predicted_high")
+    seen, low, high, predicted, bottom, top = (np.array([row[key] for row in rows]) for key in keys)
+    ax.errorbar(
+        x - 0.08, seen, [seen - low, high - seen], fmt="o", color=OBSERVED, capsize=3, label="mechanics, 95 % interval"
+    )
+    ax.errorbar(
+        x + 0.08,
+        predicted,
+        np.maximum([predicted - bottom, top - predicted], 0),
+        fmt="s",
+        color=PREDICTED,
+        capsize=3,
+        label="Markov chain with the others' rates, 95 % left open by these",
+    )
+    for i, row in enumerate(rows):
+        text = f"p = {row['p_value']:.2g}"
+        ax.annotate(text, (i, high[i]), (0, 4), textcoords="offset points", ha="center", fontsize="small")
+    ax.set_xticks(x, [row["point"] for row in rows])
+    ax.set_xlim(-0.5, len(rows) - 0.5)
+    ax.set_ylim(0, 1.15 * high.max())
+    ax.set_ylabel(f"mean time to the first {found.species} (tu)\nuntil {found.cap:g} tu")
+    ax.legend(frameon=False, fontsize="small")
     return ax

@@ -100,6 +100,10 @@ class RunStore:
         manifest, arrays = contents
         return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"], manifest["cost"])
 
+    def existing(self, specs: Iterable[RunSpec]) -> list[RunRecord]:
+        """Those of these runs that are here."""
+        return [record for spec in specs if (record := self.read(spec)) is not None]
+
     def digest(self, specs: Iterable[RunSpec]) -> str:
         """SHA-256 over what happened in these runs, in order; ValueError where one is missing."""
         records = []

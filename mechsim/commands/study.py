@@ -87,7 +87,7 @@ def study(
             echo_json(told | {"runs_to_make": prediction.missing})
         return
     if collect:
-        records, given_up = _stored(store, specs), 0
+        records, given_up = store.existing(specs), 0
     else:
         outcome = run_all(specs, store, workers=workers, progress=progress)
         records, given_up = list(outcome.records), len(outcome.quarantined)
@@ -109,8 +109,3 @@ def study(
             click.echo(f"{stopped} runs stopped by the guard, {given_up} given up: none of them is counted above")
     if stopped or given_up:
         click.get_current_context().exit(PARTIAL)
-
-
-def _stored(store: RunStore, specs: list[RunSpec]) -> list[RunRecord]:
-    """Those runs that are in the store."""
-    return [record for spec in specs if (record := store.read(spec)) is not None]

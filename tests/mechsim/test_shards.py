@@ -132,7 +132,8 @@ def in_python(code):
 def test_without_dask():
     """Nothing needs it but --scheduler, which says what to install."""
     without = "import sys; sys.modules['distributed'] = sys.modules['dask'] = None\n"
-    assert in_python(f"{without}import mechsim.ensemble, mechsim.commands.options, calibration.cli").returncode == 0
+    rooms = "import mechsim.ensemble, mechsim.commands.options, calibration.commands.calibrate"
+    assert in_python(without + rooms).returncode == 0
     done = in_python(f"{without}from wellmixed import main; main({[*map(str, SIMULATE), '--scheduler', 'a:1']})")
     assert done.returncode == 2
     assert done.stderr == "Error: this needs distributed; install it by: pip install 'wellmixed[dist]'\n"

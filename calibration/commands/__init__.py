@@ -1,0 +1,1 @@
+"""Commands that know all three rooms, one file each; `wellmixed` mounts them."""

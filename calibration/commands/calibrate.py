@@ -1,0 +1,94 @@
+"""The command `wellmixed calibrate`: mechanics runs -> rates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from calibration.commands.shared import leave, rates_table, report_option, seed_option
+from kinetics.options import echo_json, in_a_folder, json_option
+from mechsim.commands.options import run_options
+
+if TYPE_CHECKING:
+    from mechsim.commands.options import Part
+    from mechsim.executors import Executor
+
+
+@click.command()
+@click.argument("scene")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(dir_okay=False),
+    callback=in_a_folder,
+    help="The rates file to write (TOML).",
+)
+@click.option("--cubes", type=click.IntRange(min=1), default=60, show_default=True)
+@click.option("--join-time", type=float, default=1000.0, show_default=True, help="tu for each mixture with bonding.")
+@click.option("--break-time", type=float, default=4000.0, show_default=True, help="tu for each tank without bonding.")
+@report_option
+@run_options
+@seed_option(1)
+@json_option
+def calibrate(
+    scene: str,
+    out: str,
+    cubes: int,
+    join_time: float,
+    break_time: float,
+    report: str | None,
+    runs_folder: str,
+    workers: Executor,
+    part: Part | None,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Measure the reaction rates of SCENE in mechanics runs and write them with 95 % intervals.
+
+    Runs start from several mixtures and are put back after every event; breaks, being rare, are watched in tanks
+    without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
+    """
+    from calibration.study import calibration_specs, run_calibration
+    from mechsim.scene import Scene
+
+    target = Path(out)
+    if target.suffix != ".toml":
+        raise ValueError(f"--out {out}: expected a name that ends in .toml")
+    described = Scene.load(scene)
+    if part is not None:
+        specs = calibration_specs(described, cubes, join_time, break_time, seed)
+        part.make(specs, runs_folder, workers, progress, as_json)
+        return
+    study = run_calibration(
+        described,
+        runs_folder,
+        cubes=cubes,
+        join_time=join_time,
+        break_time=break_time,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
+    study.rates.save(target)
+    if report:
+        from calibration.overview import calibration_report
+
+        calibration_report(study).write(report, data=True)
+    if as_json:
+        echo_json(
+            {
+                "out": out,
+                "channels": study.calibration.table(),
+                "evidence": study.rates.evidence,
+                "diagnostics": study.diagnosis.table(),
+                "problems": study.problems,
+                "seed": seed,
+            }
+        )
+    else:
+        click.echo(rates_table(study))
+        click.echo(f"rates written to {out}")
+    leave(study.problems)

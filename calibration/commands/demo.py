@@ -1,0 +1,62 @@
+"""The command `wellmixed demo`: the whole loop on a small budget."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from calibration.commands.shared import comparison_table, leave, rates_table, seed_option
+from kinetics.options import echo_json, json_option
+from mechsim.commands.options import executor_options, progress_option
+
+if TYPE_CHECKING:
+    from mechsim.executors import Executor
+
+
+@click.command()
+@click.option("--folder", default="demo-output", show_default=True, type=click.Path(file_okay=False))
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Of all durations: 2 takes twice the time.")
+@executor_options
+@progress_option
+@seed_option(1)
+@json_option
+def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
+    """The whole loop on real mechanics and a small budget: rates, predictions, held-out runs, report.html."""
+    from calibration.overview import full_report
+    from calibration.study import run_calibration, run_validation, watched_run
+    from mechsim.pictures.tank import draw_tank
+    from mechsim.scene import Scene
+
+    if not 0.1 <= scale <= 100:
+        raise ValueError(f"--scale {scale}; expected a number from 0.1 to 100")
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    scene, runs_folder = Scene.load("line4"), place / "runs"
+    common: dict[str, Any] = {"workers": workers, "progress": progress}
+    calibrated = run_calibration(scene, runs_folder, join_time=300 * scale, break_time=800 * scale, seed=seed, **common)
+    rates_file = place / "rates.toml"
+    calibrated.rates.save(rates_file)
+    if not as_json:
+        click.echo(rates_table(calibrated))
+    validated = run_validation(
+        scene, calibrated.rates, runs_folder, runs=4, duration=200 * scale, seed=seed + 1, **common
+    )
+    record = watched_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
+    report = full_report(calibrated, validated, lambda ax: draw_tank(record, ax))
+    written = report.write(place / "report.html", data=True)[-1]
+    if as_json:
+        echo_json(
+            {
+                "rates": str(rates_file),
+                "report": str(written),
+                "channels": calibrated.calibration.table(),
+                "summary": validated.summary(),
+                "seed": seed,
+            }
+        )
+    else:
+        click.echo(comparison_table(validated))
+        click.echo(f"rates: {rates_file}   report: {written}")
+    leave(calibrated.problems + validated.problems)

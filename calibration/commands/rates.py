@@ -1,0 +1,107 @@
+"""The command `wellmixed rates`: what the runs of a study say about the rates, point by point."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from calibration.commands.shared import seed_option
+from kinetics.network import text_table
+from kinetics.options import echo_json, json_option
+
+if TYPE_CHECKING:
+    from calibration.bypoint import RatesByPoint
+
+SHOWN = 3  # channels drawn, those with the most events
+
+
+@click.command()
+@click.argument("study")
+@click.option("--runs", type=click.IntRange(min=1), help="At most so many a point.  [default: all there are]")
+@click.option(
+    "--points",
+    "choices",
+    multiple=True,
+    metavar="FACTOR=LEVEL,...",
+    help="Only the points with these levels; may be repeated, once for each factor.",
+)
+@click.option("--runs-folder", default="runs", show_default=True, type=click.Path(exists=True, file_okay=False))
+@click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and figures (SVG).")
+@seed_option(1)
+@json_option
+def rates(
+    study: str,
+    runs: int | None,
+    choices: tuple[str, ...],
+    runs_folder: str,
+    out: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Measure the rates at each point of STUDY, from the runs that `wellmixed study` with the same --seed has made.
+
+    Points of one scene should have the same rates, whatever their number of cubes. So each of them is also predicted
+    from the rates of the others: the law of its first times by the Markov chain, beside those of its own runs.
+    """
+    from calibration.bypoint import PointRuns, rates_by_point
+    from mechsim.store import RunStore
+    from mechsim.studies.study import Study
+
+    described, store = Study.load(study), RunStore(runs_folder)
+    points = []
+    for point in described.chosen(choices):
+        specs = point.specs(described.cap, runs or described.runs, seed)
+        paths = tuple(record.path for record in store.existing(specs) if record.completed)
+        if not paths:
+            raise ValueError(
+                f"{runs_folder} holds no run of {study} at {point.title} with seed {seed}; make them by: "
+                f"wellmixed study {study} --seed {seed} --runs-folder {runs_folder}"
+            )
+        points.append(PointRuns(point.title, point.scene.fingerprint, paths))
+    found = rates_by_point(points, str(specs[0].until), described.cap, seed)
+    written = _save(found, described.name, Path(out)) if out is not None else []
+    tables = {"rates": found.rates_table(), "first_times": found.first_table()}
+    if as_json:
+        echo_json({"study": described.name, "species": found.species, "seed": seed} | tables | {"written": written})
+    else:
+        for rows in tables.values():
+            if rows:
+                click.echo(
+                    text_table(list(rows[0]), [[_short(value) for value in row.values()] for row in rows]) + "\n"
+                )
+        for path in written:
+            click.echo(path)
+
+
+def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
+    """Both tables, and the figures, each whole or not at all."""
+    from calibration.bypoint import most_seen
+    from kinetics.plots import save
+    from mechsim.store import write_whole
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for kind, rows in (("rates", found.rates_table()), ("predicted", found.first_table())):
+        if rows:
+            text = io.StringIO()
+            table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+            table.writeheader()
+            table.writerows([{key: _short(value) for key, value in row.items()} for row in rows])
+            written.append(folder / f"{name}_{kind}.csv")
+            write_whole(written[-1], text.getvalue().encode())
+    height = 1.2 + 0.3 * len(found.points)
+    for i, channel in enumerate(most_seen(found)[:SHOWN]):
+        written.append(folder / f"{name}_rate{i + 1}.svg")
+        save(str(written[-1]), lambda ax, channel=channel: found.plot(ax, channel), size=(6.4, height))
+    if found.first_table():
+        written.append(folder / f"{name}_predicted.svg")
+        save(str(written[-1]), found.plot_first)
+    return [str(path) for path in written]
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,92 @@
+"""What the commands share: options, tables for people, how they end."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinetics.network import text_table
+from kinetics.options import in_a_folder
+from mechsim.commands.options import PARTIAL
+
+if TYPE_CHECKING:
+    from calibration.study import CalibrationStudy, ValidationStudy
+
+
+def seed_option(default: int) -> Any:
+    """--seed, with the command's own default."""
+    return click.option(
+        "--seed", type=click.IntRange(min=0), default=default, show_default=True, help="One seed, one result."
+    )
+
+
+report_option = click.option(
+    "--report",
+    type=click.Path(dir_okay=False),
+    callback=in_a_folder,
+    help="Write an HTML report to this file, its tables (CSV) and figures (SVG) beside it.",
+)
+
+
+def rates_table(study: CalibrationStudy) -> str:
+    """Rates with intervals, for people."""
+    rows = [
+        (
+            row["channel"],
+            f"{row['ways']:g}",
+            f"{row['rate']:.3g}",
+            f"{row['low']:.3g} to {row['high']:.3g}",
+            str(row["events"]),
+            f"{row['exposure']:.4g}",
+        )
+        for row in study.calibration.table()
+    ]
+    lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
+    lines += [f"doubtful: {name}" for name in study.diagnosis.doubtful]
+    lines.append(f"{len(study.sound)} mechanics runs, {study.cpu_seconds:.0f} s CPU")
+    return "\n".join(lines)
+
+
+def comparison_table(study: ValidationStudy) -> str:
+    """One line a size, for people."""
+    rows = []
+    for row in study.summary():
+        first = ("-", "-", "-")
+        if "first_mean" in row:
+            seen = f"{row['runs'] - row['first_censored']} of {row['runs']}"
+            observed = f"{row['first_observed']:.4g} [{row['first_low']:.4g}, {row['first_high']:.4g}]"
+            error = f" ± {row['first_predicted_error']:.1g}" if row["first_predicted_error"] else ""
+            first = (seen, observed, f"{row['first_predicted']:.4g}{error}")
+        rows.append(
+            (
+                row["label"],
+                str(row["runs"]),
+                f"{row['coverage']:.0%}",
+                f"{row['crps']:.3g} ({row['crps_floor']:.3g})",
+                f"{row['p_crps']:.2g}",
+                *first,
+                f"{row['cpu_mechanics_s']:.0f}",
+                f"{row['cpu_ssa_s']:.2g} ({row['ssa_runs']} runs)",
+                "-" if math.isnan(row["cpu_exact_s"]) else f"{row['cpu_exact_s']:.2g}",
+            )
+        )
+    titles = (
+        *("size", "runs", "coverage", "CRPS (floor)", "p", "first seen", "mean wait (tu)", "predicted"),
+        *("CPU mechanics (s)", "SSA", "exact"),
+    )
+    note = (
+        "Coverage of a predicted 95 % band; waits for the first finished structure count to the end of a run at most."
+    )
+    if any(not comparison.is_exact for comparison in study.comparisons):
+        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
+    return text_table(titles, rows) + "\n" + note
+
+
+def leave(problems: list[str]) -> None:
+    """Say what went wrong in single runs, with exit code 4."""
+    for problem in problems:
+        click.echo(f"left out: {problem}", err=True)
+    if problems:
+        click.get_current_context().exit(PARTIAL)

@@ -1,0 +1,88 @@
+"""The command `wellmixed validate`: predictions beside held-out mechanics runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from calibration.commands.shared import comparison_table, leave, report_option, seed_option
+from kinetics.options import NumbersCommand, echo_json, json_option
+from mechsim.commands.options import run_options
+
+if TYPE_CHECKING:
+    from mechsim.commands.options import Part
+    from mechsim.executors import Executor
+
+
+@click.command(cls=NumbersCommand)
+@click.argument("scene")
+@click.option("--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: a .toml file, or table3.")
+@click.option(
+    "--cubes", type=click.IntRange(min=1), multiple=True, default=(60, 80, 120), show_default=True, metavar="N ..."
+)
+@click.option("--runs", type=click.IntRange(min=2), default=10, show_default=True, help="Held-out runs at each size.")
+@click.option("--duration", type=float, default=2000.0, show_default=True, help="Of a run, tu.")
+@report_option
+@run_options
+@seed_option(2)
+@json_option
+def validate(
+    scene: str,
+    rates_name: str,
+    cubes: tuple[int, ...],
+    runs: int,
+    duration: float,
+    report: str | None,
+    runs_folder: str,
+    workers: Executor,
+    part: Part | None,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Compare prediction and mechanics of SCENE in runs that the rates never saw.
+
+    Coverage is the share of times and species at which the runs' mean lies in its predicted 95 % band; CRPS is the
+    mean distance of a run from the predicted law, in copies, beside what the model scores against runs of its own.
+    Exit code 4: some runs were stopped by the guard or given up.
+    """
+    from calibration.study import check_held_out, run_validation, validation_specs
+    from kinetics.rates import Rates
+    from mechsim.scene import Scene
+
+    described, rates = Scene.load(scene), Rates.load(rates_name)
+    check_held_out(described, rates, seed)
+    if part is not None:
+        part.make(validation_specs(described, cubes, runs, duration, seed), runs_folder, workers, progress, as_json)
+        return
+    study = run_validation(
+        described,
+        rates,
+        runs_folder,
+        sizes=cubes,
+        runs=runs,
+        duration=duration,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
+    if report:
+        from calibration.overview import validation_report
+
+        validation_report(study).write(report, data=True)
+    if as_json:
+        echo_json(
+            {
+                "rates": rates_name,
+                "duration": duration,
+                "runs": runs,
+                "seed": seed,
+                "comparisons": [comparison.to_dict() for comparison in study.comparisons],
+                "digest": study.outcome.digest,
+                "problems": study.problems,
+            }
+        )
+    else:
+        click.echo(comparison_table(study))
+    leave(study.problems)
