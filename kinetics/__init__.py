@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from kinetics.methods.rare import RareEvent, rare_event
     from kinetics.methods.splitting import Splitting, splitting
     from kinetics.methods.stationary import Stationary, stationary
+    from kinetics.methods.streamed import simulate_statistics
     from kinetics.network import Network
     from kinetics.networkfree import grow
     from kinetics.networkfree_paths import Growth, Growths
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from kinetics.ranking import Ranking, rank
     from kinetics.rates import ChannelRate, Convention, Rates
     from kinetics.states import StateSpace, reachable
+    from kinetics.statistics import EnsembleStatistics
     from kinetics.verification import Verification, verify
 
 _HOMES = {
@@ -58,6 +60,7 @@ _HOMES = {
     "kinetics.methods.rare": ("RareEvent", "rare_event"),
     "kinetics.methods.splitting": ("Splitting", "splitting"),
     "kinetics.methods.stationary": ("Stationary", "stationary"),
+    "kinetics.methods.streamed": ("simulate_statistics",),
     "kinetics.network": ("Network",),
     "kinetics.networkfree": ("grow",),
     "kinetics.networkfree_paths": ("Growth", "Growths"),
@@ -66,6 +69,7 @@ _HOMES = {
     "kinetics.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
     "kinetics.states": ("StateSpace", "reachable"),
+    "kinetics.statistics": ("EnsembleStatistics",),
     "kinetics.verification": ("Verification", "verify"),
 }
 
@@ -80,6 +84,7 @@ __all__ = [
     "Direct",
     "Distribution",
     "Ensemble",
+    "EnsembleStatistics",
     "FiniteStateProjection",
     "Growth",
     "Growths",
@@ -105,6 +110,7 @@ __all__ = [
     "reachable",
     "sample_path",
     "simulate",
+    "simulate_statistics",
     "solve",
     "splitting",
     "stationary",

@@ -6,6 +6,13 @@ import os
 from pathlib import Path
 
 MAX_BYTES = 24 * 2**30
+GROUPS = Path("/sys/fs/cgroup")
+# Files of the group of processes that a container or a job is confined to: limit, use, and of the use what is cache
+# that gives way. Version 2, then version 1.
+GROUP_FILES = (
+    ("memory.max", "memory.current", "memory.stat", "inactive_file"),
+    ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "memory/memory.stat", "total_inactive_file"),
+)
 
 
 def check_memory(what: str, n_bytes: float, advice: str) -> None:
@@ -19,6 +26,10 @@ def check_memory(what: str, n_bytes: float, advice: str) -> None:
 
 def available_bytes() -> float:
     """Memory that new work may take; inf where the system does not tell."""
+    return min(_machine_bytes(), *(_group_bytes(*files) for files in GROUP_FILES))
+
+
+def _machine_bytes() -> float:
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
@@ -27,4 +38,14 @@ def available_bytes() -> float:
     try:
         return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, ValueError):  # a system without these names
+        return float("inf")
+
+
+def _group_bytes(limit: str, used: str, details: str, cache: str) -> float:
+    """What the group of processes may still take; inf where there is no such group, or no limit ("max")."""
+    try:
+        most, now = (float((GROUPS / name).read_text(encoding="ascii")) for name in (limit, used))
+        lines = (GROUPS / details).read_text(encoding="ascii").splitlines()
+        return most - now + sum(float(line.split()[1]) for line in lines if line.startswith(f"{cache} "))
+    except (OSError, ValueError):
         return float("inf")

@@ -204,9 +204,30 @@ class Ensemble:
             return np.full(self.counts.shape[1:], np.nan)
         return self.counts.std(axis=0, ddof=1)
 
+    def variance(self) -> Floats:
+        """Variance (T, S) among the runs, with runs - 1; nan for a single run."""
+        return self.sd() ** 2
+
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean."""
         return self.sd() / np.sqrt(self.runs)
+
+    def covariance(self) -> Floats:
+        """Covariances (T, S, S) of the species at each time, with runs - 1; nan for a single run."""
+        if self.runs == 1:
+            return np.full((*self.counts.shape[1:], self.counts.shape[2]), np.nan)
+        means = self.mean()
+        tables = []
+        for t, mean in enumerate(means):  # one time after the other: deviations of all would double the memory
+            off = self.counts[:, t] - mean
+            tables.append(off.T @ off / (self.runs - 1))
+        return np.array(tables)
+
+    def marginal(self, species: str) -> Floats:
+        """Shares (T, M + 1) of the runs with 0, 1, ..., M copies of one species."""
+        columns = self.counts[:, :, self.network.index(species)].T
+        top = int(columns.max())
+        return np.array([np.bincount(column, minlength=top + 1) for column in columns]) / self.runs
 
     def quantile(self, q: float) -> Floats:
         """Smallest counts (T, S) with at least a share q of the runs at or below them."""

@@ -37,8 +37,9 @@ class SamplingMethod(Protocol):
         runs: int = ...,
         seed: int = ...,
         threads: int | None = ...,
+        first_run: int = ...,
     ) -> Ensemble:
-        """Counts of `runs` independent runs at `times`, tu; the same for any number of threads."""
+        """Counts of `runs` independent runs, numbered from `first_run`, at `times`, tu; for any number of threads."""
 
 
 @runtime_checkable
@@ -70,7 +71,10 @@ def simulate(
     seed: int = 0,
     threads: int | None = None,
 ) -> Ensemble:
-    """Counts of `runs` independent runs at `times`, tu; the same for any number of threads."""
+    """Counts of `runs` independent runs at `times`, tu; the same for any number of threads.
+
+    All counts of all runs: where those are too many, `streamed.simulate_statistics` keeps what is known of them.
+    """
     return method.simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, Ints, rising_times
+from kinetics.memory import check_memory
 from kinetics.methods.shape import Shape
 from kinetics.network import Network
 from kinetics.paths import Ensemble, JumpPath
 
-MAX_BYTES = 4 * 2**30  # of counts in one ensemble, or of events in one path
 PIECE = 1000  # runs; an interrupt waits for a piece only
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel that reads its random numbers from buffers
 
@@ -72,8 +72,9 @@ class ExactMethod(ABC):
             whole_number(name, value, least)
         workers = len(os.sched_getaffinity(0)) if threads is None else whole_number("threads", threads, 1)
         shape = (runs, grid.size, start.size)
-        if np.prod(shape, dtype=float) * 8 > MAX_BYTES:
-            raise ValueError(f"{runs} runs at {grid.size} times need over {MAX_BYTES / 2**30:.0f} GB; ask for fewer")
+        what = f"all counts of {runs} runs of {start.size} species at {grid.size} times"
+        advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
+        check_memory(what, 8.0 * runs * grid.size * start.size, advice)
         key = stream_key(seed)
         sampler = self.sampler(network)
         out = np.empty(shape, dtype=np.int64)

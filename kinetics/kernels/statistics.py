@@ -1,0 +1,83 @@
+"""Tallies over many runs: ranges, histograms in bins that widen, sums and sums of products."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def extend_range(counts, low, high):
+    """Widen the ranges low, high (T, S) to hold the counts (runs, T, S)."""
+    runs, n_times, n_species = counts.shape
+    for i in range(runs):
+        for t in range(n_times):
+            for s in range(n_species):
+                low[t, s] = min(low[t, s], counts[i, t, s])
+                high[t, s] = max(high[t, s], counts[i, t, s])
+
+
+@njit(cache=True, nogil=True)
+def fit_bins(low, high, n_bins, shift, origin):
+    """Narrowest bins of 2**shift counts, `n_bins` of which hold low to high; the first one is number `origin`."""
+    n_times, n_species = low.shape
+    for t in range(n_times):
+        for s in range(n_species):
+            k = 0
+            while (high[t, s] >> k) - (low[t, s] >> k) >= n_bins:
+                k += 1
+            shift[t, s], origin[t, s] = k, low[t, s] >> k
+
+
+@njit(cache=True, nogil=True)
+def pour(source, shift, origin, target, new_shift, new_origin):
+    """Add histograms (T, S, bins) to others whose bins are as wide or wider and hold them. Loses nothing: bins nest."""
+    n_times, n_species, n_bins = source.shape
+    for t in range(n_times):
+        for s in range(n_species):
+            by = new_shift[t, s] - shift[t, s]
+            for b in range(n_bins):
+                if source[t, s, b] > 0:
+                    target[t, s, ((origin[t, s] + b) >> by) - new_origin[t, s]] += source[t, s, b]
+
+
+@njit(cache=True, nogil=True)
+def rebin(histogram, shift, origin, new_shift, new_origin):
+    """Put histograms (T, S, bins) into wider or moved bins, in place."""
+    n_times, n_species, n_bins = histogram.shape
+    row = np.empty(n_bins, dtype=np.int64)
+    for t in range(n_times):
+        for s in range(n_species):
+            by = new_shift[t, s] - shift[t, s]
+            if by == 0 and new_origin[t, s] == origin[t, s]:
+                continue
+            row[:] = histogram[t, s]
+            histogram[t, s] = 0
+            for b in range(n_bins):
+                if row[b] > 0:
+                    histogram[t, s, ((origin[t, s] + b) >> by) - new_origin[t, s]] += row[b]
+
+
+@njit(cache=True, nogil=True)
+def tally(counts, shift, origin, histogram):
+    """Count every value (runs, T, S) in its bin."""
+    runs, n_times, n_species = counts.shape
+    for i in range(runs):
+        for t in range(n_times):
+            for s in range(n_species):
+                histogram[t, s, (counts[i, t, s] >> shift[t, s]) - origin[t, s]] += 1
+
+
+@njit(cache=True, nogil=True)
+def add_products(counts, reference, first, second, sums, products):
+    """Add deviations from the reference (T, S), and their products for pairs of species `first`, `second` (P,).
+
+    sums : (T, S); products : (T, P). The caller sees to it that no sum passes 2**63.
+    """
+    runs, n_times, n_species = counts.shape
+    off = np.empty(n_species, dtype=np.int64)
+    for i in range(runs):
+        for t in range(n_times):
+            for s in range(n_species):
+                off[s] = counts[i, t, s] - reference[t, s]
+                sums[t, s] += off[s]
+            for p in range(first.size):
+                products[t, p] += off[first[p]] * off[second[p]]
