@@ -5,7 +5,9 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from kinetics.network import text_table
 from mechsim.bodies import Bodies
 from mechsim.engine import Engine
 from mechsim.record import RunSpec, book_of
+from mechsim.scene import Scene
 from mechsim.world import World
 
 WARM_UP = 200  # steps: code compiled or loaded, caches filled, cubes moving
@@ -23,13 +26,22 @@ WARM_UP = 200  # steps: code compiled or loaded, caches filled, cubes moving
 BLOCK = 7
 BLOCKS = 600
 TRIES = 20  # blocks for one that no other process has broken into
+# Where effects without a hook of their own cost something: bodies that touch what they add are read back, too.
+INSIDE = ("engine", "reading back")
+
+BY_PAIRS = "effect, by pairs"
+PAIRS = "by pairs: what the engine, and reading back, take less in the same tank without it; taken off their lines\n\n"
 
 Parts = Sequence[tuple[str, Callable[[], object]]]
+Clock = Callable[[], int]
 
 
 @dataclass(frozen=True)
 class Item:
-    """CPU time of one part of a step, us, and its standard error. kind : "effect", "engine" or "bookkeeping"."""
+    """CPU time of one part of a step, us, and its standard error.
+
+    kind : "effect", "effect, by pairs" (see `bill`), "engine" or "bookkeeping"
+    """
 
     name: str
     kind: str
@@ -80,7 +92,8 @@ class Bill:
         )
         force = "\n".join(f"  {name.replace('_', ' ')}: {value:g}" for name, value in sorted(self.in_force.items()))
         title = f"{self.title}, a step (+- one standard error, {self.steps} steps)"
-        return f"{title}\n{table}\nin force in the engine\n{force}"
+        pairs = "" if not any(item.kind == BY_PAIRS for item in self.items) else PAIRS
+        return f"{title}\n{table}\n{pairs}in force in the engine\n{force}"
 
 
 def bill_of(spec: RunSpec) -> Bill:
@@ -97,62 +110,114 @@ def bill(
     title: str,
     blocks: int = BLOCKS,
     warm_up: int = WARM_UP,
-    clock: Callable[[], int] = time.perf_counter_ns,
+    clock: Clock = time.perf_counter_ns,
 ) -> Bill:
     """Measure what each part of a populated world's step costs; the world moves on by these steps.
 
     clock : ns. What a look at it takes is measured, too, and taken off. It shows the wall's time, for a look at the
         CPU's slows down what comes after it; blocks in which another process had the core are left out, so that both
         are the same.
-    An effect without a hook acts inside the engine and has no cost of its own; one that is not listed has no line.
+    An effect without a hook (walls, contact) acts within the engine. It costs what the engine takes less without it:
+    the difference between two worlds of their own, side by side, from which all that needs it is left out on both
+    sides. It is taken off the lines of the engine and of reading back. An effect that is not listed has no line.
     RuntimeError: the machine is too busy for even a few steps without a break.
     """
     for _ in range(warm_up):
         world.step()
     look = _look(clock)
-    plain: list[float] = []
-    parted: list[np.ndarray] = []
-    order = np.random.default_rng(0)
-    for _ in range(blocks * TRIES):
-        with_clocks, breaks = bool(order.integers(2)), _breaks()
-        if with_clocks:
-            stamps = [_stamps(world.parts, clock) for _ in range(BLOCK)]
-        else:
-            begin = clock()
-            for _ in range(BLOCK):
-                world.step()
-            spent = clock() - begin - look
-        if _breaks() != breaks:
-            continue
-        if with_clocks:
-            parted.append(np.diff(stamps).sum(axis=0) - BLOCK * look)
-        else:
-            plain.append(spent)
-        if len(plain) + len(parted) >= blocks and min(len(plain), len(parted)) > blocks // 4:
-            break
-    else:
-        raise RuntimeError(
-            f"other processes broke into most of {TRIES * blocks} times {BLOCK} steps: try when it is calm"
-        )
-    each = np.array(parted) / BLOCK / 1e3
-    whole, error = _mean(np.array(plain) / BLOCK / 1e3)
-    parts, parts_error = _mean(each.sum(axis=1))
-    rest = whole - parts, float(np.hypot(error, parts_error))
+
+    def plain() -> float:
+        begin = clock()
+        for _ in range(BLOCK):
+            world.step()
+        return (clock() - begin - look) / BLOCK / 1e3
+
+    whole, parted = _in_turns([plain, lambda: _parted(world.parts, clock, look)], blocks)
+    inside = _inside(world, blocks, warm_up, clock, look)
+    cost, error = _mean(whole)
+    parts, parts_error = _mean(parted.sum(axis=1))
+    rest = cost - parts, float(np.hypot(error, parts_error))
     force = world.engine.in_force() | _damping(world)
-    return Bill(title, BLOCK * (len(plain) + len(parted)), tuple(_items(world, each)), whole, error, *rest, force)
+    steps = BLOCK * (len(whole) + len(parted))
+    return Bill(title, steps, tuple(_items(world, parted, inside)), cost, error, *rest, force)
 
 
-def _items(world: World, parted: np.ndarray) -> Sequence[Item]:
+def _in_turns(measures: Sequence[Callable[[], Any]], blocks: int) -> list[np.ndarray]:
+    """So many measurements in all, in random order, each kind often; those that another process broke into left out."""
+    order = np.random.default_rng(0)
+    seen: list[list[Any]] = [[] for _ in measures]
+    for _ in range(blocks * TRIES):
+        which, breaks = int(order.integers(len(measures))), _breaks()
+        found = measures[which]()
+        if _breaks() == breaks:
+            seen[which].append(found)
+        if sum(map(len, seen)) >= blocks and min(map(len, seen)) > blocks // (2 * len(measures)):
+            return [np.array(values) for values in seen]
+    raise RuntimeError(f"other processes broke into most of {TRIES * blocks} times {BLOCK} steps: try when it is calm")
+
+
+def _parted(parts: Parts, clock: Clock, look: float) -> np.ndarray:
+    """CPU time of each part of a step, us; the mean of a block of steps."""
+    stamps = [_stamps(parts, clock) for _ in range(BLOCK)]
+    return (np.diff(stamps).sum(axis=0) / BLOCK - look) / 1e3
+
+
+def _inside(world: World, blocks: int, warm_up: int, clock: Clock, look: float) -> dict[str, np.ndarray]:
+    """Of each effect that acts within the engine: its cost in the parts INSIDE and the standard error (2, I), us."""
+    hooks = {name for name, _ in world.parts}
+    hidden = [effect.effect for effect in world.scene.effects if effect.effect not in hooks]
+    if not hidden:
+        return {}
+    dependent = {name for effect in hidden for name in _dependents(world.scene, effect)} - set(hidden)
+    scenes = [world.scene.without(*dependent)]
+    # The last one listed goes first; what needs it has gone already.
+    for name in reversed(hidden):
+        scenes.append(scenes[-1].without(name))
+    with ExitStack() as stack:
+        twins = [stack.enter_context(_twin(world, scene)) for scene in scenes]
+        for twin in twins:
+            twin.populate([world.bodies.held(slot) for slot in world.bodies.live])
+            for _ in range(warm_up):
+                twin.step()
+        seen = _in_turns([partial(_parted, twin.parts, clock, look) for twin in twins], blocks)
+    of = [[next(k for k, (name, _) in enumerate(twin.parts) if name == part) for part in INSIDE] for twin in twins]
+    each = [np.array([_mean(values[:, k]) for k in columns]).T for values, columns in zip(seen, of, strict=True)]
+    return {
+        name: np.array([with_it[0] - without[0], np.hypot(with_it[1], without[1])])
+        for name, with_it, without in zip(reversed(hidden), each, each[1:], strict=False)
+    }
+
+
+def _dependents(scene: Scene, name: str) -> set[str]:
+    """Listed effects that need this one, and those that need them."""
+    given = next({effect.effect, effect.provides} for effect in scene.effects if effect.effect == name)
+    direct = {effect.effect for effect in scene.effects if given & set(effect.needs)}
+    return direct.union(*(_dependents(scene, other) for other in direct))
+
+
+def _twin(world: World, scene: Scene) -> World:
+    """Another world of this scene, for as many cubes and by the same rules."""
+    return World(scene, world.book, world.bodies.n_cubes, np.random.SeedSequence(0))
+
+
+def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> Sequence[Item]:
     """One item an effect, both its hooks together, then the engine and the bookkeeping in the order of the step."""
     names = [name for name, _ in world.parts]
     effects = [effect.effect for effect in world.scene.effects]
+    taken = sum((cost for cost, _ in inside.values()), np.zeros(len(INSIDE)))
     items = []
     for name in (*effects, *(n for n in dict.fromkeys(names) if n not in effects)):
         kind = "effect" if name in effects else "engine" if name == "engine" else "bookkeeping"
-        own = parted[:, [n == name for n in names]].sum(axis=1)
-        if name in effects and name not in names:
-            kind = "effect, in the engine"
-        items.append(Item(name, kind, *_mean(own)))
+        if name in inside:
+            cost, errors = inside[name]
+            items.append(Item(name, BY_PAIRS, float(cost.sum()), float(np.hypot(*errors))))
+            continue
+        cost, error = _mean(parted[:, [n == name for n in names]].sum(axis=1))
+        if name in INSIDE:
+            k = INSIDE.index(name)
+            cost -= float(taken[k])
+            error = float(np.sqrt(error**2 + sum(e[k] ** 2 for _, e in inside.values())))
+        items.append(Item(name, kind, cost, error))
     return items
 
 

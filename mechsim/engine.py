@@ -43,6 +43,8 @@ CUBES, WALLS = 1, 2  # collision groups
 # What the engine has in force that it neither lets be read back nor is told by us; tests measure both.
 LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
 RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
+SLEEPING = 0.0  # speed below which a body is put to rest: switched off
+CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
 
 
 class Touch(NamedTuple):
@@ -179,7 +181,8 @@ class Engine:
         """What the engine says it has in force: its settings, and of all bodies and walls the largest value of each.
 
         restitution, friction : between two surfaces; mass_error, inertia_error : largest relative deviation of a body
-            from the table; contact_damping, contact_stiffness : -1 where collisions are hard
+            from the table; contact_damping, contact_stiffness : -1 where collisions are hard; differences : largest one
+            between two bodies or walls in any of these
         """
         world = pybullet.getPhysicsEngineParameters(self.client)
         found = {
@@ -187,11 +190,15 @@ class Engine:
             "substeps": world["numSubSteps"],
             "solver_iterations": world["numSolverIterations"],
             "gravity": max(abs(world[f"gravityAcceleration{axis}"]) for axis in "XYZ"),
+            "inner_iterations": world["numNonContactInnerIterations"],
             "least_bounce": LEAST_BOUNCE,
             "overlap_recovery": RECOVERY,
+            "sleeping": SLEEPING,
+            "continuous_collision": CONTINUOUS,
             "mass_error": 0.0,
             "inertia_error": 0.0,
         }
+        least: dict[str, float] = {}
         bodies = {self._body[slot]: slot for slot in self._body}
         for body in (*bodies, *self._walls):
             mass, friction, inertia, _, _, restitution, rolling, spinning, damping, stiffness, _, margin, *_ = (
@@ -212,6 +219,9 @@ class Engine:
                 own["inertia_error"] = float(np.abs(np.array(inertia) / self.bodies.inertia[slot] - 1).max())
             for name, value in own.items():
                 found[name] = max(found.get(name, -np.inf), value)
+                least[name] = min(least.get(name, np.inf), value)
+        compared = [name for name in least if name != "margin" and "error" not in name]  # a compound's own margin is 0
+        found["differences"] = max((found[name] - least[name] for name in compared), default=0.0)
         return found
 
     def _shape(self, positions: tuple[tuple[int, int, int], ...]) -> int:

@@ -1,12 +1,16 @@
 """The bill of a step: its parts add up, what is not listed has no line, and the engine's settings are read back."""
 
 import math
+from contextlib import nullcontext
+from types import SimpleNamespace
 
+import numpy as np
+import pybullet
 import pytest
 from click.testing import CliRunner
 
 import mechsim.bill as bills
-from mechsim.bill import bill
+from mechsim.bill import BY_PAIRS, bill
 from mechsim.commands.simulate import simulate
 from mechsim.engine import LEAST_BOUNCE, RECOVERY
 
@@ -49,6 +53,35 @@ def test_each_part_gets_its_own_time_and_looks_at_the_clock_cost_nothing(clocked
     assert sum(item.cost for item in told.items) + told.rest == pytest.approx(told.whole)
 
 
+def test_effects_in_the_engine_cost_what_it_takes_less_without_them(clocked, monkeypatch):
+    """Walls and contact have no hook. Twins with neither bonding nor breaking, which need contact, tell their cost; the
+    lines still add up to the step."""
+    world, clock, costs = clocked
+    monkeypatch.setattr(bills, "_breaks", int)
+    seen = []
+
+    def twin(_, scene):
+        listed = [effect.effect for effect in scene.effects]
+        seen.append(listed)
+        engine, reading = 500 + 300 * ("contact" in listed) + 100 * ("walls" in listed), 40 * ("contact" in listed)
+        parts = [("drag", clock.part(70)), ("engine", clock.part(engine)), ("reading back", clock.part(reading))]
+        return nullcontext(SimpleNamespace(parts=parts, populate=len, step=int))
+
+    monkeypatch.setattr(bills, "_twin", twin)
+    told = bill(world, "known", blocks=40, warm_up=1, clock=clock)
+    rest = ["agitation", "drag"]
+    assert seen == [[*rest, "walls", "contact"], [*rest, "walls"], rest]
+    cost = {item.name: item.cost for item in told.items}
+    assert [item.name for item in told.items if item.kind == BY_PAIRS] == ["walls", "contact"]
+    assert cost["walls"] == pytest.approx(0.1)
+    assert cost["contact"] == pytest.approx(0.34)
+    assert cost["engine"] == pytest.approx(costs["engine"] / 1e3 - 0.4)
+    assert cost["reading back"] == pytest.approx(costs["reading back"] / 1e3 - 0.04)
+    assert cost["drag"] == pytest.approx(costs["drag"] / 1e3)
+    assert sum(cost.values()) + told.rest == pytest.approx(told.whole) == pytest.approx(sum(costs.values()) / 1e3)
+    assert "taken off their lines" in str(told)
+
+
 def test_blocks_that_another_process_broke_into_are_left_out(clocked, monkeypatch):
     world, clock, costs = clocked
     calls = iter(range(10**6))
@@ -78,7 +111,7 @@ def test_an_effect_that_is_not_listed_has_no_line_and_no_part(make_world, line4,
     effects = [effect.effect for effect in scene.effects]
     assert [item.name for item in told.items if item.kind.startswith("effect")] == effects
     assert not set(left_out) & {name for name, _ in world.parts}
-    assert {i.name for i in told.items if i.kind == "effect, in the engine"} == {"walls", "contact"} & set(effects)
+    assert {i.name for i in told.items if i.kind == BY_PAIRS} == {"walls", "contact"} & set(effects)
     assert sum(item.cost for item in told.items) + told.rest == pytest.approx(told.whole)
     assert all(math.isfinite(item.error) and item.error >= 0 for item in told.items)
     assert all(item.name in str(told) for item in told.items)
@@ -87,24 +120,77 @@ def test_an_effect_that_is_not_listed_has_no_line_and_no_part(make_world, line4,
 DECLARED = {
     "substeps": 0, "gravity": 0, "linear_damping": 0, "angular_damping": 0, "rolling_friction": 0,
     "spinning_friction": 0, "contact_damping": -1, "contact_stiffness": -1, "mass_error": 0, "inertia_error": 0,
-    "margin": 0.001, "least_bounce": 0.2, "overlap_recovery": 0.08,
+    "margin": 0.001, "least_bounce": 0.2, "overlap_recovery": 0.08, "sleeping": 0, "continuous_collision": 0,
+    "inner_iterations": 1, "differences": 0,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.9])
-def test_nothing_undeclared_is_in_force_in_the_engine(make_world, line4, restitution):
+def audit(world):
     """Damping, margins, friction: what the scene says, zero, or named as the engine's own. Anything else fails here."""
-    scene = line4.changed("contact", restitution=restitution, friction=0.7)
-    world = make_world({"monomer": 4, "dimer": 2, "trimer": 1, "quadmer": 1}, scene)
-    for _ in range(5):
-        world.step()
+    contact, numerics = world.scene.effect("contact"), world.scene.numerics
     declared = DECLARED | {
-        "restitution": restitution, "friction": 0.7, "step": 0.00525, "solver_iterations": 50,
+        "restitution": contact.restitution, "friction": contact.friction, "step": numerics.step,
+        "solver_iterations": numerics.solver_iterations,
     }  # fmt: skip
     force = world.engine.in_force() | bills._damping(world)
     assert force.keys() == declared.keys()
     for name, value in force.items():
         assert value == pytest.approx(declared[name], abs=1e-12), name
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.9])
+def test_nothing_undeclared_is_in_force_in_the_engine(make_world, line4, restitution):
+    scene = line4.changed("contact", restitution=restitution, friction=0.7)
+    world = make_world({"monomer": 4, "dimer": 2, "trimer": 1, "quadmer": 1}, scene)
+    for _ in range(5):
+        world.step()
+    audit(world)
+
+
+@pytest.mark.parametrize(
+    ("undeclared", "said"),
+    [
+        ({"linearDamping": 0.04}, "linear_damping"),  # the engine's own default
+        ({"angularDamping": 0.04}, "angular_damping"),
+        ({"lateralFriction": 0.5}, "differences"),  # too, and less than the walls have
+        ({"rollingFriction": 0.001}, "rolling_friction"),
+        ({"spinningFriction": 0.001}, "spinning_friction"),
+        ({"restitution": 0.9}, "restitution"),
+        ({"contactDamping": 1.0, "contactStiffness": 1e4}, "contact_"),
+        ({"collisionMargin": 0.01}, "margin"),
+        ({"mass": 0.0034}, "mass_error"),
+        ({"localInertiaDiagonal": [1e-5, 1e-5, 1e-5]}, "inertia_error"),
+        ({"gravity": -9.81}, "gravity"),
+        ({"numSubSteps": 2}, "substeps"),
+        ({"numSolverIterations": 10}, "solver_iterations"),
+    ],
+)
+def test_the_audit_sees_what_nobody_declared(make_world, line4, monkeypatch, undeclared, said):
+    """Control: one setting of one body, or of the engine, that the scene does not tell of."""
+    world = make_world({"monomer": 2}, line4)
+    audit(world)
+    client, told = world.engine.client, dict(undeclared)
+    if "gravity" in told:
+        pybullet.setGravity(0, 0, told["gravity"], physicsClientId=client)
+    elif next(iter(told)).startswith("num"):
+        pybullet.setPhysicsEngineParameter(**told, physicsClientId=client)
+    elif "Damping" in next(iter(told)) and said != "contact_":  # cannot be read back: what a new body gets is measured
+        change = pybullet.changeDynamics
+        monkeypatch.setattr(pybullet, "changeDynamics", lambda *a, **settings: change(*a, **settings | told))
+    else:
+        pybullet.changeDynamics(1 + 6, -1, **told, physicsClientId=client)  # after six walls
+    with pytest.raises(AssertionError, match=said):
+        audit(world)
+
+
+def test_nothing_is_put_to_rest_for_being_slow(make_world, scene_of):
+    """The engine could put a body that is slow for 2 s to sleep; a thousandth of the usual speed lasts."""
+    world = make_world({"monomer": 1}, scene_of())
+    world.bodies.velocity[0] = [1e-3, 0, 0]
+    begin = world.bodies.position[0].copy()
+    for _ in range(600):
+        world.step()
+    assert world.bodies.position[0] - begin == pytest.approx(np.array([3.15e-3, 0, 0]), abs=1e-12)
 
 
 def test_without_contact_no_friction_is_in_force(make_world, line4):
