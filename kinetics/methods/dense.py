@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats, rising_times
 from kinetics.memory import check_memory
+from kinetics.methods.certificate import distance, exact_entries
 from kinetics.methods.distribution import Distribution
 from kinetics.methods.poisson import ROUNDOFF, poisson_bounds
 from kinetics.network import Network
 from kinetics.states import reachable
 
 MAX_DENSE = 2000  # states
+CERTIFIED = 500  # states, some six seconds
 LARGEST = 1e100  # of rates and times; their product, and powers of two far below it, must be numbers
 TERMS = 10  # of the series for the shortest step
 SMALLEST = 1e-290  # entries below this are dropped, so that no arithmetic on denormal numbers slows the product
@@ -33,12 +35,15 @@ class Dense:
     Taksar & Heyman (1985) do in elimination, so that mass is kept and the errors of the entries do not double.
 
     max_states : more are refused; cost grows with their cube
-    The error is an estimate, from a second solution in another unit of time: no proof covers q t = 1e15.
+    certified_states : up to so many the error is a proven bound, by a second solution in fixed point that takes some
+        twenty times as long; above, an estimate, by a second solution in another unit of time
+    A bound needs rates that are a constant times a whole number; for others it stays an estimate.
     """
 
     name: ClassVar[str] = "dense"
 
     max_states: int = MAX_DENSE
+    certified_states: int = CERTIFIED
 
     def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
         """Probabilities of all states at `times`, tu, rising, starting from one state at time 0."""
@@ -52,29 +57,41 @@ class Dense:
         np.fill_diagonal(rates, 0.0)
         start = np.zeros(len(space))
         start[0] = 1.0
-        return Distribution(space, grid, *exponential_action(rates, start, grid), is_bound=False)
+        probabilities = exponential_action(rates, start, grid)
+        if len(space) > self.certified_states:
+            error = estimated_error(rates, start, grid, probabilities)
+            return Distribution(space, grid, probabilities, error, is_bound=False)
+        entries = exact_entries(space)
+        error = distance(entries, start, grid, probabilities)
+        return Distribution(space, grid, probabilities, error, is_bound=entries.is_exact)
 
 
-def exponential_action(rates: Floats, start: Floats, times: Floats) -> tuple[Floats, float]:
-    """start @ exp(Q t) (T, N) at `times` (T,), each row summing to one, and an estimate of its summed error.
+def exponential_action(rates: Floats, start: Floats, times: Floats) -> Floats:
+    """start @ exp(Q t) (T, N) at `times` (T,), each row summing to one.
 
     rates : (N, N) off the diagonal, which is 0
     start : (N,) probabilities
     """
     fastest = float(rates.sum(axis=1).max(initial=0.0))
     if fastest == 0.0 or times[-1] == 0.0:
-        return np.tile(start, (times.size, 1)), 0.0
+        return np.tile(start, (times.size, 1))
     if not (fastest < LARGEST and times[-1] < LARGEST and times[times > 0][0] > 1 / LARGEST):
         raise ValueError(
             f"rates up to {fastest:.3g} 1/tu at times from {times[0]:.3g} to {times[-1]:.3g} tu are beyond what "
             f"numbers hold; ask for times below {LARGEST:.0e} or lower the fastest rates"
         )
+    return _by_squaring(rates, fastest, start, times, step_exponent(fastest, times))
+
+
+def estimated_error(rates: Floats, start: Floats, times: Floats, result: Floats) -> float:
+    """Estimate of the summed error of `exponential_action`: another unit of time rounds every product otherwise."""
+    fastest = float(rates.sum(axis=1).max(initial=0.0))
+    if fastest == 0.0 or times[-1] == 0.0:
+        return 0.0
     exponent = step_exponent(fastest, times)
-    result = _by_squaring(rates, fastest, start, times, exponent)
-    # Another unit of time gives other steps, and other roundings in every product.
-    others = OTHER_UNIT * rates, OTHER_UNIT * fastest, start, times / OTHER_UNIT
-    seen = float(np.abs(result - _by_squaring(*others, exponent)).sum(axis=1).max())
-    return result, 4.0 * seen + 8.0 * ROUNDOFF * (log2(times[-1]) - exponent + TERMS)
+    other = _by_squaring(OTHER_UNIT * rates, OTHER_UNIT * fastest, start, times / OTHER_UNIT, exponent)
+    seen = float(np.abs(result - other).sum(axis=1).max())
+    return 4.0 * seen + 8.0 * ROUNDOFF * (log2(times[-1]) - exponent + TERMS)
 
 
 def step_exponent(fastest: float, times: Floats) -> int:
