@@ -19,6 +19,7 @@ from kinetics.options import (
     seed_option,
     time_grid,
 )
+from kinetics.progress import INTERRUPTED, progress_line
 from kinetics.starting import network_of_book, start
 
 if TYPE_CHECKING:
@@ -76,13 +77,17 @@ def predict(
 
     NETWORK is a book, which needs --rates and --cubes, or a file that brings both (BioNetGen's .net and others).
     Mean and standard deviation of every species over time; a 95 % interval of the mean where the rates carry the
-    evidence for one. The method `ssa` samples runs, `exact` solves the master equation.
+    evidence for one. The method `ssa` samples runs, `exact` solves the master equation. Runs are not kept, so there
+    may be millions; Ctrl-C tells of those made so far.
     """
     from kinetics.prediction import predict as make
 
     begin = start(book, rates_name, cubes, initial)
     grid = time_grid(duration, times)
-    made = make(begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads)
+    with progress_line() as progress:
+        made = make(
+            begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress
+        )
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
@@ -98,7 +103,8 @@ def predict(
                 "convention": begin.convention,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "method": method,
-                "runs": runs if METHODS[method] in SAMPLING_METHODS else None,
+                "runs": made.runs,
+                "complete": made.is_complete,
                 "seed": seed,
                 "times": made.times,
                 "species": begin.network.species,
@@ -113,6 +119,8 @@ def predict(
         )
     else:
         click.echo(_prediction_table(made))
+    if not made.is_complete:
+        raise SystemExit(INTERRUPTED)
 
 
 @click.command()

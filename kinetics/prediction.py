@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats
-from kinetics.methods import Auto, SamplingMethod, SolvingMethod, simulate, solve
+from kinetics.methods import Auto, SamplingMethod, SolvingMethod, solve
 from kinetics.methods.distribution import Distribution
 from kinetics.methods.passage import Passage, first_passage
 from kinetics.methods.sampling import whole_number
+from kinetics.methods.streamed import simulate_statistics
 from kinetics.network import Network
-from kinetics.paths import Ensemble
 from kinetics.rates import Rates
+from kinetics.statistics import EnsembleStatistics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +36,8 @@ class Prediction:
     standard_error : Monte-Carlo error of the mean; 0 for a method that does not sample
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : what a reader must know about the interval
-    result : the Ensemble or Distribution behind mean and sd
+    is_complete : whether all runs and draws were made; fewer were where someone interrupted
+    result : the statistics of the runs, or the Distribution, behind mean and sd
     """
 
     network: Network
@@ -46,9 +49,15 @@ class Prediction:
     standard_error: Floats
     error: float
     notes: tuple[str, ...]
-    result: Ensemble | Distribution
+    result: EnsembleStatistics | Distribution
     method: str
     cpu_seconds: float
+    is_complete: bool = True
+
+    @property
+    def runs(self) -> int | None:
+        """Runs behind mean and sd; None for a method that does not sample."""
+        return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a time and species."""
@@ -81,6 +90,7 @@ def predict(
     seed: int = 0,
     draws: int = 200,
     threads: int | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Prediction:
     """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
 
@@ -88,6 +98,10 @@ def predict(
     method : Auto() unless another is given
     runs : of a sampling method
     draws : rate sets drawn from `rates.sample` for the interval
+    progress : told how far the work is
+
+    Runs are not kept, only their statistics, so memory does not grow with them. After Ctrl-C the prediction is of the
+    runs and draws made so far, if any, and its notes say so.
 
     The interval always comes from sampling, by `Auto`: each draw's mean over `RUNS_PER_DRAW` runs, then the 2.5 % and
     97.5 % quantiles of these means, drawn together by the share of their variance that is Monte-Carlo noise (known
@@ -96,17 +110,25 @@ def predict(
     began = time.process_time()
     model = network if rates is None else rates.apply(network)
     method = Auto() if method is None else method
-    result: Ensemble | Distribution
+    result: EnsembleStatistics | Distribution
     if isinstance(method, SamplingMethod):
-        result = simulate(model, method, initial, times, runs=runs, seed=seed, threads=threads)
+        result = simulate_statistics(
+            model, method, initial, times, runs, seed, threads,
+            covariances=False, progress=lambda done: progress(f"{done} of {runs} runs"),
+        )  # fmt: skip
         standard_error, error = result.standard_error(), 0.0
+        unfinished = "" if result.is_complete else f"interrupted: {result.runs} of {runs} runs were made, no interval"
     else:
         result = solve(model, method, initial, times)
         standard_error, error = np.zeros((result.times.size, len(model.species))), result.error
+        unfinished = ""
     low = high = None
-    if rates is not None and not _is_bare(rates):
-        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads)
-        low, high = _noise_free_limits(means, noise)
+    if rates is not None and not _is_bare(rates) and not unfinished:
+        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, progress)
+        if len(means) < draws:
+            unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
+        if len(means) > 1:
+            low, high = _noise_free_limits(np.array(means), np.mean(noise, axis=0))
     return Prediction(
         model,
         result.times,
@@ -116,10 +138,11 @@ def predict(
         high,
         standard_error,
         error,
-        evidence_notes(rates),
+        (*evidence_notes(rates), *filter(None, [unfinished, _rounding(result)])),
         result,
         method.name,
         time.process_time() - began,
+        not unfinished,
     )
 
 
@@ -180,16 +203,26 @@ def _draw_means(
     seed: int,
     draws: int,
     threads: int | None,
-) -> tuple[Floats, Floats]:
-    """Mean counts (draws, T, S) under each draw, and the mean squared Monte-Carlo error (T, S) in one of them."""
-    means, errors = [], []
-    for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
-        # Numbers beyond those of the prediction's own runs, so that all runs are independent.
-        first_run = runs + d * RUNS_PER_DRAW
-        sample = Auto().simulate(drawn, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
-        means.append(sample.mean())
-        errors.append(sample.standard_error() ** 2)
-    return np.array(means), np.mean(errors, axis=0)
+    progress: Callable[[str], None],
+) -> tuple[list[Floats], list[Floats]]:
+    """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
+    found: list[tuple[Floats, Floats]] = []
+    try:
+        for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
+            # Numbers beyond those of the prediction's own runs, so that all runs are independent.
+            first_run = runs + d * RUNS_PER_DRAW
+            sample = Auto().simulate(drawn, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
+            found.append((sample.mean(), sample.standard_error() ** 2))
+            progress(f"{d + 1} of {draws} draws of the rates")
+    except KeyboardInterrupt:
+        pass
+    return [mean for mean, _ in found], [error for _, error in found]
+
+
+def _rounding(result: EnsembleStatistics | Distribution) -> str:
+    """How well the limits of the middle 95 % of runs are known, where that is not exactly."""
+    off = int(result.quantile_error().max()) if isinstance(result, EnsembleStatistics) else 0
+    return f"the middle 95 % of the runs is known to {off} copies" if off else ""
 
 
 def _noise_free_limits(means: Floats, noise: Floats) -> tuple[Floats, Floats]:

@@ -99,7 +99,8 @@ class EnsembleStatistics:
         if not 0 <= q <= 1:
             raise ValueError(f"q = {q}; expected a probability")
         rank = max(1, int(np.ceil(q * self.runs)))
-        bins = self.origin + (self.histogram.cumsum(axis=2) < rank).sum(axis=2)
+        n_used = int(((self.high >> self.shift) - self.origin).max()) + 1
+        bins = self.origin + (self.histogram[:, :, :n_used].cumsum(axis=2) < rank).sum(axis=2)
         middle = (bins << self.shift) + ((1 << self.shift) - 1) // 2
         return np.clip(middle, self.low, self.high).astype(float)
 

@@ -4,7 +4,8 @@ from known_systems import bare_line, decay, line
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics import Direct, Transient, first_passage, predict, simulate, solve
+from kinetics import Direct, Transient, first_passage, predict, simulate, solve, statistics
+from kinetics.methods import streamed
 from kinetics.prediction import evidence_notes, predict_passage
 from kinetics.rates import ChannelRate, Convention, Rates
 
@@ -35,7 +36,7 @@ def test_mean_and_sd_are_those_of_the_method():
     sampled = predict(bare_line(), rates, START, TIMES, Direct(), runs=200, seed=4)
     ensemble = simulate(line(), Direct(), START, TIMES, runs=200, seed=4)
     assert_array_equal(sampled.mean, ensemble.mean())
-    assert_array_equal(sampled.standard_error, ensemble.sd() / np.sqrt(200))
+    assert_allclose(sampled.standard_error, ensemble.sd() / np.sqrt(200), rtol=1e-14)
     assert (sampled.method, sampled.error) == ("ssa", 0.0)
     exact = predict(bare_line(), rates, START, TIMES, Transient())
     assert_array_equal(exact.sd, solve(line(), Transient(), START, TIMES).sd())
@@ -99,6 +100,48 @@ def test_passage_with_its_interval():
     assert 0.1 < (interval[1] - interval[0]) / law.mean < 0.6
     _, none = predict_passage(bare_line(), Rates.load("table3"), START, "quadmer")
     assert none is None
+
+
+def test_interrupted_runs_give_a_prediction_that_says_so(monkeypatch):
+    monkeypatch.setattr(streamed, "BLOCK_BYTES", 50 * 8 * 4 * 2)
+    simulate_runs = Direct.simulate
+
+    def interrupted(method, *arguments, first_run=0, **options):
+        if first_run >= 100:
+            raise KeyboardInterrupt
+        return simulate_runs(method, *arguments, first_run=first_run, **options)
+
+    monkeypatch.setattr(Direct, "simulate", interrupted)
+    made = predict(bare_line(), measured(50), START, TIMES, Direct(), runs=400, seed=1)
+    assert (made.runs, made.low, made.is_complete) == (100, None, False)
+    assert "interrupted: 100 of 400 runs were made, no interval" in made.notes
+
+
+def test_interrupted_draws_give_the_interval_of_those_that_were_made():
+    told = []
+
+    def interrupt(text):
+        told.append(text)
+        if text.startswith("30 of"):
+            raise KeyboardInterrupt
+
+    made = predict(bare_line(), measured(50), START, TIMES, runs=100, seed=1, progress=interrupt)
+    assert told[0] == "100 of 100 runs"
+    assert not made.is_complete
+    assert "interrupted: 30 of 200 draws of the rates were made" in made.notes
+    whole = predict(bare_line(), measured(50), START, TIMES, runs=100, seed=1)
+    assert whole.is_complete
+    assert_array_equal(made.mean, whole.mean)
+    assert np.all((made.low < whole.high) & (whole.low < made.high))
+
+
+def test_counts_of_a_wide_range_tell_how_well_their_band_is_known(monkeypatch):
+    exact = predict(decay(), None, [1000], [0.7], runs=200)
+    assert not any("copies" in note for note in exact.notes)
+    monkeypatch.setattr(statistics, "MOST_BINS", 16)
+    rounded = predict(decay(), None, [1000], [0.7], runs=200)
+    assert "the middle 95 % of the runs is known to 4 copies" in rounded.notes
+    assert_array_equal(rounded.sd, exact.sd)
 
 
 def test_plot_and_table():
