@@ -1,6 +1,6 @@
 """What accuracy costs: the error of mean speed and of the rate of meetings at each numerical setting, and its CPU time.
 
-Errors are relative to a reference, the scene at a quarter of its step and four times its solver iterations. Every
+Errors are relative to a reference, the scene at an eighth of its step and four times its solver iterations. Every
 setting simulates the same runs: the same places, and where the fluid's noise does not depend on the step the same noise
 as well, so what is compared block by block is much alike and its difference known better than either.
 How far a setting of the model itself (a hold, a restitution) matters is told apart: it is no error.
@@ -44,6 +44,10 @@ class Change:
         """The largest magnitude within the interval."""
         return abs(self.value) + self.half_width
 
+    def as_dict(self) -> dict[str, float]:
+        """For JSON."""
+        return {"value": self.value, "half_width_95": self.half_width}
+
 
 @dataclass(frozen=True)
 class Point:
@@ -66,6 +70,8 @@ class Accuracy:
 
     runs, duration : every numerical setting has simulated so many runs of so many tu each
     means : of the reference: mean speed, length / tu, and meetings a pair of cubes and tu, each with its half width
+    unseen : change of the reference's meetings where its motion is looked at at every second step only. Meetings begin
+        and end between two looks, the more the longer the step (first order): so many the reference itself misses, too
     given_up : trials that failed at every try of that call, each with the last reason; the others are compared without
     cpu_seconds : spent by the call that returned this
     """
@@ -80,6 +86,7 @@ class Accuracy:
     numerical: tuple[Point, ...]
     model: tuple[Point, ...]
     means: Mapping[str, Change]
+    unseen: Change | None = None
     given_up: tuple[str, ...] = ()
     cpu_seconds: float = field(compare=False, default=0.0)
 
@@ -106,6 +113,7 @@ class Accuracy:
             "value": point.setting.label,
             "step": numerics.step,
             "solver_iterations": numerics.solver_iterations,
+            "drag_sub_cycles": getattr(point.setting.scene.effect("drag"), "sub_cycles", None),
             "cpu_s_per_tu": point.cost,
         }
         for name in QUANTITIES:
@@ -125,9 +133,8 @@ class Accuracy:
             "seed": self.seed,
             "runs": self.runs,
             "duration": self.duration,
-            "reference": {
-                name: {"value": mean.value, "half_width_95": mean.half_width} for name, mean in self.means.items()
-            },
+            "reference": {name: mean.as_dict() for name, mean in self.means.items()},
+            "unseen": None if self.unseen is None else self.unseen.as_dict(),
             "floor": self.floor,
             "settings": self.rows(),
             "refused": [{"knob": r.curve, "value": r.label, "reason": r.reason} for r in self.plan.refused],
@@ -139,6 +146,9 @@ class Accuracy:
         lines = [f"reference: step {self.reference.setting.label} tu, {self.reference.cost:.3g} CPU s/tu"]
         units = {"speed": "mean speed {} length/tu", "meetings": "{} meetings a pair and tu"}
         lines += [units[name].format(f"{m.value:.4g} ± {m.half_width:.2g}") for name, m in self.means.items()]
+        if self.unseen is not None:
+            missed = Change(-self.unseen.value, self.unseen.half_width)
+            lines.append(f"a look at every second step of that motion alone misses {_percent(missed)} of them")
         heads = ("knob", "value", "CPU (ms/tu)", *(QUANTITIES[name] for name in self.means), "")
         for title, points in (("error against the reference", self.numerical), ("model sensitivity", self.model)):
             rows = [
@@ -248,13 +258,16 @@ def collect(
         raise ValueError(f"the reference itself was {stops[0]}; there is nothing to compare with: choose a finer step")
     cubes = sum(composition.values())
     pairs = {"speed": 1.0, "meetings": cubes * (cubes - 1) / 2 * next(iter(reference.values())).facts["block"]}
+    unseen = None
+    if _has(reference, "seldom"):
+        unseen = change_of(_blocks(reference.values(), "seldom"), _blocks(reference.values(), "meetings"))
     means = {name: _mean(_blocks(reference.values(), name) / pairs[name]) for name in QUANTITIES if _has(base, name)}
     return Accuracy(
         scene, cubes, seed, runs, duration, planned,
         Point(planned.reference, _cost(reference), {}),
         tuple(_point(setting, records(setting), reference) for setting in planned.numerical),
         tuple(_point(setting, records(setting), base) for setting in planned.model),
-        means,
+        means, unseen,
     )  # fmt: skip
 
 

@@ -9,12 +9,14 @@ from typing import Any
 
 from kinetics.config import validated
 from mechsim.accuracy.trial import with_numerics
+from mechsim.effects.drag import DragLaw
 from mechsim.scene import Scene
 
-STEP_FACTORS = (4.0, 2.0, 1.0, 0.5)  # of the scene's step
-DRAG_FACTORS = (2.0, 1.0, 0.5)
+STEP_FACTORS = (4.0, 2.0, 1.0, 0.5, 0.25)  # of the scene's step
+DRAG_FACTORS = (2.0, 1.0, 0.5)  # the same for a curve of steps with another way of drag
+SUB_CYCLES, SUB_CYCLES_OF_CURVE = (1, 2, 8), 4
 ITERATIONS = (1, 5, 10, 50)
-REFERENCE_STEP, REFERENCE_ITERATIONS = 0.25, 4  # factors
+REFERENCE_STEP, REFERENCE_ITERATIONS = 0.125, 4  # factors
 MOST_ITERATIONS = 1000  # that a scene may ask for
 Vary = Callable[[Any], Sequence[Any]]
 
@@ -25,7 +27,9 @@ def times(*factors: float) -> Vary:
 
 
 # Settings of the model whose influence is shown: effect, setting, what else it is set to. The probability of a capture
-# is not among them: with bonds off it changes nothing, and the rate of bonds is proportional to it.
+# is not among them: with bonds off it changes nothing, and the rate of bonds is proportional to it. The drag points
+# are: more of them are no finer picture of one fluid but another fluid. Each draws a velocity of its own, so that
+# speeds fall with their number, and they sit elsewhere, so that the torque differs even where the fluid is smooth.
 VARIATIONS: tuple[tuple[str, str, Vary], ...] = (
     ("agitation", "hold", times(0.5, 2)),
     ("ornstein-uhlenbeck", "correlation_time", times(0.5, 2)),
@@ -37,6 +41,7 @@ VARIATIONS: tuple[tuple[str, str, Vary], ...] = (
     ("bonding", "capture_distance", times(0.5, 1.5)),
     ("bonding", "capture_angle", lambda value: [angle for angle in (value - 15, value + 15) if 90 <= angle < 180]),
 )
+CORRELATED_OVER = (0.25, 0.5)  # edges; how far fluid is made to move together where in the scene it does not at all
 
 
 @dataclass(frozen=True)
@@ -85,10 +90,22 @@ def plan(scene: Scene) -> Plan:
     for factor in STEP_FACTORS:
         add(numerical, "step", step * factor, partial(with_numerics, scene, step=step * factor))
     for listed, other in (("drag", "explicit-drag"), ("explicit-drag", "drag")):
-        if scene.effect(listed) is not None:
+        law = scene.effect(listed)
+        if law is not None:
+            same = {name: getattr(law, name) for name in DragLaw.model_fields} | {"effect": other}
             for factor in DRAG_FACTORS:
-                make = partial(_with_drag, scene, listed, other, step * factor)
-                add(numerical, f"step, {other}", step * factor, make)
+                add(numerical, f"step, {other}", step * factor, partial(_with, scene, listed, same, step * factor))
+    drag = scene.effect("drag")
+    if drag is not None:
+        own = drag.sub_cycles
+        for n in SUB_CYCLES:
+            if n != own:
+                add(numerical, "drag sub-cycles", n, partial(scene.changed, "drag", sub_cycles=n))
+        if own != SUB_CYCLES_OF_CURVE:
+            cycled = scene.changed("drag", sub_cycles=SUB_CYCLES_OF_CURVE)
+            for factor in DRAG_FACTORS:
+                make = partial(with_numerics, cycled, step=step * factor)
+                add(numerical, f"step, {SUB_CYCLES_OF_CURVE} drag sub-cycles", step * factor, make)
     for n in ITERATIONS:
         if n != iterations:
             add(numerical, "solver iterations", n, partial(with_numerics, scene, solver_iterations=n))
@@ -104,6 +121,17 @@ def plan(scene: Scene) -> Plan:
                         value,
                         partial(scene.changed, effect, **{name: value}),
                     )
+    agitation = scene.effect("agitation")
+    if agitation is not None:
+        for edges in CORRELATED_OVER:
+            field = {
+                "effect": "random-field",
+                "sigma": agitation.sigma,
+                "correlation_length": edges * scene.cubes.edge,
+                "correlation_time": agitation.hold / 2,
+            }
+            make = partial(_with, scene, "agitation", field, step)
+            add(model, "agitation correlated over", edges * scene.cubes.edge, make)
     finest = min(MOST_ITERATIONS, REFERENCE_ITERATIONS * iterations)
     reference = with_numerics(scene, step=step * REFERENCE_STEP, solver_iterations=finest)
     return Plan(
@@ -115,11 +143,9 @@ def plan(scene: Scene) -> Plan:
     )
 
 
-def _with_drag(scene: Scene, effect: str, other: str, step: float) -> Scene:
-    """The scene at another step, with another effect of equal settings in the place of its drag."""
+def _with(scene: Scene, effect: str, other: dict[str, Any], step: float) -> Scene:
+    """The scene at another step, with another effect in the place of one that it lists."""
     data = scene.model_dump(mode="json")
     data["numerics"]["step"] = step
-    for item in data["effects"]:
-        if item["effect"] == effect:
-            item["effect"] = other
-    return validated(Scene, data, f"scene {scene.name} with {other}")
+    data["effects"] = [other if item["effect"] == effect else item for item in data["effects"]]
+    return validated(Scene, data, f"scene {scene.name} with {other['effect']}")

@@ -36,12 +36,14 @@ class Expected(Settings):
 class Preset(Settings):
     """Numerical settings with what they lead to.
 
+    sub_cycles : of the drag, within a step
     cpu_per_cube : CPU s a simulated tu and cube, on the machine that measured it
     speed, meetings : errors of the mean speed and of the rate of meetings (of faces, before any bond)
     """
 
     step: float = Field(gt=0)
     solver_iterations: int = Field(ge=1, le=MOST_ITERATIONS)
+    sub_cycles: int = Field(default=1, ge=1)
     cpu_per_cube: float = Field(gt=0)
     speed: Expected
     meetings: Expected | None = None
@@ -76,7 +78,9 @@ class Chosen:
 
     def scene(self, scene: Scene) -> Scene:
         """The scene computed with the preset's settings."""
-        return with_numerics(scene, step=self.preset.step, solver_iterations=self.preset.solver_iterations)
+        p = self.preset
+        computed = with_numerics(scene, step=p.step, solver_iterations=p.solver_iterations)
+        return computed if scene.effect("drag") is None else computed.changed("drag", sub_cycles=p.sub_cycles)
 
     def expected(self, cubes: int, simulated: float) -> Expectation:
         """Of runs with so many cubes, for so many tu in all."""
@@ -94,9 +98,10 @@ class Expectation:
     def __str__(self) -> str:
         p = self.preset
         meetings = "" if p.meetings is None else f", of the encounter rate {p.meetings}"
+        cycles = f" with {p.sub_cycles} drag sub-cycles" if p.sub_cycles > 1 else ""
         return (
-            f"preset {self.name}: step {p.step:.6g} tu, {p.solver_iterations} solver iterations; expected error of the "
-            f"mean speed {p.speed}{meetings}; expected cost {self.cpu_seconds:.3g} CPU s"
+            f"preset {self.name}: step {p.step:.6g} tu{cycles}, {p.solver_iterations} solver iterations; expected "
+            f"error of the mean speed {p.speed}{meetings}; expected cost {self.cpu_seconds:.3g} CPU s"
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -134,24 +139,25 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
 
 
 def choose(accuracy: Accuracy) -> Presets:
-    """Presets from a measured work-precision diagram, along its curve of steps: no other knob is worth turning if its
-    curve is flat, and the diagram shows whether it is.
+    """Presets from a measured work-precision diagram: the cheapest step, with or without sub-cycles of the drag, within
+    each tolerance. The solver's iterations are left as they are: where their curve is flat, chance would choose them.
 
     The error of the reference itself cannot be seen: it is put down as zero, give or take the limit of the next coarser
     step's difference from it. ValueError where the measurement is too short to vouch for a tolerance.
     """
-    steps = [p for p in accuracy.numerical if p.setting.curve == "step" and p.changes]
+    plain = _but_for_steps(accuracy.scene)
+    points = [p for p in accuracy.numerical if p.changes and _but_for_steps(p.setting.scene) == plain]
     found = {}
     for name, tolerance in TOLERANCES.items():
-        within = [p for p in steps if max(change.limit for change in p.changes.values()) <= tolerance]
+        within = [p for p in points if max(change.limit for change in p.changes.values()) <= tolerance]
         if not within:
-            best = min((max(c.limit for c in p.changes.values()) for p in steps), default=float("inf"))
+            best = min((max(c.limit for c in p.changes.values()) for p in points), default=float("inf"))
             raise ValueError(
                 f"no step is within {tolerance:.0%} ({name}) with 95 % confidence, the best is within {best:.1%}: "
                 "measure longer (--rounds, --budget), or make the scene's step smaller"
             )
         found[name] = _preset(min(within, key=lambda p: p.cost), accuracy)
-    finest = min(steps, key=lambda p: p.setting.scene.numerics.step)
+    finest = min(points, key=lambda p: p.setting.scene.numerics.step)
     found[REFERENCE] = _preset(accuracy.reference, accuracy, finest)
     return Presets(
         scene=accuracy.scene.name,
@@ -162,6 +168,15 @@ def choose(accuracy: Accuracy) -> Presets:
         seed=accuracy.seed,
         presets=found,
     )
+
+
+def _but_for_steps(scene: Scene) -> dict[str, Any]:
+    """What scenes have in common that differ in their steps, and in those of the drag within them, alone."""
+    data = scene.model_dump(mode="json")
+    del data["numerics"]["step"]
+    for item in data["effects"]:
+        item.pop("sub_cycles", None)
+    return data
 
 
 def _preset(point: Point, accuracy: Accuracy, coarser: Point | None = None) -> Preset:
@@ -181,6 +196,7 @@ def _preset(point: Point, accuracy: Accuracy, coarser: Point | None = None) -> P
     return Preset(
         step=numerics.step,
         solver_iterations=numerics.solver_iterations,
+        sub_cycles=getattr(point.setting.scene.effect("drag"), "sub_cycles", 1),
         cpu_per_cube=float(f"{point.cost / accuracy.cubes:.3g}"),
         speed=speed,
         meetings=expected(changes.get("meetings")),

@@ -13,7 +13,9 @@ from mechsim.accuracy.plan import plan
 from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound, with_numerics
 from mechsim.ensemble import Outcome, Quarantined, run_all
 from mechsim.kernels.contact import facing_pairs
-from mechsim.record import RunSpec
+from mechsim.record import RunSpec, book_of
+from mechsim.scene import Scene
+from mechsim.species import single_cubes
 from mechsim.store import RunStore
 from wellmixed import main
 
@@ -70,6 +72,10 @@ def test_plan_turns_one_knob_at_a_time(line4):
         changed = {key for key in own if own[key] != other[key]}
         if "explicit" in setting.curve:
             assert [e["effect"] for e in other["effects"]].count("explicit-drag") == 1
+        elif "sub-cycles" in setting.curve:
+            assert changed <= {"numerics", "effects"}
+            assert setting.scene.changed("drag", sub_cycles=1).effects == line4.effects
+            assert setting.scene.effect("drag").sub_cycles > 1
         else:
             assert changed <= {"numerics"}
             assert sum(own["numerics"][k] != other["numerics"][k] for k in own["numerics"]) <= 1
@@ -77,23 +83,49 @@ def test_plan_turns_one_knob_at_a_time(line4):
         other = setting.scene.model_dump()
         assert {key for key in own if own[key] != other[key]} == {"effects"}
         assert sum(a != b for a, b in zip(own["effects"], other["effects"], strict=True)) == 1
-    assert planned.reference.scene.numerics.step == line4.numerics.step / 4
+    assert planned.reference.scene.numerics.step == line4.numerics.step / 8
     assert [r.label for r in planned.refused if r.curve == "step"] == ["0.021"]
     assert planned.base.scene in [setting.scene for setting in planned.numerical]
 
 
 def test_effects_that_are_absent_have_no_knobs(scene_of):
     curves = {s.curve for s in plan(scene_of("agitation", "drag", "walls")).model}
-    assert curves == {"agitation hold", "drag points"}
+    assert curves == {"agitation hold", "agitation correlated over", "drag points"}
     field = {"effect": "random-field", "sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.0105}
     curves = {s.curve for s in plan(scene_of(field, "drag")).model}
     assert curves == {"random-field correlation length", "random-field correlation time", "drag points"}
+    curves = {s.curve for s in plan(scene_of({"effect": "explicit-drag"})).numerical}
+    assert curves == {"step", "step, drag", "solver iterations"}
+
+
+def test_sub_cycles_of_the_scene_itself_are_where_the_curves_start(scene_of):
+    own = scene_of({"effect": "drag", "sub_cycles": 2})
+    planned = plan(own)
+    labels = [s.label for s in planned.numerical if s.curve == "drag sub-cycles"]
+    assert labels == ["1", "8"]
+    assert planned.reference.scene.effect("drag").sub_cycles == 2
+    assert not planned.refused  # explicit drag has no such setting
+    assert "step, 4 drag sub-cycles" not in {s.curve for s in plan(own.changed("drag", sub_cycles=4)).numerical}
 
 
 def test_a_trial_is_no_run_of_the_same_scene(line4):
     trial, run = (kind(line4, {"monomer": 2}, 1.0, 1, 0) for kind in (Trial, RunSpec))
     assert trial.key != run.key
     assert run.key == RunSpec(line4, {"monomer": 2}, 1.0, 1, 0).key
+
+
+def test_scenes_that_differ_in_rules_and_bonds_alone_share_their_trials(line4, scene_of):
+    """What moves is the same, bit for bit; the seed of a book that has one is a cube like the others."""
+    pyramid = Scene.load("pyramid45")
+    trials = [
+        Trial(line4, {"monomer": 3}, 0.2, 1, 0),
+        Trial(line4.changed("breaking", threshold=0.1), {"monomer": 3}, 0.2, 1, 0),
+        Trial(pyramid, single_cubes(book_of("pyramid45")[1], 3), 0.2, 1, 0),
+    ]
+    assert len(trials[2].composition) == 2
+    assert len({execute_trial(trial).digest for trial in trials}) == 1
+    others = [line4.changed("bonding", capture_distance=0.01), line4.changed("agitation", sigma=3.0)]
+    assert len({Trial(scene, {"monomer": 3}, 0.2, 1, 0).key for scene in (line4, *others)}) == 3
 
 
 def test_trials_are_the_same_bit_for_bit(line4):
@@ -114,12 +146,11 @@ def test_meetings_are_counted_as_a_slow_look_counts_them(scene_of):
         {"effect": "bonding", "latch": {"kind": "encounter", "probability": 0.5, "refractory": 0.03}},
         tank=[0.5, 0.5, 0.5],
     )
-    from mechsim.record import book_of
     from mechsim.world import World
 
     book = book_of("line4")[0]
     with World(unbound(scene), book, 6, np.random.SeedSequence(5)) as world:
-        count = counter(scene, world)
+        count, count_seldom = counter(scene, world), counter(scene, world)
         world.populate([book.monomer()] * 6)
         last, slow = {}, 0
         b, found = world.bodies, np.zeros((99, 4), np.int64)
@@ -134,7 +165,10 @@ def test_meetings_are_counted_as_a_slow_look_counts_them(scene_of):
                 slow += world.step_count > 1 and world.time - last.get(pair, -9.0) > 0.03
                 last[pair] = world.time
             assert count() == slow
+            if world.step_count % 2 == 0:
+                seldom = count_seldom()
         assert slow > 20
+        assert 10 < seldom < slow  # what begins and ends between two looks is missed
         assert counter(scene_of("agitation", "drag"), world) is None
 
 
@@ -205,6 +239,8 @@ def test_diagram_of_a_moment(measured):
     assert [row["panel"] for row in rows].count("reference") == 1
     assert json.loads(json.dumps(found.as_dict()))["cubes"] == 2
     assert "model sensitivity" in str(found)
+    assert -1 <= found.unseen.value <= 0
+    assert "a look at every second step of that motion alone misses" in str(found)
 
 
 def test_the_same_call_again_makes_nothing(measured):

@@ -34,8 +34,10 @@ def test_free_flight_equals_the_engine(make_world, line4):
         np.testing.assert_allclose(mine[3], b.spin, atol=1e-13)
 
 
-def test_impulses_account_for_every_change_of_velocity(make_world, line4):
-    world = make_world(MIXED, line4.without("breaking", "bonding").changed("contact", friction=0.7))
+@pytest.mark.parametrize("sub_cycles", [1, 4])
+def test_impulses_account_for_every_change_of_velocity(make_world, line4, sub_cycles):
+    scene = line4.without("breaking", "bonding").changed("contact", friction=0.7).changed("drag", sub_cycles=sub_cycles)
+    world = make_world(MIXED, scene)
     stir(world)
     b, touched = world.bodies, 0
     for _ in range(600):
