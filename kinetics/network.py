@@ -1,7 +1,8 @@
-"""Reaction networks under stochastic mass action.
+"""Reaction networks under stochastic mass action, or any other rate law.
 
 The propensity of a channel in state s is k * N * h(s): its rate constant k, its number of ways N and the number
 h(s) of combinations of its reactants. It is the probability per time unit that the channel fires (Gillespie 1977).
+A law of another form takes the place of h(s), and may depend on the time.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.arrays import Floats, Ints, integers, reals
+from kinetics.laws.events import Event
+from kinetics.laws.expression import Expression
+from kinetics.laws.program import Step
+from kinetics.laws.propensity import AT_ZERO, check_homogeneous, checked_laws, law_steps, law_values, split_rates
 from kinetics.terms import Terms
 
 # What h(s) counts for m like reactants among s copies:
@@ -45,6 +50,9 @@ class Network:
     rate_constants : (R,) k per way and combination, 1/tu; None before the rates are known
     combinations : how h counts like reactants, one of `COMBINATIONS`
     conserved : name of a quantity -> its amount in one copy of each species, (S,); every channel keeps it
+    laws : channel -> what takes the place of h; the others follow mass action
+    events : what sets counts when a condition becomes true
+    at_zero : what becomes of a law that is above 0 though reactants are missing, one of `AT_ZERO`
 
     The two tables are also there as `reactant_terms` and `change_terms`, without their zeros. A network made by
     `from_terms` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for: tens
@@ -59,6 +67,9 @@ class Network:
     rate_constants: Floats | None = None
     combinations: str = "distinct"
     conserved: Mapping[str, Floats] = field(default_factory=dict)
+    laws: Mapping[str, Expression] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+    at_zero: str = "block"
     reactant_terms: Terms = field(init=False, repr=False)
     change_terms: Terms = field(init=False, repr=False)
 
@@ -87,8 +98,15 @@ class Network:
             object.__setattr__(self, name, value)
         if self.combinations not in COMBINATIONS:
             raise ValueError(f"combinations = {self.combinations!r}; expected one of {', '.join(COMBINATIONS)}")
+        if self.at_zero not in AT_ZERO:
+            raise ValueError(f"at_zero = {self.at_zero!r}; expected one of {', '.join(AT_ZERO)}")
         self._check_no_overdraft()
-        object.__setattr__(self, "conserved", self._checked_laws())
+        object.__setattr__(self, "conserved", self._checked_conserved())
+        object.__setattr__(self, "laws", checked_laws(self.laws, channels, species))
+        object.__setattr__(self, "events", tuple(self.events))
+        _names("events", [event.name for event in self.events])
+        for event in self.events:
+            event.check_names({name: s for s, name in enumerate(species)})
 
     def __getattr__(self, name: str) -> Ints:
         """The dense table of a network that was made from terms."""
@@ -108,27 +126,36 @@ class Network:
         rate_constants: ArrayLike | None = None,
         combinations: str = "distinct",
         conserved: Mapping[str, ArrayLike] | None = None,
+        laws: Mapping[str, Expression] | None = None,
+        events: Sequence[Event] = (),
+        at_zero: str = "block",
     ) -> Network:
         """A network from tables without their zeros, (R, S) each."""
         tables: Any = (reactants, stoichiometry)
-        rest: Any = (ways, rate_constants, combinations, conserved or {})
+        rest: Any = (ways, rate_constants, combinations, conserved or {}, laws or {}, tuple(events), at_zero)
         return cls(tuple(species), tuple(channels), *tables, *rest)
 
     @classmethod
     def from_reactions(
         cls,
         reactions: Mapping[str, Reaction],
-        rate_constants: ArrayLike | None = None,
+        rate_constants: ArrayLike | Sequence[float | str | Expression] | None = None,
         species: Sequence[str] | None = None,
         ways: ArrayLike | None = None,
         combinations: str = "distinct",
         conserved: Mapping[str, ArrayLike] | None = None,
+        parameters: Mapping[str, float] | None = None,
+        events: Sequence[Event] = (),
+        at_zero: str = "block",
     ) -> Network:
         """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: what each channel needs, and what it makes.
 
+        rate_constants : (R,); an expression in the place of one is the whole propensity, its k and N are 1
         species : their order; by default that in which the reactions name them
         ways : (R,); by default 1 each
+        parameters : name -> value, for expressions given as text; a parsed one brings its own
         """
+        constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
         named = species if species is not None else dict.fromkeys(name for _, side, _ in sides for name in side)
         place = {name: s for s, name in enumerate(named)}
@@ -147,9 +174,12 @@ class Network:
             Terms.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
             Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies)),
             np.ones(shape[0]) if ways is None else ways,
-            rate_constants,
+            constants,
             combinations,
             conserved,
+            laws,
+            events,
+            at_zero,
         )
 
     def _check_no_overdraft(self) -> None:
@@ -163,13 +193,13 @@ class Network:
                 f"only {self.reactant_terms.at(change.keys[short[:1]])[0]}; raise its reactants"
             )
 
-    def _checked_laws(self) -> dict[str, Floats]:
-        laws = {}
+    def _checked_conserved(self) -> dict[str, Floats]:
+        weights_of = {}
         change = self.change_terms
         n_channels = len(self.channels)
         for name, weights in self.conserved.items():
-            laws[name] = reals(f"conserved {name!r}", weights, (len(self.species),))
-            gains = change.copies * laws[name][change.columns]
+            weights_of[name] = reals(f"conserved {name!r}", weights, (len(self.species),))
+            gains = change.copies * weights_of[name][change.columns]
             net = np.bincount(change.rows, gains, n_channels)
             scale = np.bincount(change.rows, np.abs(gains), n_channels)
             broken = np.flatnonzero(np.abs(net) > 1e-12 * scale)
@@ -178,17 +208,20 @@ class Network:
                     f"channel {self.channels[broken[0]]!r} changes the conserved quantity {name!r} by "
                     f"{net[broken[0]]:g}; correct the channel or the weights"
                 )
-        return laws
+        return weights_of
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over species, channels, reactants and stoichiometry: which network, whatever its rates."""
+        """SHA-256 over species, channels, reactants, stoichiometry, laws and events: which network, whatever its k."""
         terms = (self.reactant_terms, self.change_terms)
         if len(self.channels) * len(self.species) <= MAX_DENSE_HASH:
             tables = [table.table().tolist() for table in terms]
         else:
             tables = [[table.keys.tolist(), table.copies.tolist()] for table in terms]
-        content = [self.species, self.channels, *tables]
+        content: list[Any] = [self.species, self.channels, *tables]
+        if not self.is_mass_action:
+            laws = [[name, law.text, sorted(law.parameters.items())] for name, law in self.laws.items()]
+            content += [laws, [repr(event) for event in self.events], self.at_zero]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def index(self, species: str) -> int:
@@ -204,8 +237,22 @@ class Network:
             counts = [places.get(i, 0) for i in range(len(self.species))]
         return integers("state", counts, (len(self.species),), minimum=0)
 
-    def combinations_of(self, states: ArrayLike) -> Floats:
-        """h (..., R): combinations of each channel's reactants in states (..., S)."""
+    @property
+    def is_mass_action(self) -> bool:
+        """Whether there are neither other laws nor events."""
+        return not self.laws and not self.events
+
+    @cached_property
+    def law_programs(self) -> dict[str, list[Step]]:
+        """Channel -> its law as a program, see `laws.program`."""
+        return {name: law_steps(self, name) for name in self.laws}
+
+    def check_homogeneous(self) -> None:
+        """A ValueError where the rates depend on the time, or events set counts: no Markov chain with a generator."""
+        check_homogeneous(self)
+
+    def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
+        """h (..., R): combinations of each channel's reactants in states (..., S), or its law at a time, tu."""
         counts = np.asarray(states)
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
@@ -215,11 +262,17 @@ class Network:
         for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
             alike = (places == place) & (needed.copies == taken)
             h[..., needed.rows[alike]] *= _choices(counts[..., needed.columns[alike]], taken, self.combinations)
+        if self.laws and time is None:
+            self.check_homogeneous()
+        for name in self.laws:
+            h[..., self.channels.index(name)] = law_values(self, name, counts, time or 0.0)
         return h
 
-    def propensities(self, states: ArrayLike) -> Floats:
-        """Firing rates k * N * h (..., R) in 1/tu at states (..., S)."""
-        return self.known_rates * self.ways * self.combinations_of(states)
+    def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
+        """Firing rates k * N * h (..., R) in 1/tu at states (..., S); a time in tu where laws depend on it."""
+        if time is None:
+            self.check_homogeneous()
+        return self.known_rates * self.ways * self.combinations_of(states, time)
 
     @property
     def known_rates(self) -> Floats:
@@ -242,8 +295,12 @@ class Network:
         rows = []
         for r, name in enumerate(self.channels):
             rate = () if self.rate_constants is None else (f"{self.rate_constants[r]:.4g}",)
+            if name in self.laws:
+                factor = "" if rate in ((), ("1",)) else f"{rate[0]} * "
+                rate = (f"{factor}[{self.laws[name]}]",)
             rows.append((name, self._reaction(r), f"{self.ways[r]:g}", *rate))
-        return rows
+        width = max(map(len, rows), default=0)
+        return [(*row, *[""] * (width - len(row))) for row in rows]
 
     def _reaction(self, r: int) -> str:
         before = dict(zip(*(part.tolist() for part in self.reactant_terms.row(r)), strict=True))
@@ -257,18 +314,24 @@ class Network:
 
     def _headline(self) -> str:
         laws = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        return f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations{laws}"
+        missing = f"; a law without its reactants: {self.at_zero}" if self.laws else ""
+        events = f"; {len(self.events)} events" if self.events else ""
+        size = f"{len(self.species)} species, {len(self.channels)} channels"
+        return f"{size}; {self.combinations} combinations{laws}{missing}{events}"
 
     def _titles(self) -> tuple[str, ...]:
-        return ("channel", "reaction", "N", "k (1/tu)")[: 3 if self.rate_constants is None else 4]
+        last = "k, or law (1/tu)" if self.laws else "k (1/tu)"
+        return ("channel", "reaction", "N", last)[: 3 if self.rate_constants is None and not self.laws else 4]
 
     def __str__(self) -> str:
-        return f"{self._headline()}\n{text_table(self._titles(), self.rows())}"
+        lines = [self._headline(), text_table(self._titles(), self.rows()), *map(str, self.events)]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         lines = [f"<th>{title}</th>" for title in self._titles()]
         table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in [lines, *self._html_rows()])
-        return f"<p>{html.escape(self._headline())}</p><table>{table}</table>"
+        events = "".join(f"<p>{html.escape(str(event))}</p>" for event in self.events)
+        return f"<p>{html.escape(self._headline())}</p><table>{table}</table>{events}"
 
     def _html_rows(self) -> list[list[str]]:
         return [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in self.rows()]

@@ -109,6 +109,9 @@ class Rates(Settings):
             np.array([channel.rate for channel in ordered]),
             self.convention.combinations,
             network.conserved,
+            network.laws,
+            network.events,
+            network.at_zero,
         )
 
     def without_evidence(self) -> list[str]:

@@ -161,6 +161,7 @@ class Search:
     def __init__(self, network: Network, states: Ints, max_states: int = MAX_STATES) -> None:
         from kinetics.kernels import exploration
 
+        network.check_homogeneous()
         works = network.stoichiometry.any(axis=1)
         if network.rate_constants is not None:
             works &= network.rate_constants * network.ways > 0
@@ -204,6 +205,9 @@ class Search:
 
         is_stopped : (N,) bool, states that lead nowhere
         """
+        if self._network.laws:
+            self._go_on_by_law(begin, end, is_stopped)
+            return
         from kinetics.kernels import exploration
 
         stopped = np.empty(0, dtype=bool) if is_stopped is None else is_stopped
@@ -215,6 +219,30 @@ class Search:
             raise ValueError("a count grows beyond 2**63 - 1")
         if outcome == exploration.TOO_MANY:
             raise TooManyStatesError(self._too_many())
+
+    def _go_on_by_law(self, begin: int, end: int, is_stopped: NDArray[np.bool_] | None) -> None:
+        """The same for laws that may be 0 though all reactants are there: level by level, by the propensities."""
+        network = self._network
+        known = network if network.rate_constants is not None else network.with_rates(np.ones(len(network.channels)))
+        until = len(self) if end < 0 else end
+        while begin < until:
+            # Pieces keep the table of propensities small.
+            last = min(until, begin + max(1, CHUNK // max(len(network.channels), 1)))
+            goes = known.propensities(self.states[begin:last]) > 0.0
+            goes[:, ~network.stoichiometry.any(axis=1)] = False
+            if is_stopped is not None:
+                stopped = is_stopped[begin:last]
+                goes[: stopped.size][stopped] = False
+            rows, channels = np.nonzero(goes)
+            new = self.states[begin + rows] + network.stoichiometry[channels]
+            if new.size and new.min() < 0:
+                raise ValueError("a count grows beyond 2**63 - 1")
+            before = len(self)
+            self.add(np.unique(new, axis=0))
+            begin = last
+            if end < 0 and begin == until:
+                self.levels.append(len(self) - before)
+                until = len(self)
 
     def _too_many(self) -> str:
         recent = ", ".join(str(size) for size in self.levels[-5:-1])
