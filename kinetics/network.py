@@ -321,7 +321,8 @@ class Network:
 
     def _titles(self) -> tuple[str, ...]:
         last = "k, or law (1/tu)" if self.laws else "k (1/tu)"
-        return ("channel", "reaction", "N", last)[: 3 if self.rate_constants is None and not self.laws else 4]
+        titles = ("channel", "reaction", "N", last)
+        return titles if self.laws or self.rate_constants is not None else titles[:3]
 
     def __str__(self) -> str:
         lines = [self._headline(), text_table(self._titles(), self.rows()), *map(str, self.events)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
 from kinetics.laws.expression import Expression
 
@@ -38,17 +39,14 @@ class Event:
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"{self.name!r} is no name of an event; expected text")
         if not self.assign:
-            raise ValueError(
-                f"event {self.name!r} changes nothing; give it counts to assign, such as {{'S': 'S + 10'}}"
-            )
+            raise ValueError(f"event {self.name!r} changes nothing; give it new counts, such as {{'S': 'S + 10'}}")
         if not math.isfinite(self.priority):
             raise ValueError(f"event {self.name!r} has priority {self.priority}; expected a finite number")
         object.__setattr__(self, "when", self._parsed(self.when))
         object.__setattr__(self, "assign", {name: self._parsed(value) for name, value in self.assign.items()})
         if not self.condition.is_condition:
-            raise ValueError(
-                f"event {self.name!r}: {self.condition.text!r} is no condition; expected one like 't >= 50'"
-            )
+            came = self.condition.text
+            raise ValueError(f"event {self.name!r}: {came!r} is no condition; expected one such as 't >= 50'")
 
     @classmethod
     def every(
@@ -65,9 +63,7 @@ class Event:
         """
         first = float(period if start is None else start)
         if not (math.isfinite(period) and period > 0 and math.isfinite(first) and first >= 0):
-            raise ValueError(
-                f"event {name!r}: every {period} tu from {first} on; expected a time above 0, from >= 0 on"
-            )
+            raise ValueError(f"event {name!r}: every {period} tu from {first}; expected a time above 0, from >= 0")
         period = float(period)
         since = f"(t - {first!r})" if first else "t"
         when = f"t >= {first!r} and {since} % {period!r} < {period / 2!r}"
@@ -76,13 +72,12 @@ class Event:
     @property
     def condition(self) -> Expression:
         """The condition, parsed."""
-        assert isinstance(self.when, Expression)
-        return self.when
+        return cast(Expression, self.when)
 
     @property
     def new_counts(self) -> dict[str, Expression]:
         """Species -> its new count, parsed."""
-        return {name: value for name, value in self.assign.items() if isinstance(value, Expression)}
+        return cast(dict[str, Expression], self.assign)
 
     def check_names(self, species: Mapping[str, int]) -> None:
         """A ValueError where it speaks of what there is not."""
@@ -102,7 +97,6 @@ class Event:
             return given
         text = given if isinstance(given, str) else repr(float(given))
         try:
-            parsed = Expression(text, self.parameters)
+            return Expression(text, self.parameters)
         except ValueError as error:
             raise ValueError(f"event {self.name!r}: {error}") from None
-        return parsed

@@ -145,9 +145,8 @@ def name_of(node: ast.expr) -> str | None:
 
 def is_condition(node: ast.expr) -> bool:
     """Whether a node is true or false, not a number."""
-    return isinstance(node, ast.Compare | ast.BoolOp) or (
-        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
-    )
+    is_negation = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+    return is_negation or isinstance(node, ast.Compare | ast.BoolOp)
 
 
 def _fault(node: ast.expr) -> str | None:

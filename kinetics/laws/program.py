@@ -148,8 +148,10 @@ def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str,
             return _binary(BINARY[type(op)], inner(left), inner(right))
         case ast.UnaryOp(op=ast.Not(), operand=operand):
             return [*truth(operand), Step(Code.NOT)]
-        case ast.UnaryOp(op=op, operand=operand):
-            return inner(operand) if isinstance(op, ast.UAdd) else _folded([*inner(operand), Step(Code.NEGATE)])
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return inner(operand)
+        case ast.UnaryOp(operand=operand):
+            return _folded([*inner(operand), Step(Code.NEGATE)])
         case ast.BoolOp(op=op, values=values):
             code = Code.AND if isinstance(op, ast.And) else Code.OR
             return reduce(lambda one, other: [*one, *other, Step(code)], map(truth, values))
@@ -162,8 +164,8 @@ def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str,
             return reduce(lambda one, other: [*one, *other, Step(Code.AND)], pairs)
         case ast.Call(func=ast.Name(id="piecewise"), args=arguments):
             steps = inner(arguments[-1])
-            for value, condition in zip(arguments[-3::-2], arguments[-2::-2], strict=True):
-                steps = [*inner(value), *truth(condition), *steps, Step(Code.SELECT)]
+            for chosen, condition in zip(arguments[-3::-2], arguments[-2::-2], strict=True):
+                steps = [*inner(chosen), *truth(condition), *steps, Step(Code.SELECT)]
             return steps
         case ast.Call(func=ast.Name(id=function), args=arguments):
             code = CALLS[function]

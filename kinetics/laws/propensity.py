@@ -30,13 +30,17 @@ def checked_laws(
     for name, law in laws.items():
         if name not in channels:
             raise ValueError(f"a law for channel {name!r}, which the network does not have")
-        try:
-            checked[name] = law if isinstance(law, Expression) else Expression(law)
-        except ValueError as error:
-            raise ValueError(f"law of channel {name!r}: {error}") from None
+        checked[name] = _parsed(name, law, {})
         checked[name].check_names(f"law of channel {name!r}", places)
         steps_of(checked[name], places)
     return {name: checked[name] for name in channels if name in checked}
+
+
+def _parsed(channel: str, law: str | Expression, parameters: Mapping[str, float]) -> Expression:
+    try:
+        return law if isinstance(law, Expression) else Expression(law, parameters)
+    except ValueError as error:
+        raise ValueError(f"law of channel {channel!r}: {error}") from None
 
 
 def split_rates(
@@ -50,13 +54,8 @@ def split_rates(
     if len(rates) != len(channels):
         raise ValueError(f"{len(rates)} rates or laws came; expected one for each of {len(channels)} channels")
     for r, (name, rate) in enumerate(zip(channels, rates, strict=True)):
-        if isinstance(rate, str):
-            try:
-                rate = Expression(rate, parameters)
-            except ValueError as error:
-                raise ValueError(f"law of channel {name!r}: {error}") from None
-        if isinstance(rate, Expression):
-            laws[name], rates[r] = rate, 1.0
+        if isinstance(rate, str | Expression):
+            laws[name], rates[r] = _parsed(name, rate, parameters), 1.0
     return rates, laws
 
 

@@ -1,7 +1,7 @@
-"""The propensities of a network as the kernels read them.
+"""The propensities of a network as the kernels of the quick methods read them.
 
-Every kernel evaluates the one form that mass action of any order takes, see `MassAction`. Another rate law would be
-another form beside it.
+They evaluate the one form that mass action of any order takes, see `MassAction`. Other laws are programs for the
+kernel of the method `general`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ class MassAction(NamedTuple):
 
 
 def mass_action(network: Network) -> MassAction:
-    """Coefficients, pairs and factors of every channel."""
+    """Coefficients, pairs and factors of every channel; a ValueError where there are other laws, or events."""
+    if not network.is_mass_action:
+        what = [f"a law for channel {name!r}" for name in network.laws] + [f"event {e.name!r}" for e in network.events]
+        more = f" and {len(what) - 1} more" if len(what) > 1 else ""
+        raise ValueError(
+            f"the network has {what[0]}{more}; this method knows mass action only: use the method 'general', or 'auto'"
+        )
     coefficients = network.known_rates * network.ways
     needed = network.reactant_terms
     n_channels = len(network.channels)
