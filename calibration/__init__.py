@@ -5,10 +5,10 @@ The other names are imported when they are first used.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from calibration.estimate import estimate  # now: left for later, the module would take the function's name
+from kinetics.late import late_names
 
 if TYPE_CHECKING:
     from calibration.crossvalidation import CrossValidation, crossvalidate
@@ -58,9 +58,4 @@ __all__ = [
     "waiting_times",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(importlib.import_module(module), name)
-    raise AttributeError(f"module 'calibration' has no attribute {name!r}")
+__getattr__ = late_names(__name__, _HOMES)

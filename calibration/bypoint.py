@@ -14,6 +14,7 @@ from kinetics.arrays import Floats, Ints
 from kinetics.methods import Direct
 from kinetics.network import Network
 from kinetics.paths import JumpPath
+from kinetics.prediction import noise_free_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -165,10 +166,7 @@ def _rates(calibration: Calibration, seed: int) -> tuple[Floats, Floats]:
 def _left_open(
     network: Network, initial: Ints, species: str, cap: float, draws: Floats, seed: int
 ) -> tuple[float, float]:
-    """Middle 95 % of the mean of min(first time, cap) over draws of the rates, its sampling noise taken out.
-
-    Shrinking the deviations to the variance that is not noise leaves normal means exactly as they are.
-    """
+    """Middle 95 % of the mean of min(first time, cap) over draws of the rates, its sampling noise taken out."""
     index, times = network.index(species), np.linspace(0.0, cap, GRID)
     stays = network.reactants[:, index] == 0
     means, noise = np.empty(len(draws)), np.empty(len(draws))
@@ -176,7 +174,5 @@ def _left_open(
         runs = Direct().simulate(network.with_rates(drawn * stays), initial, times, RUNS, seed, first_run=g * RUNS)
         waits = np.trapezoid((runs.counts[:, :, index] < 1).astype(float), times, axis=1)
         means[g], noise[g] = waits.mean(), waits.var(ddof=1) / RUNS
-    share = max(0.0, 1.0 - noise.mean() / max(means.var(ddof=1), np.finfo(float).tiny))
-    low, high = np.quantile(means, (0.025, 0.975))
-    centre = means.mean()
-    return float(centre + (low - centre) * np.sqrt(share)), float(centre + (high - centre) * np.sqrt(share))
+    low, high = noise_free_limits(means, noise.mean())
+    return float(low), float(high)

@@ -5,8 +5,9 @@ The names below are imported when they are first used, so that `import kinetics`
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kinetics.late import late_names
 
 if TYPE_CHECKING:
     from kinetics.classrates import ClassRates
@@ -117,9 +118,4 @@ __all__ = [
     "verify",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(importlib.import_module(module), name)
-    raise AttributeError(f"module 'kinetics' has no attribute {name!r}")
+__getattr__ = late_names(__name__, _HOMES)

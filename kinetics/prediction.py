@@ -128,7 +128,7 @@ def predict(
         if len(means) < draws:
             unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
         if len(means) > 1:
-            low, high = _noise_free_limits(np.array(means), np.mean(noise, axis=0))
+            low, high = noise_free_limits(np.array(means), np.mean(noise, axis=0))
     return Prediction(
         model,
         result.times,
@@ -225,7 +225,7 @@ def _rounding(result: EnsembleStatistics | Distribution) -> str:
     return f"the middle 95 % of the runs is known to {off} copies" if off else ""
 
 
-def _noise_free_limits(means: Floats, noise: Floats) -> tuple[Floats, Floats]:
+def noise_free_limits(means: Floats, noise: Floats) -> tuple[Floats, Floats]:
     """2.5 % and 97.5 % quantiles (T, S) of the means (draws, T, S), freed of a noise of variance (T, S)."""
     centre = means.mean(axis=0)
     spread = means.var(axis=0, ddof=1)

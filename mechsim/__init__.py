@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kinetics.late import late_names
 
 if TYPE_CHECKING:
     from mechsim.ensemble import Outcome, Quarantined, run_all
@@ -36,9 +37,4 @@ __all__ = [
     "run_all",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(module), name)
-    raise AttributeError(f"module 'mechsim' has no attribute {name!r}")
+__getattr__ = late_names(__name__, _HOMES)
