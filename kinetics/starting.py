@@ -77,5 +77,7 @@ def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: 
         if value is not None:
             raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
     model = read(source)
-    counts = dict(zip(model.network.species, model.initial.tolist(), strict=True)) | counts_of(initial or "")
+    counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
+    if initial is not None:
+        counts |= counts_of(initial)
     return Start(model.network, model.network.state(counts))

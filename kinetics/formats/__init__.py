@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.model import Format, Model
 
-FORMATS: tuple[Format, ...] = ()
+FORMATS: tuple[Format, ...] = (BioNetGen(),)
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
 
 from kinetics.arrays import Ints
 from kinetics.network import Network
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+CLOSE = 1e-9  # an amount this near, relatively, to a whole number is meant to be it
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,19 @@ class Model:
             unknown = [each for each in weights if each not in species]
             if unknown:
                 raise ValueError(f"observable {name!r} counts {unknown[0]!r}, which is not a species of the network")
+
+
+def whole_counts(path: Path, amounts: Mapping[str, float]) -> Ints:
+    """Copies (S,) of amounts by species; a fraction of a copy is rounded, with a warning, what is no count refused."""
+    for name, amount in amounts.items():
+        if not 0 <= amount < 2.0**63:  # nan, too
+            raise ValueError(f"{path}: {amount:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
+    counts = {name: round(amount) for name, amount in amounts.items()}
+    off = [name for name, amount in amounts.items() if abs(amount - counts[name]) > CLOSE * max(1.0, amount)]
+    if off:
+        more = f" and {len(off) - 1} more" if len(off) > 1 else ""
+        warnings.warn(f"{path}: copies are whole; rounded {amounts[off[0]]:g} of {off[0]}{more}", stacklevel=2)
+    return np.array(list(counts.values()), dtype=np.int64)
 
 
 class Format(Protocol):

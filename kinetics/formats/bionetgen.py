@@ -1,0 +1,232 @@
+"""BioNetGen's network file, .net: parameters, species, reactions and groups, in plain text.
+
+A reaction's rate is a constant times a number of ways; like reactants are counted n (n - 1), so a reaction of two
+copies of one species carries a factor of one half in the file. Faeder, Blinov & Hlavacek (2009).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from kinetics.arrays import Floats, Ints
+from kinetics.formats.blocks import Line, blocks_of
+from kinetics.formats.formulas import number, replaced
+from kinetics.formats.model import Model, whole_counts
+from kinetics.formats.netlaws import KINDS, law_of
+from kinetics.formats.netwriting import net_text
+from kinetics.laws.expression import Expression, quoted
+from kinetics.network import Network
+from kinetics.terms import Terms
+
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
+FIXED = re.compile(r"(@\w+:{1,2})?\$")  # a species whose count no reaction changes
+FACTOR = re.compile(r"(?:([0-9.]+(?:[eE][-+]?[0-9]+)?)\*)?([A-Za-z_]\w*)(?:\(\))?")
+
+
+@dataclass(frozen=True)
+class BioNetGen:
+    """Reader and writer of .net files."""
+
+    name: ClassVar[str] = "net"
+    suffixes: ClassVar[tuple[str, ...]] = (".net",)
+
+    def read(self, path: Path) -> Model:
+        """The file's network with `ordered` combinations, its counts and its groups."""
+        return _Reader(path, blocks_of(path)).model()
+
+    def text(self, model: Model) -> str:
+        """The model as a .net file."""
+        return net_text(model)
+
+
+@dataclass
+class _Reader:
+    """One file while it is read."""
+
+    path: Path
+    blocks: dict[str, list[Line]]
+    parameters: dict[str, float] = field(default_factory=dict)
+    species: list[str] = field(default_factory=list)
+    fixed: list[bool] = field(default_factory=list)
+    functions: dict[str, str] = field(default_factory=dict)  # name -> what it stands for, in our own grammar
+
+    def model(self) -> Model:
+        self._read_parameters()
+        initial = self._read_species()
+        observables = self._observables()
+        self._read_functions(observables)
+        lines = self.blocks["reactions"]
+        needs, makes = (self._sides(lines, word) for word in (1, 2))
+        ways, rates = self._rates(lines)
+        channels = self._channels(lines)
+        shape = (len(lines), len(self.species))
+        is_free = ~np.array(self.fixed, dtype=bool)
+        rows = np.concatenate([needs[0], makes[0]])
+        columns = np.concatenate([needs[1], makes[1]])
+        copies = np.repeat(np.array([-1, 1]), [needs[0].size, makes[0].size])
+        kept = is_free[columns]
+        network = Network.from_terms(
+            self.species,
+            channels,
+            Terms.of_entries(shape, *needs, np.ones(needs[0].size, dtype=np.int64)),
+            Terms.of_entries(shape, rows[kept], columns[kept], copies[kept]),
+            ways,
+            rates,
+            "ordered",
+            laws=self._laws(lines, channels),
+        )
+        return Model(network, initial, observables)
+
+    def _read_parameters(self) -> None:
+        for line in self.blocks.get("parameters", []):
+            words = self._numbered(line, "a parameter is `name value`", 2)
+            name, text = words[0], " ".join(words[1:]).removeprefix("=")
+            if not IDENTIFIER.fullmatch(name) or name in self.parameters:
+                told = "comes twice" if name in self.parameters else "is not a name"
+                raise self._wrong(line, f"parameter {name!r} {told}")
+            self.parameters[name] = self._value(line, text)
+
+    def _read_species(self) -> Ints:
+        """Copies (S,) at time 0."""
+        amounts: dict[str, float] = {}
+        for line in self.blocks["species"]:
+            words = self._numbered(line, "a species is `pattern count`", 2)
+            marked = FIXED.match(words[0])
+            name = words[0].replace("$", "", 1) if marked else words[0]
+            if int(line.words[0]) != len(self.species) + 1:
+                raise self._wrong(line, f"species number {line.words[0]} came; expected {len(self.species) + 1}")
+            if name in amounts:
+                raise self._wrong(line, f"species {name!r} comes twice")
+            amounts[name] = self._value(line, " ".join(words[1:]))
+            if not 0 <= amounts[name] < 2.0**63:
+                raise self._wrong(line, f"{amounts[name]:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
+            self.species.append(name)
+            self.fixed.append(marked is not None)
+        # `A()` is how the format writes a species without sites.
+        bare = [name.removesuffix("()") for name in self.species]
+        if len(set(bare)) == len(bare):
+            self.species = bare
+        return whole_counts(self.path, amounts)
+
+    def _sides(self, lines: list[Line], word: int) -> tuple[Ints, Ints]:
+        """Row and column of every species on one side of the reactions."""
+        try:
+            texts = [line.words[word] for line in lines]
+            numbers = np.array(",".join(texts).split(",") if texts else [], dtype=np.int64)
+        except (ValueError, IndexError, OverflowError):
+            raise self._wrong(self._first_broken(lines, word), self._reaction_form()) from None
+        lengths = np.array([text.count(",") + 1 for text in texts], dtype=np.int64)
+        rows = np.repeat(np.arange(lengths.size), lengths)
+        beyond = np.flatnonzero((numbers < 0) | (numbers > len(self.species)))
+        if beyond.size:
+            line = lines[rows[beyond[0]]]
+            raise self._wrong(line, f"species {numbers[beyond[0]]}; the file has 1 to {len(self.species)}")
+        return rows[numbers > 0], numbers[numbers > 0] - 1  # 0 stands for nothing
+
+    def _first_broken(self, lines: list[Line], word: int) -> Line:
+        return next(
+            line for line in lines if len(line.words) <= word or not re.fullmatch(r"\d+(,\d+)*", line.words[word])
+        )
+
+    def _reaction_form(self) -> str:
+        return "a reaction is `number reactants products rate`, as in `7 1,2 3 0.5*kon`, with 0 for nothing"
+
+    def _read_functions(self, observables: dict[str, dict[str, float]]) -> None:
+        """Functions, each with those before it put in."""
+        meanings = {name: repr(value) for name, value in self.parameters.items()}
+        for name, weights in observables.items():
+            terms = [
+                quoted(each) if weight == 1 else f"{weight!r} * {quoted(each)}" for each, weight in weights.items()
+            ]
+            meanings[name] = f"({' + '.join(terms) or '0'})"
+        for line in self.blocks.get("functions", []):
+            words = self._numbered(line, "a function is `name() formula`", 2)
+            name = words[0].removesuffix("()")
+            if not IDENTIFIER.fullmatch(name) or name in self.functions:
+                raise self._wrong(line, f"the function {words[0]!r} comes twice, or is no `name()`")
+            try:
+                self.functions[name] = replaced(" ".join(words[1:]).removeprefix("="), meanings | self.functions)
+            except ValueError as error:
+                raise self._wrong(line, str(error)) from None
+
+    def _rates(self, lines: list[Line]) -> tuple[Floats, Floats]:
+        """Ways and rate constant of every reaction; 1 where a law takes the constant's place."""
+        known: dict[str, tuple[float, float]] = {}
+        found = []
+        for line in lines:
+            if len(line.words) < 4:
+                raise self._wrong(line, self._reaction_form())
+            text = line.words[3]
+            if len(line.words) > 4 and not self._is_lawful(line):
+                text = " ".join(line.words[3:])
+            if text not in known:
+                factored = FACTOR.fullmatch(text)
+                ways, constant = (float(factored[1] or 1), factored[2]) if factored else (1.0, text)
+                known[text] = ways, 1.0 if self._is_lawful(line) else self._value(line, constant)
+                if known[text][1] < 0:
+                    raise self._wrong(line, f"the rate {text!r} comes to {known[text][1]:g}; it must not be negative")
+            found.append(known[text])
+        table = np.array(found, dtype=np.float64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
+    def _is_lawful(self, line: Line) -> bool:
+        """Whether the rate is a function, or one of the laws with names."""
+        factored = FACTOR.fullmatch(line.words[3])
+        return factored is not None and (factored[2] in self.functions or factored[2] in KINDS)
+
+    def _laws(self, lines: list[Line], channels: list[str]) -> dict[str, Expression]:
+        """The laws of the reactions that have one."""
+        if not self.functions and not any(line.words[3].rpartition("*")[2] in KINDS for line in lines):
+            return {}
+        laws = {}
+        for line, channel in zip(lines, channels, strict=True):
+            if self._is_lawful(line):
+                name = FACTOR.fullmatch(line.words[3])[2]  # type: ignore[index]  # it matched before
+                reactants = [self.species[int(n) - 1] for n in line.words[1].split(",") if n != "0"]
+                values = [self._value(line, word) for word in line.words[4:]]
+                try:
+                    laws[channel] = law_of(name, self.functions, values, reactants)
+                except ValueError as error:
+                    raise self._wrong(line, str(error)) from None
+        return laws
+
+    def _channels(self, lines: list[Line]) -> list[str]:
+        """The reactions' own labels where they tell them apart, else with their numbers."""
+        labels = [line.comment.strip() for line in lines]
+        if all(labels) and len(set(labels)) == len(labels):
+            return labels
+        return [f"{label or 'reaction'}.{place}" for place, label in enumerate(labels, 1)]
+
+    def _observables(self) -> dict[str, dict[str, float]]:
+        groups: dict[str, dict[str, float]] = {}
+        for line in self.blocks.get("groups", []):
+            words = self._numbered(line, "a group is `name 1,2*3`", 1)
+            weights: dict[str, float] = {}
+            for part in ",".join(words[1:]).split(",") if words[1:] else []:
+                weight, _, place = part.rpartition("*")
+                if not place.isdecimal() or not 1 <= int(place) <= len(self.species):
+                    raise self._wrong(line, f"{part!r} is not one of the species 1 to {len(self.species)}")
+                name = self.species[int(place) - 1]
+                weights[name] = weights.get(name, 0.0) + (self._value(line, weight) if weight else 1.0)
+            groups[words[0]] = weights
+        return groups
+
+    def _numbered(self, line: Line, form: str, least: int) -> list[str]:
+        """The words behind a line's number."""
+        if len(line.words) <= least or not line.words[0].isdecimal():
+            raise self._wrong(line, f"{' '.join(line.words)[:80]!r} came; {form}, behind its number")
+        return list(line.words[1:])
+
+    def _value(self, line: Line, text: str) -> float:
+        try:
+            return number(text, self.parameters)
+        except ValueError as error:
+            raise self._wrong(line, str(error)) from None
+
+    def _wrong(self, line: Line, told: str) -> ValueError:
+        return ValueError(f"{self.path}, line {line.number}: {told}")

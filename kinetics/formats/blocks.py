@@ -1,0 +1,84 @@
+"""A .net file cut into its blocks, each line with its number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+MAX_BYTES = 512 * 2**20
+NEEDED = ("species", "reactions")
+READ = ("parameters", "functions", "species", "reactions", "groups")
+# What a network was generated from; the blocks above say all of it again.
+SKIPPED = (
+    "molecule types",
+    "observables",
+    "reaction rules",
+    "compartments",
+    "energy patterns",
+    "population maps",
+    "population types",
+)
+
+
+class Line(NamedTuple):
+    """Words of one line, and what stood behind its #."""
+
+    number: int
+    words: Sequence[str]
+    comment: str
+
+
+def blocks_of(path: Path) -> dict[str, list[Line]]:
+    """The lines of every block that is read; a ValueError with the line number where the file is damaged."""
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes; a network file may have at most {MAX_BYTES}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text: {error}") from None
+    blocks: dict[str, list[Line]] = {}
+    inside: str | None = None
+    began = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        content, _, comment = line.partition("#")
+        words = content.split()
+        if not words:
+            continue
+        if words[0] == "end":
+            if " ".join(words[1:]) not in (inside, "model"):
+                raise ValueError(f"{path}, line {number}: {content.strip()!r}, but {_open_block(inside, began)}")
+            inside = None
+        elif words[0] == "begin":
+            name = " ".join(words[1:])
+            if name == "model":
+                continue
+            if inside is not None:
+                raise ValueError(f"{path}, line {number}: {content.strip()!r}, but {_open_block(inside, began)}")
+            if name not in (*READ, *SKIPPED) or name in blocks:
+                told = "comes twice" if name in blocks else f"is not one of {', '.join((*READ, *SKIPPED))}"
+                raise ValueError(f"{path}, line {number}: the block {name!r} {told}")
+            inside, began = name, number
+            blocks[name] = []
+        elif inside is None:
+            _check_outside(path, number, content.strip())
+        elif inside in READ:
+            blocks[inside].append(Line(number, words, comment))
+    if inside is not None:
+        raise ValueError(f"{path}: {_open_block(inside, began)}; the file may have been cut short")
+    missing = [name for name in NEEDED if name not in blocks]
+    if missing:
+        raise ValueError(f"{path} has no block {missing[0]!r}; is it a .net file of BioNetGen?")
+    return blocks
+
+
+def _open_block(inside: str | None, began: int) -> str:
+    return "no block is open" if inside is None else f"the block {inside!r} of line {began} has no end yet"
+
+
+def _check_outside(path: Path, number: int, text: str) -> None:
+    """Only settings that leave the network as it is may stand between blocks."""
+    if re.fullmatch(r'substanceUnits\("Number"\);?|(setOption|version)\(.*\);?', text):
+        return
+    raise ValueError(f"{path}, line {number}: {text[:80]!r} outside any block is not read; leave it out of the file")

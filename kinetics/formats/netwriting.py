@@ -1,0 +1,102 @@
+"""A model as the text of a .net file."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import numpy as np
+
+from kinetics.formats.model import Model
+from kinetics.network import Network
+from kinetics.terms import Terms
+
+PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
+
+
+def net_text(model: Model) -> str:
+    """The .net file of a model.
+
+    Names that the format cannot have are spelled with _ for the characters in question. A ValueError where like
+    reactants are counted as products.
+    """
+    network = model.network
+    if not network.is_mass_action:
+        what = f"law of channel {next(iter(network.laws))!r}" if network.laws else f"event {network.events[0].name!r}"
+        raise ValueError(f"a .net file is written for mass action alone; the {what} does not fit")
+    ways = network.ways / _like_orders(network)
+    constants, which = np.unique(network.known_rates, return_inverse=True)
+    needs = _sides(network.reactant_terms)
+    made = Terms.of_entries(
+        network.change_terms.shape,
+        np.concatenate([network.reactant_terms.rows, network.change_terms.rows]),
+        np.concatenate([network.reactant_terms.columns, network.change_terms.columns]),
+        np.concatenate([network.reactant_terms.copies, network.change_terms.copies]),
+    )
+    reactions = zip(needs, _sides(made), ways.tolist(), which.tolist(), network.channels, strict=True)
+    patterns = _patterns(network.species)
+    place = {name: str(s) for s, name in enumerate(network.species, 1)}
+    lines = ["begin parameters"]
+    lines += [f"{i} k{i} {constant!r}" for i, constant in enumerate(constants.tolist(), 1)]
+    lines += ["end parameters", "begin species"]
+    lines += [
+        f"{s} {pattern} {count}" for s, (pattern, count) in enumerate(zip(patterns, model.initial, strict=True), 1)
+    ]
+    lines += ["end species", "begin reactions"]
+    lines += [
+        f"{r} {before} {after} {'' if n == 1 else f'{n!r}*'}k{k + 1} #{_one_line(name)}"
+        for r, (before, after, n, k, name) in enumerate(reactions, 1)
+    ]
+    lines.append("end reactions")
+    if model.observables:
+        lines.append("begin groups")
+        for g, (name, weights) in enumerate(model.observables.items(), 1):
+            terms = [place[each] if w == 1 else f"{w:.17g}*{place[each]}" for each, w in weights.items()]
+            lines.append(f"{g} {_word(name)} {','.join(terms)}".rstrip())
+        lines.append("end groups")
+    return "\n".join(lines) + "\n"
+
+
+def _like_orders(network: Network) -> np.ndarray:
+    """Orders (R,) in which each channel's like reactants can be taken: the format counts every one."""
+    terms = network.reactant_terms
+    orders = np.ones(len(network.channels))
+    if network.combinations == "ordered" or not np.any(terms.copies > 1):
+        return orders
+    if network.combinations == "product":
+        raise ValueError(
+            "a .net file counts pairs of one species as n (n - 1); a network with `product` combinations counts "
+            "n squared, which it cannot say"
+        )
+    factorials = np.cumprod(np.concatenate([[1.0], np.arange(1.0, terms.copies.max() + 1)]))
+    np.multiply.at(orders, terms.rows, factorials[terms.copies])
+    return orders
+
+
+def _sides(terms: Terms) -> list[str]:
+    """Numbers of the species on one side of each reaction, a species of two copies twice; 0 for none."""
+    copies, columns, starts = terms.copies.tolist(), terms.columns.tolist(), terms.starts.tolist()
+    return [
+        ",".join(",".join([str(columns[i] + 1)] * copies[i]) for i in range(begin, end)) or "0"
+        for begin, end in pairwise(starts)
+    ]
+
+
+def _patterns(species: tuple[str, ...]) -> list[str]:
+    """Names as the format has them: `A()` for a plain name, and sites in brackets as they are."""
+    made: dict[str, None] = {}
+    for name in species:
+        pattern = name if PATTERN.fullmatch(name) else f"{_word(name)}()"
+        while pattern in made:
+            pattern = f"{pattern.removesuffix('()')}_()"
+        made[pattern] = None
+    return list(made)
+
+
+def _word(name: str) -> str:
+    word = re.sub(r"\W", "_", name)
+    return word if re.match(r"[A-Za-z_]", word) else f"_{word}"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

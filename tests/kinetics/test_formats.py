@@ -1,0 +1,269 @@
+"""BioNetGen's .net files: what they say, what they cannot say, and what is wrong with them."""
+
+import importlib.util
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.testing import assert_allclose, assert_array_equal
+
+from kinetics.assembly import RuleBook, derive
+from kinetics.formats import FORMATS, SUFFIXES, read, write
+from kinetics.formats.formulas import number
+from kinetics.formats.model import Model
+from kinetics.network import Network
+from wellmixed import main
+
+# Every notation at once: numbers as formulas, a held count, pairs, factors, groups, functions and laws with names.
+EVERYTHING = """
+# made by hand
+begin parameters
+    1 Na   6.022e23  # Constant
+    2 V    1e-21
+    3 kon  0.212*Na*V/100  # ConstantExpression
+    4 half (1+2)^2/6
+    5 K    40
+    6 out  0.25
+end parameters
+begin functions
+    1 one() kon/(K+bound)
+    2 two() if(bound>2 && free<=30, one()*half, exp(-free/10))
+end functions
+begin species
+    1 $Source() 1
+    2 A(b) 20
+    3 B() half*8
+    4 A(b!1).B(a!1) 5
+end species
+begin reactions
+    1 1 1,2 kon #feed
+    2 2,2 4 0.5*half #pair
+    3 2,3 4 3*kon #bind
+    4 4 2,3 one #unbind
+    5 2,3,3 3 2*two #both
+    6 2,3 3 Sat half K #sat
+    7 3,4 4 Hill half K 2.5 #hill
+    8 2,3 3 MM half K #mm
+    9 0 3 half #in
+    10 3 0 out #out
+end reactions
+begin groups
+    1 bound 4,2*2
+    2 free  3
+    3 none
+end groups
+"""
+
+
+def written(folder, text, name="model.net"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_everything_a_file_can_say(tmp_path):
+    model = read(written(tmp_path, EVERYTHING))
+    net = model.network
+    assert net.species == ("Source", "A(b)", "B", "A(b!1).B(a!1)")
+    assert net.channels == ("feed", "pair", "bind", "unbind", "both", "sat", "hill", "mm", "in", "out")
+    assert_array_equal(model.initial, [1, 20, 12, 5])
+    assert model.observables == {"bound": {"A(b!1).B(a!1)": 1, "A(b)": 2}, "free": {"B": 1}, "none": {}}
+    for a, b, ab in ((20, 12, 5), (1, 31, 0), (2, 1, 7)):
+        kon, half, K = 1.276664, 1.5, 40.0
+        one = kon / (K + ab + 2 * a)
+        two = one * half if ab + 2 * a > 2 and b <= 30 else math.exp(-b / 10)
+        free = (a - K - b + math.sqrt((a - K - b) ** 2 + 4 * K * a)) / 2
+        expected = [
+            kon,
+            0.5 * half * a * (a - 1),
+            3 * kon * a * b,
+            one * ab,
+            2 * two * a * b * (b - 1),
+            half * a * b / (K + a),
+            half * b**2.5 / (K**2.5 + b**2.5) * ab,
+            half * b * free / (K + free),
+            half,
+            0.25 * b,
+        ]
+        assert_allclose(net.propensities([1, a, b, ab]), expected, rtol=1e-12)
+    assert_array_equal(net.stoichiometry[0], [0, 1, 0, 0])  # the source is needed, and held
+    assert_array_equal(net.stoichiometry[4], [0, -1, -1, 0])
+
+
+def test_the_same_as_the_engine_of_the_format(tmp_path):
+    if importlib.util.find_spec("bngsim") is None:
+        pytest.skip("bngsim is not installed; see the extra `peers`")
+    import bngsim
+
+    path = written(tmp_path, EVERYTHING)
+    ours = read(path).network
+    with pytest.warns(UserWarning, match="Sat"):
+        theirs = bngsim.Model.from_net(str(path))
+    for state in np.random.default_rng(1).integers(2, 40, (20, 4)):
+        state[0] = 1
+        assert_allclose(ours.propensities(state), theirs.propensities(state.astype(float)), rtol=1e-12)
+
+
+def derived(book):
+    network = derive(RuleBook.load(book)).network
+    return network.with_rates(np.random.default_rng(len(book)).uniform(1e-5, 1, len(network.channels)))
+
+
+OWN = {
+    "line4": lambda: derived("line4"),
+    "t5": lambda: derived("t5"),
+    "odd names": lambda: Network.from_reactions(
+        {"3 a": ({"x y": 3}, {"2b": 1}), "#odd name": ({"2b": 2, "x y": 1}, {"x_y": 4}), "in": ({}, {"x_y": 1})},
+        [0.1, 1e-30, 3],
+        ways=[1, 7, 0.1],
+    ),
+    "ordered pair": lambda: Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="ordered"),
+    "no reaction": lambda: Network.from_reactions({}, [], species=["A"]),
+}
+
+
+@pytest.mark.parametrize("kind", FORMATS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("name", OWN)
+def test_our_networks_come_back(kind, name, tmp_path):
+    """Counts, observables and propensities, whatever the names."""
+    network = OWN[name]()
+    rng = np.random.default_rng(0)
+    model = Model(network, rng.integers(0, 9, len(network.species)), {"sum": dict.fromkeys(network.species, 2.0)})
+    path = tmp_path / f"model{kind.suffixes[0]}"
+    write(model, path)
+    again = read(path)
+    assert_array_equal(again.initial, model.initial)
+    assert_array_equal(again.network.stoichiometry, network.stoichiometry)
+    assert_array_equal(again.network.reactants, network.reactants)
+    assert [list(weights.values()) for weights in again.observables.values()] == [[2.0] * len(network.species)]
+    for state in rng.integers(0, 20, (10, len(network.species))):
+        assert_allclose(again.network.propensities(state), network.propensities(state), rtol=1e-14)
+    write(again, path)
+    assert read(path).network.fingerprint == again.network.fingerprint
+
+
+def test_what_a_net_file_cannot_say(tmp_path):
+    squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
+    with pytest.raises(ValueError, match="n squared, which it cannot say"):
+        write(Model(squares, [3, 0]), tmp_path / "out.net")
+    assert not (tmp_path / "out.net").exists()
+    law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
+    with pytest.raises(ValueError, match="law of channel 'turn'"):
+        write(Model(law, [3, 0]), tmp_path / "out.net")
+    with pytest.raises(ValueError, match=r"must end in .*\.net"):
+        write(Model(law, [3, 0]), tmp_path / "out.csv")
+
+
+GOOD = """begin parameters
+1 k 0.5
+end parameters
+begin species
+1 A() 10
+2 B() 0
+end species
+begin reactions
+1 1,1 2 k
+end reactions
+begin groups
+1 both 1,2*2
+end groups
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("1 k 0.5", "1 k 1/0", "line 2: '1/0' comes to inf"),
+        ("1 k 0.5", "1 k m", "line 2: 'm' is not known here"),
+        ("1 k 0.5", "1 k", "line 2: '1 k' came; a parameter is `name value`"),
+        ("1 k 0.5", "1 k 0.5\n2 k 1", "line 3: parameter 'k' comes twice"),
+        ("1 k 0.5", "1 k-on 0.5", "line 2: parameter 'k-on' is not a name"),
+        ("1 k 0.5", "1 k log(2)", "write ln or log10"),
+        ("1 k 0.5", "1 k __import__('os')", "line 2: unknown function '__import__'"),
+        ("1 k 0.5", f"1 k {'(' * 60}1{')' * 60}", "60 brackets within each other"),
+        ("1 k 0.5", "1 k -1", "line 9: the rate 'k' comes to -1; it must not be negative"),
+        ("1 A() 10", "1 A() -3", r"line 5: -3 copies of 'A\(\)'"),
+        ("1 A() 10", "1 A() 1e30", r"line 5: 1e\+30 copies of 'A\(\)'; expected a count from 0"),
+        ("1 A() 10", "7 A() 10", "line 5: species number 7 came; expected 1"),
+        ("2 B() 0", "2 A() 0", r"line 6: species 'A\(\)' comes twice"),
+        ("1,1 2 k", "1,3 2 k", "line 9: species 3; the file has 1 to 2"),
+        ("1,1 2 k", "1,x 2 k", "line 9: a reaction is `number reactants products rate`"),
+        ("1,1 2 k", "1,1 2", "line 9: a reaction is"),
+        ("1,1 2 k", "1,1 2 q", "line 9: 'q' is not known here"),
+        ("1,1 2 k", "1,1 2 Sat k", "line 9: Sat takes 2 numbers"),
+        ("1 both 1,2*2", "1 both 1,2*9", r"line 12: '2\*9' is not one of the species 1 to 2"),
+        ("end species", "end things", "line 7: 'end things', but the block 'species' of line 4 has no end yet"),
+        ("end species\n", "", "'begin reactions', but the block 'species' of line 4"),
+        ("begin groups", "begin species", "line 11: the block 'species' comes twice"),
+        ("begin groups", "begin rules", "line 11: the block 'rules' is not one of"),
+        ("end groups\n", "", "the block 'groups' of line 11 has no end yet; the file may have been cut short"),
+        (
+            "begin parameters",
+            'setConcentration("A()", 3)\nbegin parameters',
+            "line 1: .* outside any block is not read",
+        ),
+        (GOOD, "", "has no block 'species'; is it a .net file"),
+        (GOOD, GOOD.replace("1,1 2 k", "1 2 f") + "begin functions\n1 f() g()\nend functions", "'g' is not known here"),
+    ],
+)
+def test_mistakes_are_named_with_their_line(old, new, message, tmp_path):
+    assert old in GOOD
+    with pytest.raises(ValueError, match=message):
+        read(written(tmp_path, GOOD.replace(old, new, 1)))
+
+
+def test_other_bad_files(tmp_path):
+    with pytest.raises(ValueError, match="does not exist"):
+        read(tmp_path / "none.net")
+    path = tmp_path / "bytes.net"
+    path.write_bytes(b"begin species\n\xff\xfe")
+    with pytest.raises(ValueError, match="not UTF-8"):
+        read(path)
+    assert ".net" in SUFFIXES
+
+
+def test_fractions_of_a_copy_are_rounded_aloud(tmp_path):
+    with pytest.warns(UserWarning, match=r"copies are whole; rounded 6.022 of A\(\) and 1 more"):
+        model = read(written(tmp_path, GOOD.replace("A() 10", "A() 6.022").replace("B() 0", "B() 0.7")))
+    assert_array_equal(model.initial, [6, 1])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("-2^2", -4),
+        ("2^3^2", 512),
+        ("ln(_e)", 1),
+        ("log10(100)", 2),
+        ("rint(2.6)", 3),
+        ("if(1>2,3,4)", 4),
+        ("1e-3", 1e-3),
+    ],
+)
+def test_formulas_come_to_numbers(text, expected):
+    assert number(text, {}) == pytest.approx(expected, rel=1e-15)
+
+
+def test_predict_takes_a_file(tmp_path):
+    """Immigration and death: a Poisson count at any time."""
+    path = written(
+        tmp_path,
+        "begin species\n1 X(a,b~0) 0\nend species\nbegin reactions\n1 0 1 2*1\n2 1 0 0.1\nend reactions\n",
+    )
+    run = CliRunner().invoke
+    options = ["predict", str(path), "--times", "5", "--method", "fsp", "--json"]
+    done = run(main, options)
+    assert done.exit_code == 0, done.output
+    data = json.loads(done.output)
+    assert data["species"] == ["X(a,b~0)"]
+    assert data["convention"]["combinations"] == "ordered"
+    mean = 20 * -math.expm1(-0.5)
+    assert_allclose([data["mean"][0][0], data["sd"][0][0] ** 2], mean, rtol=1e-9)
+    data = json.loads(run(main, [*options, "--initial", "X(a,b~0)=7"]).output)
+    assert_allclose(data["mean"][0][0], mean + 7 * math.exp(-0.5), rtol=1e-9)
+    for extra in (["--cubes", "3"], ["--rates", "table3"]):
+        done = run(main, [*options, *extra])
+        assert done.exit_code == 2
+        assert "brings its own rates and counts" in done.output
