@@ -33,6 +33,7 @@ COMMANDS = {
 
 # `wellmixed accuracy ...`, a command a room
 ACCURACY = {
+    "kinetics": ("kinetics.commands.accuracy", "kinetics", "Error of every prediction method against CPU time."),
     "mechanics": ("mechsim.commands.accuracy", "mechanics", "Error of mean speed and encounter rate against CPU time."),
 }
 
@@ -45,6 +46,7 @@ EXTRAS = {
     "distributed": "dist",
     "imageio_ffmpeg": "movie",
     "plotly": "movie",
+    "libsbml": "sbml",
 }
 
 
