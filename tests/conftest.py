@@ -13,6 +13,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background; t
 
 def pytest_addoption(parser):
     parser.addoption("--validate", action="store_true", help="also make the long statistical runs")
+    parser.addoption(
+        "--dsmts",
+        metavar="FOLDER",
+        default=os.environ.get("WELLMIXED_DSMTS"),
+        help="cases of the stochastic SBML Test Suite  [default: $WELLMIXED_DSMTS]",
+    )
 
 
 def pytest_collection_modifyitems(config, items):

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.model import Format, Model
+from kinetics.formats.sbml import Sbml
 
-FORMATS: tuple[Format, ...] = (BioNetGen(),)
+FORMATS: tuple[Format, ...] = (BioNetGen(), Sbml())
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 

@@ -1,0 +1,89 @@
+"""An SBML file as a document of libsbml that is safe to walk, or a message that says what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+MAX_BYTES = 64 * 2**20
+MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
+MAX_ERRORS = 5  # told at once
+# Packages that say how a model looks, not what it does.
+HARMLESS = ("layout", "render", "annot", "l3v2extendedmath")
+EXPANDED = ("expandFunctionDefinitions", "expandInitialAssignments")
+
+
+def document_of(path: Path) -> Any:
+    """The document; its functions and initial assignments are put in where they are used."""
+    import libsbml
+
+    data = path.read_bytes()
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"{path} has {len(data)} bytes; an SBML file may have at most {MAX_BYTES}")
+    _check_depth(path, data)
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text: {error}") from None
+    document = libsbml.readSBMLFromString(text)
+    for i in range(document.getNumPlugins()):
+        package = document.getPlugin(i).getPackageName()
+        if package not in HARMLESS:
+            raise ValueError(f"{path} uses the package {package!r} of SBML, which is not read here")
+    _raise_errors(path, document)
+    if document.getModel() is None:
+        raise ValueError(f"{path} holds no model")
+    for category in (libsbml.LIBSBML_CAT_UNITS_CONSISTENCY, libsbml.LIBSBML_CAT_MODELING_PRACTICE):
+        document.setConsistencyChecks(category, False)
+    document.checkConsistency()
+    _raise_errors(path, document)
+    for option in EXPANDED:
+        wishes = libsbml.ConversionProperties()
+        wishes.addOption(option, True)
+        if document.convert(wishes) != libsbml.LIBSBML_OPERATION_SUCCESS:
+            raise ValueError(f"{path}: libsbml could not do {option!r}")
+    if document.getModel().getNumInitialAssignments():
+        line = document.getModel().getInitialAssignment(0).getLine()
+        raise ValueError(f"{path}, line {line}: an initial assignment that comes to no number")
+    return document
+
+
+def _check_depth(path: Path, data: bytes) -> None:
+    depth = 0
+
+    def enter(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise ValueError(f"{path}, line {parser.CurrentLineNumber}: tags over {MAX_DEPTH} deep")
+
+    def leave(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def refuse(*_: object) -> None:
+        raise ValueError(f"{path}, line {parser.CurrentLineNumber}: a document type or an entity, which is not read")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = enter, leave
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise ValueError(f"{path} is not XML: {error}") from None
+
+
+def _raise_errors(path: Path, document: Any) -> None:
+    import libsbml
+
+    found = []
+    for i in range(document.getNumErrors()):
+        error = document.getError(i)
+        if error.getSeverity() >= libsbml.LIBSBML_SEV_ERROR:
+            # The message is the rule of the specification, then what broke it.
+            lines = [line.strip() for line in error.getMessage().splitlines() if line.strip()]
+            found.append(f"line {error.getLine()}: {error.getShortMessage()}: {lines[-1][:200] if lines else ''}")
+    if found:
+        more = f"; and {len(found) - MAX_ERRORS} more" if len(found) > MAX_ERRORS else ""
+        raise ValueError(f"{path}, {'; '.join(found[:MAX_ERRORS])}{more}")

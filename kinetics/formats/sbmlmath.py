@@ -1,0 +1,112 @@
+"""Formulas of SBML as our own expressions: a walk over libsbml's tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+# How deep MathML may go: libsbml ends the whole process on some trees that are thousands deep.
+AVOGADRO = "6.02214179e+23"  # as SBML Level 3 has it
+
+
+def text_of(node: Any, meanings: Mapping[str, str]) -> str:
+    """The text of a formula in our own grammar.
+
+    meanings : id -> what stands for it, in our own grammar
+    A ValueError for what has no counterpart here.
+    """
+    import libsbml as sbml
+
+    kind = node.getType()
+    inner = [text_of(node.getChild(i), meanings) for i in range(node.getNumChildren())]
+    if kind in (sbml.AST_INTEGER, sbml.AST_REAL, sbml.AST_REAL_E, sbml.AST_RATIONAL):
+        value = node.getInteger() if kind == sbml.AST_INTEGER else node.getReal()
+        return f"({value!r})" if value < 0 else repr(value)
+    if kind == sbml.AST_NAME:
+        name = node.getName()
+        if name not in meanings:
+            raise ValueError(f"{name!r} in a formula is neither a species, a compartment nor a parameter with a value")
+        return meanings[name]
+    symbols = {
+        sbml.AST_NAME_TIME: "t",
+        sbml.AST_NAME_AVOGADRO: AVOGADRO,
+        sbml.AST_CONSTANT_PI: "pi",
+        sbml.AST_CONSTANT_E: "exp(1)",
+        sbml.AST_CONSTANT_TRUE: "(1 == 1)",
+        sbml.AST_CONSTANT_FALSE: "(1 == 0)",
+    }
+    if kind in symbols:
+        return symbols[kind]
+    made = _call(kind, inner)
+    if made is None:
+        spelled = sbml.formulaToL3String(node) or node.getName() or "a formula"
+        raise ValueError(f"{spelled[:80]!r} cannot be written as a rate law here")
+    return made
+
+
+def _call(kind: int, inner: list[str]) -> str | None:
+    """A function or an operator of `inner`; None for one that we do not have."""
+    import libsbml as sbml
+
+    joined = {
+        sbml.AST_PLUS: (" + ", "0"),
+        sbml.AST_TIMES: (" * ", "1"),
+        sbml.AST_LOGICAL_AND: (" and ", "(1 == 1)"),
+        sbml.AST_LOGICAL_OR: (" or ", "(1 == 0)"),
+    }
+    if kind in joined:
+        sign, empty = joined[kind]
+        return f"({sign.join(inner)})" if inner else empty
+    compared = {
+        sbml.AST_RELATIONAL_LT: "<",
+        sbml.AST_RELATIONAL_LEQ: "<=",
+        sbml.AST_RELATIONAL_GT: ">",
+        sbml.AST_RELATIONAL_GEQ: ">=",
+        sbml.AST_RELATIONAL_EQ: "==",
+        sbml.AST_RELATIONAL_NEQ: "!=",
+    }
+    if kind in compared and len(inner) > 1:
+        return f"({f' {compared[kind]} '.join(inner)})"
+    functions = {
+        sbml.AST_FUNCTION_EXP: "exp",
+        sbml.AST_FUNCTION_LN: "log",
+        sbml.AST_FUNCTION_ABS: "abs",
+        sbml.AST_FUNCTION_SIN: "sin",
+        sbml.AST_FUNCTION_COS: "cos",
+        sbml.AST_FUNCTION_FLOOR: "floor",
+        sbml.AST_FUNCTION_CEILING: "ceil",
+    }
+    if kind in functions and len(inner) == 1:
+        return f"{functions[kind]}({inner[0]})"
+    if kind == sbml.AST_FUNCTION_PIECEWISE and len(inner) % 2 == 1:
+        return f"piecewise({', '.join(inner)})" if len(inner) > 1 else inner[0]
+    if kind in (sbml.AST_FUNCTION_MIN, sbml.AST_FUNCTION_MAX) and inner:
+        name = "min" if kind == sbml.AST_FUNCTION_MIN else "max"
+        return f"{name}({', '.join(inner)})" if len(inner) > 1 else inner[0]
+    return _of_one_or_two(kind, inner)
+
+
+def _of_one_or_two(kind: int, inner: list[str]) -> str | None:
+    import libsbml as sbml
+
+    two: dict[int, Callable[[str, str], str]] = {
+        sbml.AST_MINUS: lambda a, b: f"({a} - {b})",
+        sbml.AST_DIVIDE: lambda a, b: f"({a} / {b})",
+        sbml.AST_POWER: lambda a, b: f"({a} ** {b})",
+        sbml.AST_FUNCTION_POWER: lambda a, b: f"({a} ** {b})",
+        sbml.AST_FUNCTION_LOG: lambda a, b: f"(log({b}) / log({a}))",  # the base comes first
+        sbml.AST_FUNCTION_ROOT: lambda a, b: f"({b} ** (1 / {a}))" if a != "2" else f"sqrt({b})",
+        sbml.AST_FUNCTION_REM: lambda a, b: f"({a} % {b})",
+    }
+    one: dict[int, Callable[[str], str]] = {
+        sbml.AST_MINUS: lambda a: f"(-{a})",
+        sbml.AST_LOGICAL_NOT: lambda a: f"(not {a})",
+        sbml.AST_FUNCTION_ROOT: lambda a: f"sqrt({a})",
+        sbml.AST_FUNCTION_LOG: lambda a: f"(log({a}) / log(10))",
+        sbml.AST_FUNCTION_TAN: lambda a: f"(sin({a}) / cos({a}))",
+    }
+    if len(inner) == 2 and kind in two:
+        return two[kind](*inner)
+    if len(inner) == 1 and kind in one:
+        return one[kind](*inner)
+    return None

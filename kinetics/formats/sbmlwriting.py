@@ -1,0 +1,106 @@
+"""A model as the text of an SBML file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from math import factorial
+from typing import Any
+
+from kinetics.formats.model import Model
+from kinetics.network import Network
+
+
+def sbml_text(model: Model) -> str:
+    """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules.
+
+    Names that no id can have are kept as names, beside an id with _ for the characters in question.
+    """
+    import libsbml
+
+    network = model.network
+    if not network.is_mass_action:
+        what = f"law of channel {next(iter(network.laws))!r}" if network.laws else f"event {network.events[0].name!r}"
+        raise ValueError(f"an SBML file is written for mass action alone; the {what} does not fit")
+    document = libsbml.SBMLDocument(3, 1)
+    made = document.createModel()
+    made.setSubstanceUnits("item")
+    made.setExtentUnits("item")
+    ids = iter(_ids(["tank", *network.species, *network.channels, *model.observables]))
+    place = made.createCompartment()
+    place.setId(next(ids))
+    place.setConstant(True)
+    place.setSize(1.0)
+    place.setSpatialDimensions(3.0)
+    species = []
+    for name, count in zip(network.species, model.initial.tolist(), strict=True):
+        each = made.createSpecies()
+        species.append(next(ids))
+        each.setId(species[-1])
+        each.setName(name)
+        each.setCompartment(place.getId())
+        each.setInitialAmount(float(count))
+        each.setHasOnlySubstanceUnits(True)
+        each.setBoundaryCondition(False)
+        each.setConstant(False)
+    for r, name in enumerate(network.channels):
+        _add_reaction(made.createReaction(), next(ids), name, network, r, species)
+    for name, weights in model.observables.items():
+        parameter = made.createParameter()
+        parameter.setId(next(ids))
+        parameter.setName(name)
+        parameter.setConstant(False)
+        rule = made.createAssignmentRule()
+        rule.setVariable(parameter.getId())
+        terms = [f"{weight!r} * {species[network.index(each)]}" for each, weight in weights.items()]
+        rule.setMath(libsbml.parseL3Formula(" + ".join(terms) or "0"))
+    return libsbml.writeSBMLToString(document)
+
+
+def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:
+    import libsbml
+
+    reaction.setId(key)
+    reaction.setName(name)
+    reaction.setReversible(False)
+    reaction.setFast(False)
+    before = dict(zip(*(part.tolist() for part in network.reactant_terms.row(r)), strict=True))
+    change = dict(zip(*(part.tolist() for part in network.change_terms.row(r)), strict=True))
+    after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
+    for side, add in ((before, reaction.createReactant), (after, reaction.createProduct)):
+        for s, copies in side.items():
+            if copies:
+                reference = add()
+                reference.setSpecies(species[s])
+                reference.setStoichiometry(float(copies))
+                reference.setConstant(True)
+    rate = float(network.known_rates[r] * network.ways[r])
+    needed = {species[s]: copies for s, copies in before.items()}
+    reaction.createKineticLaw().setMath(libsbml.parseL3Formula(_propensity(rate, needed, network.combinations)))
+
+
+def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> str:
+    """Rate times combinations, in the grammar of Level 3 formulas."""
+    if combinations == "product":
+        law = " * ".join([repr(rate), *(f"{name}^{copies}" for name, copies in needed.items())])
+        enough = [f"{name} >= {copies}" for name, copies in needed.items() if copies > 1]
+        return f"piecewise({law}, {' && '.join(enough)}, 0)" if enough else law
+    factors = [repr(rate)]
+    for name, copies in needed.items():
+        factors += [name, *(f"({name} - {i})" for i in range(1, copies))]
+        if copies > 1 and combinations == "distinct":
+            factors[-1] += f" / {factorial(copies)}"
+    return " * ".join(factors)
+
+
+def _ids(names: Iterable[str]) -> list[str]:
+    """An id for each name, all different."""
+    made: dict[str, None] = {}
+    for name in names:
+        key = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        if not re.match(r"[A-Za-z_]", key) or key in ("time", "avogadro", "pi", "true", "false", "infinity"):
+            key = f"_{key}"
+        while key in made:
+            key += "_"
+        made[key] = None
+    return list(made)
