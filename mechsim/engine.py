@@ -12,8 +12,10 @@ What this module rests on, each held by a test:
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -142,10 +144,11 @@ class Engine:
 
     def set_motions(self) -> None:
         """Tell the engine how all bodies move now."""
-        b, body, client = self.bodies, self._body, self.client
-        reset = pybullet.resetBaseVelocity
-        for slot, v, w in zip(b.live.tolist(), b.velocity[b.live].tolist(), b.spin[b.live].tolist(), strict=True):
-            reset(body[slot], v, w, client)
+        b = self.bodies
+        ids = map(self._body.__getitem__, b.live.tolist())
+        motions = b.velocity[b.live].tolist(), b.spin[b.live].tolist()
+        # One call a body is all that there is, and a third of a step: no loop of ours around it.
+        deque(map(pybullet.resetBaseVelocity, ids, *motions, repeat(self.client)), maxlen=0)
 
     def step(self) -> None:
         """Let the engine find contacts, exchange impulses and move the bodies, from the motions last set."""
@@ -166,15 +169,22 @@ class Engine:
             b.position[slot], b.orientation[slot] = pose(body, client)
             b.velocity[slot], b.spin[slot] = motion(body, client)
 
-    def touches(self) -> list[Touch]:
-        """Contact points of the last step that carried an impulse, in the engine's order (the same in every
-        rerun)."""
-        found = []
-        for _, a, b, _, _, _, place, normal, _, push, rub, along, rub2, along2, *_ in self._contacts:
-            if push != 0.0:
-                force = push * np.array(normal) + rub * np.array(along) + rub2 * np.array(along2)
-                touch = Touch(self._slot.get(a, -1), self._slot.get(b, -1), np.array(place), force * self.step_size)
-                found.append(touch)
+    def touches(self, of_structures: bool = False) -> list[Touch]:
+        """Contact points of the last step that carried an impulse, in the engine's order (the same in every rerun).
+
+        of_structures : only those with a body of several cubes
+        """
+        found, members = [], self.bodies.members
+        for _, a, b, _, _, _, place, (n0, n1, n2), _, push, rub, (s0, s1, s2), rub2, (t0, t1, t2), *_ in self._contacts:
+            if push == 0.0:
+                continue
+            one, other = self._slot.get(a, -1), self._slot.get(b, -1)
+            if of_structures and all(slot < 0 or len(members[slot]) < 2 for slot in (one, other)):
+                continue
+            impulse = np.array(
+                [push * n0 + rub * s0 + rub2 * t0, push * n1 + rub * s1 + rub2 * t1, push * n2 + rub * s2 + rub2 * t2]
+            )
+            found.append(Touch(one, other, np.array(place), impulse * self.step_size))
         return found
 
     def in_force(self) -> dict[str, float]:

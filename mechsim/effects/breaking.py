@@ -77,7 +77,7 @@ class _Breaking(Action):
     def after_step(self) -> None:
         bodies = self.world.bodies
         hits: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
-        for touch in self.world.engine.touches():
+        for touch in self.world.engine.touches(of_structures=True):
             for slot, sign in ((touch.a, 1.0), (touch.b, -1.0)):
                 if slot >= 0 and len(bodies.members[slot]) > 1:
                     hits.setdefault(slot, []).append((touch.place, sign * touch.impulse))
