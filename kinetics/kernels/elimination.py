@@ -15,14 +15,22 @@ def reduce(band, leaving, exits):
         of the state that they lead to
     leaving : (n,) rates out of the chain, likewise reduced
     exits : (n,) receives the exit rate of each state when it was the last
+    Returns how often the rates out of a state were changed, all states together.
     """
     n = exits.size
     b = band.shape[1] // 2
+    changes = 0
     for k in range(n - 1, -1, -1):
         low = max(0, k - b)
-        total = leaving[k]
+        # Every later number depends on this sum: what its additions round off is added at the end (Knuth's two-sum).
+        total, rest = leaving[k], 0.0
         for j in range(low, k):
-            total += band[k, j - k + b]
+            rate = band[k, j - k + b]
+            larger = total + rate
+            part = larger - total
+            rest += (total - (larger - part)) + (rate - part)
+            total = larger
+        total += rest
         exits[k] = total
         if total == 0.0:
             continue
@@ -31,10 +39,12 @@ def reduce(band, leaving, exits):
                 continue
             share = band[i, k - i + b] / total
             band[i, k - i + b] = share
+            changes += 1
             leaving[i] += share * leaving[k]
             shift = b - i
             for j in range(low, k):
                 band[i, j + shift] += share * band[k, j - k + b]
+    return changes
 
 
 @njit(cache=True, nogil=True)

@@ -34,26 +34,29 @@ def advance(begins, sources, shares, exits, vectors, flows):
 
 
 @njit(cache=True, nogil=True)
-def absorb(begins, sources, shares, exits, vector, absorbed, alive):
+def absorb(begins, sources, shares, exits, vector, absorbed, alive, flows):
     """Step on a chain whose last state is never left; before each step, note its mass and the summed rest.
 
     vector : (N,), changed in place
     absorbed, alive : (B,) receive the mass in the last state and in all others
+    flows : (B,) receives the mass that left its state in each step
     """
     n = exits.size
     now = vector.copy()
     after = np.empty(n)
     for b in range(absorbed.size):
         absorbed[b] = now[n - 1]
-        rest = 0.0
+        rest, flow = 0.0, 0.0
         for i in range(n):
             if i < n - 1:
                 rest += now[i]
             inflow = 0.0
             for k in range(begins[i], begins[i + 1]):
                 inflow += shares[k] * now[sources[k]]
-            after[i] = now[i] + (inflow - exits[i] * now[i])
-        alive[b] = rest
+            outflow = exits[i] * now[i]
+            flow += outflow
+            after[i] = now[i] + (inflow - outflow)
+        alive[b], flows[b] = rest, flow
         now, after = after, now
     vector[:] = now
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.arrays import Floats, reals
-from kinetics.methods.elimination import Elimination, SparseFactors, equations, relative_error
+from kinetics.arrays import Floats, Ints, reals
+from kinetics.methods.elimination import Elimination, SparseFactors, equations, relative_error, totals
+from kinetics.methods.poisson import ROUNDOFF
 from kinetics.methods.sampling import whole_number
 from kinetics.methods.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.network import Network
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
+NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,7 @@ class Passage:
     mean, sd : of the time; mean inf and sd nan where the target may never be reached
     probability : of ever reaching the target
     error : relative error of mean and probability: a bound, or where the states are too many to eliminate an estimate
+    sd_error : likewise of sd
     n_states : states on the way
     chain : the uniformised chain on the way; its last state is the target
     """
@@ -39,6 +42,7 @@ class Passage:
     sd: float
     probability: float
     error: float
+    sd_error: float
     n_states: int
     chain: DiscreteChain = field(repr=False)
 
@@ -59,12 +63,23 @@ class Passage:
         """Probability (...) that it has not; summed on its own, so right also where it is tiny."""
         return self._law(times)[1]
 
-    def _law(self, times: ArrayLike) -> tuple[Floats, Floats]:
+    def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the cdf (...) lies: truncation and every rounding, those of the rates included."""
+        value, _, error = self._law(times)
+        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+
+    def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the survival (...) lies."""
+        _, value, error = self._law(times)
+        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+
+    def _law(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         asked = np.asarray(times, dtype=float)
         flat = reals("times", asked.ravel(), (None,), minimum=0)
         self._check_steps(flat.max(initial=0.0))
-        pairs = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 2)
-        return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
+        found = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 3)
+        absorbed, alive, error = found.T.reshape(3, *asked.shape)
+        return absorbed, alive, error
 
     def _check_steps(self, time: float) -> None:
         steps = self.chain.steps_until(time, TOLERANCE)
@@ -77,10 +92,29 @@ class Passage:
 
     def quantile(self, q: ArrayLike) -> Floats:
         """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
-        asked = np.asarray(q, dtype=float)
-        if np.any(~((asked >= 0) & (asked < 1))):
-            raise ValueError(f"q = {asked}; expected probabilities from 0 to below 1")
+        asked = _probabilities(q)
         return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
+
+    def quantile_bounds(self, q: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the quantiles (...) lie; above, inf where q is as good as never reached."""
+        asked = _probabilities(q)
+        pairs = np.array([self._quantile_bounds(float(one)) for one in asked.ravel()]).reshape(-1, 2)
+        return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
+
+    def _quantile_bounds(self, q: float) -> tuple[float, float]:
+        """Quantiles of a little less and a little more: by as much as the cdf may be wrong up to twice the time."""
+        middle = self._quantile(q)
+        if middle == 0.0:
+            return 0.0, 0.0
+        if middle == np.inf:
+            # Reached with just about this probability, or never.
+            if q > self.probability * (1.0 + self.error):
+                return np.inf, np.inf
+            low = self._quantile(max(self.probability * (1.0 - self.error) - NEARLY, 0.0))
+            return low if float(self._law(low)[2]) <= NEARLY else 0.0, np.inf
+        error = float(self._law(2.0 * middle)[2])
+        low, high = self._quantile(max(q - error, 0.0)), self._quantile(q + error)
+        return low, high if high <= 2.0 * middle else np.inf
 
     def _quantile(self, q: float) -> float:
         """Inverts the cdf by bisection, down to the last bit."""
@@ -112,6 +146,13 @@ class Passage:
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
 
 
+def _probabilities(q: ArrayLike) -> Floats:
+    asked = np.asarray(q, dtype=float)
+    if np.any(~((asked >= 0) & (asked < 1))):
+        raise ValueError(f"q = {asked}; expected probabilities from 0 to below 1")
+    return asked
+
+
 def first_passage(
     network: Network,
     initial: ArrayLike,
@@ -132,10 +173,10 @@ def first_passage(
     chain = DiscreteChain.of(lumped)
     n = lumped.shape[0] - 1
     if space.is_stopped[0]:
-        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0, chain)
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain)
     leads_there = _leads_to_last(lumped)
     if not leads_there[0]:
-        return Passage(target, np.inf, np.nan, 0.0, 0.0, n, chain)
+        return Passage(target, np.inf, np.nan, 0.0, 0.0, np.nan, n, chain)
     way = np.flatnonzero(leads_there)
     jumps = lumped[way][:, way].tocoo()
     off = jumps.row != jumps.col
@@ -145,15 +186,35 @@ def first_passage(
     chances = equations(rows, columns, rates, hits + losses)
     if not leads_there.all():
         reached = _checked(chances, chances.solve(hits))
-        return Passage(target, np.inf, np.nan, float(reached[0]), relative_error(chances, reached, 0), n, chain)
+        error = relative_error(chances, reached, 0)
+        return Passage(target, np.inf, np.nan, float(reached[0]), error, np.nan, n, chain)
     mean = _checked(chances, chances.solve(np.ones(n)))
-    # Variance of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels.
-    exits = np.bincount(rows, rates, minlength=n) + hits
-    onward = mean - 1.0 / exits
-    spread = np.bincount(rows, rates * (mean[columns] - onward[rows]) ** 2, minlength=n) + hits * onward**2
-    variance = chances.solve(1.0 / exits + spread)
     error = relative_error(chances, mean, 0)
-    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, error, n, chain)
+    variance, slack = _variance(chances, rows, columns, rates, hits, mean)
+    # Half the relative error of the variance, and that of a root.
+    sd_error = 0.5 * (relative_error(chances, variance, 0) + slack) + ROUNDOFF
+    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, error, sd_error, n, chain)
+
+
+def _variance(
+    chain: Elimination | SparseFactors, rows: Ints, columns: Ints, rates: Floats, hits: Floats, mean: Floats
+) -> tuple[Floats, float]:
+    """Variances (n,) of the time from each state, and what the errors of the means bring to the first, relative.
+
+    That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
+    a square means are subtracted: what that may be wrong by is added up by the same equations.
+    """
+    exits = totals(rows, rates, mean.size) + hits
+    onward = mean - 1.0 / exits
+    gaps = mean[columns] - onward[rows]
+    spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
+    variance = chain.solve(1.0 / exits + spread)
+    each = chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
+    wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
+    doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
+    doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
+    terms = 16 + int(np.bincount(rows, minlength=1).max())
+    return variance, 1.01 * (float(chain.solve(doubt)[0] / variance[0]) + terms * ROUNDOFF)
 
 
 def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:

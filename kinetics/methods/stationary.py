@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.arrays import Floats, read_only
 from kinetics.methods.elimination import Elimination, TooLargeError, totals
+from kinetics.methods.poisson import ROUNDOFF
 from kinetics.network import Network
 from kinetics.states import MAX_STATES, StateSpace, reachable
 
@@ -21,7 +22,8 @@ class Stationary:
     probabilities : (N,) of every reachable state; 0 for states that are left for good
     classes : rows of the states of each closed class, which is never left
     weights : (C,) probability of ending up in each
-    error : bound on the relative error of every probability, however small
+    error : bound on the relative error of every probability down to 1e-290, with that of the rates' last bits;
+        smaller ones may be lost
     """
 
     space: StateSpace
@@ -79,8 +81,8 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     is_closed = np.ones(n_classes, dtype=bool)
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
-        weights, error = _weights(rows, columns, rates, label, is_closed)
-        probabilities = np.zeros(n)
+        weights, weights_error = _weights(rows, columns, rates, label, is_closed)
+        probabilities, law_error = np.zeros(n), 0.0
         classes = []
         by_class = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
         for number in np.flatnonzero(is_closed):
@@ -90,12 +92,13 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
             if members.size > 1:
                 law, own_error = _law_within(rows, columns, rates, members, n)
             probabilities[members] = weights[number] * law
-            error = max(error, own_error)
+            law_error = max(law_error, own_error)
     except TooLargeError as refusal:
         raise ValueError(
             f"the stationary law is out of reach: {refusal}; start from fewer copies, or ask for the law at a late time"
         ) from None
-    return Stationary(space, probabilities, tuple(classes), weights[is_closed], 2.0 * error)
+    error = weights_error + law_error + 2.0 * ROUNDOFF * (weights_error + law_error > 0)
+    return Stationary(space, probabilities, tuple(classes), weights[is_closed], error)
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:

@@ -160,13 +160,19 @@ class Absorption:
         self._vector[0] = 1.0
         self._absorbed: Floats = np.empty(0)
         self._alive: Floats = np.empty(0)
+        self._flows: Floats = np.empty(0)
 
-    def at(self, time: float, tolerance: float) -> tuple[float, float]:
-        """Probability that the last state has been reached by `time`, and that it has not."""
-        first, weights = poisson_window(self._chain.rate * time, tolerance)
-        self._extend(first + weights.size)
-        window = slice(first, first + weights.size)
-        return float(weights @ self._absorbed[window]), float(weights @ self._alive[window])
+    def at(self, time: float, tolerance: float) -> tuple[float, float, float]:
+        """Probability that the last state has been reached by `time`, that it has not, and a bound on their errors."""
+        mean = self._chain.rate * time
+        first, weights = poisson_window(mean, tolerance)
+        last = first + weights.size
+        self._extend(last)
+        window = slice(first, last)
+        error = window_error(mean, first, weights, tolerance)
+        error += self._chain.rounding(last, float(self._flows[:last].sum()))
+        error += ROUNDOFF * (weights.size + self._chain.size + 2)  # the two sums
+        return float(weights @ self._absorbed[window]), float(weights @ self._alive[window]), error
 
     def _extend(self, n_steps: int) -> None:
         from kinetics.kernels import markov
@@ -176,7 +182,8 @@ class Absorption:
             return
         # By half as much again each time, so that many small requests copy little.
         more = max(n_steps, begin + begin // 2) - begin
-        absorbed, alive = np.empty(more), np.empty(more)
-        markov.absorb(*self._chain.arrays, self._vector, absorbed, alive)
+        absorbed, alive, flows = np.empty(more), np.empty(more), np.empty(more)
+        markov.absorb(*self._chain.arrays, self._vector, absorbed, alive, flows)
         self._absorbed = np.concatenate([self._absorbed, absorbed])
         self._alive = np.concatenate([self._alive, alive])
+        self._flows = np.concatenate([self._flows, flows])

@@ -1,9 +1,11 @@
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from known_systems import FALSE_ALARM, assert_follows_cdf, decay, line, network, switch, walk
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.special import gammainc, gammaincc
+from scipy.special import gammainc, gammaincc, gammaincinv
 
 from kinetics import first_passage, sample_path
 from kinetics.methods import elimination
@@ -30,11 +32,64 @@ def test_erlang(stages):
 def test_walk_against_a_drift(n):
     law = first_passage(walk(n), np.eye(1, n + 1, dtype=int)[0], f"place{n}")
     assert_allclose(law.mean, 2.0 ** (n + 1) - n - 2, rtol=1e-12)
-    assert law.error < 1e-12
+    assert law.error < 2e-12
     if n == 60:  # such a remote target is reached at an exponential time
         assert_allclose(law.sd, law.mean, rtol=1e-9)
         with pytest.raises(ValueError, match=r"needs .* steps at 1e.17 tu, at most 5000000; mean and sd are exact"):
             law.cdf(1e17)
+
+
+@pytest.mark.parametrize("stages", [1, 7, 400])
+def test_bounds_of_the_law(stages):
+    law = erlang(stages)
+    times = np.linspace(0.0, 2 * law.mean, 13).reshape(13, 1)
+    for bounds, exact in (
+        (law.cdf_bounds(times), gammainc(stages, 2 * times)),
+        (law.survival_bounds(times), gammaincc(stages, 2 * times)),
+    ):
+        low, high = bounds
+        assert (low <= exact).all()
+        assert (exact <= high).all()
+        assert (high - low).max() < 1e-11
+    q = np.array([0.0, 0.001, 0.5, 0.99])
+    low, high = law.quantile_bounds(q)
+    exact = gammaincinv(stages, q) / 2
+    assert (low <= exact * (1 + 1e-13)).all()
+    assert (exact <= high * (1 + 1e-13)).all()
+    assert_allclose(low, high, rtol=1e-10)
+    assert abs(law.sd / (np.sqrt(stages) / 2) - 1) <= law.sd_error < 1e-11
+    # The control: a rate that is wrong by 1e-9 falls outside.
+    wrong = gammainc(stages, 2 * (1 + 1e-9) * times[6])
+    assert not law.cdf_bounds(times[6])[0] <= wrong <= law.cdf_bounds(times[6])[1]
+
+
+def test_bounds_of_quantiles_at_the_edge_of_what_is_ever_reached():
+    reactions = {"good": ((1, 0, 0), (0, 1, 0)), "bad": ((1, 0, 0), (0, 0, 1))}
+    law = first_passage(network("ABC", reactions, [1.0, 3.0]), [1, 0, 0], "B")
+    low, high = law.quantile_bounds([0.125, 0.25, 0.3])
+    assert low[0] < np.log(2) / 4 < high[0] < low[0] + 1e-12
+    assert 4.0 < low[1] < high[1] == np.inf  # exp(-4 t) = 1e-9 / 0.25 at 4.8
+    assert low[2] == high[2] == np.inf
+    assert first_passage(decay(), [3], "X", 2).quantile_bounds(0.5) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("n", [3, 10, 30])
+def test_bound_of_the_standard_deviation(n):
+    # Moments by rational elimination on the walk against a drift.
+    law = first_passage(walk(n), np.eye(1, n + 1, dtype=int)[0], f"place{n}")
+    up1, up2 = [], []  # moments of the time from place k to k + 1, which are independent
+    for k in range(n):
+        down = Fraction(2 if k else 0)
+        wait = 1 / (1 + down)
+        back1, back2 = (up1[-1], up2[-1]) if k else (Fraction(0), Fraction(0))
+        one = (wait + down * wait * back1) / (1 - down * wait)
+        two = 2 * wait**2 + 2 * wait * down * wait * (back1 + one) + down * wait * (back2 + 2 * back1 * one)
+        up1.append(one)
+        up2.append(two / (1 - down * wait))
+    first = sum(up1)
+    variance = sum(b - a * a for a, b in zip(up1, up2, strict=True))
+    assert abs(Fraction(law.mean) / first - 1) <= Fraction(law.error)
+    assert abs(float(Fraction(law.sd) ** 2 / variance - 1)) / 2 <= law.sd_error < 1e-11 * n
 
 
 def test_variance_of_a_walk_with_drift():

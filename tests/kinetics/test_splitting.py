@@ -25,7 +25,7 @@ def test_gamblers_ruin(n):
     assert_allclose(found.probabilities[1], 1 / (2.0**n - 1), rtol=1e-13)
     assert_allclose(found.probabilities.sum(), 1.0, rtol=1e-13)
     assert found.never == 0.0
-    assert found.error < 1e-11
+    assert abs(found.probabilities[1] * (2.0**n - 1) - 1) <= found.error < 2e-11
 
 
 def test_conditional_times_and_occupation():

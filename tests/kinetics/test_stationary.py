@@ -1,4 +1,5 @@
 from fractions import Fraction
+from math import factorial
 
 import numpy as np
 import pytest
@@ -46,6 +47,22 @@ def test_random_chains_over_many_decades(seed):
     np.fill_diagonal(rates, 0.0)
     chain = of_rates(rates)
     assert_allclose(chain.stationary(), exact_stationary(rates), rtol=min(chain.error, 1e-14))
+    assert chain.error < 1e-13
+
+
+@pytest.mark.parametrize("copies", [6, 25])
+def test_the_bound_holds_on_a_network_of_many_states(copies):
+    # Independent copies on a cycle A -> B -> C -> A: multinomial, in rational numbers.
+    reactions = {"ab": ((1, 0, 0), (0, 1, 0)), "bc": ((0, 1, 0), (0, 0, 1)), "ca": ((0, 0, 1), (1, 0, 0))}
+    law = stationary(network("ABC", reactions, [1.0, 1e-3, 1e3]), [copies, 0, 0])
+    weights = [Fraction(1) / Fraction(rate) for rate in (1.0, 1e-3, 1e3)]
+    shares = [weight / sum(weights) for weight in weights]
+    worst = 0.0
+    for (a, b, c), found in zip(law.space.states.tolist(), law.probabilities, strict=True):
+        ways = factorial(copies) // (factorial(a) * factorial(b) * factorial(c))
+        exact = ways * shares[0] ** a * shares[1] ** b * shares[2] ** c
+        worst = max(worst, abs(float(Fraction(found) / exact - 1)))
+    assert 0 < worst <= law.error < (1e-10 if copies > 6 else 1e-12)
 
 
 @pytest.mark.parametrize("coupling", [1e-3, 1e-16, 1e-100, 1e-300])
