@@ -294,7 +294,7 @@ class Network:
         """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
         rows = []
         for r, name in enumerate(self.channels):
-            rate = () if self.rate_constants is None else (f"{self.rate_constants[r]:.4g}",)
+            rate: tuple[str, ...] = () if self.rate_constants is None else (f"{self.rate_constants[r]:.4g}",)
             if name in self.laws:
                 factor = "" if rate in ((), ("1",)) else f"{rate[0]} * "
                 rate = (f"{factor}[{self.laws[name]}]",)

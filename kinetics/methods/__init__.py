@@ -14,6 +14,7 @@ from kinetics.methods.auto import Auto
 from kinetics.methods.dense import Dense
 from kinetics.methods.direct import Direct
 from kinetics.methods.distribution import Distribution
+from kinetics.methods.general import General
 from kinetics.methods.lockstep import Lockstep
 from kinetics.methods.partial import PartialPropensities
 from kinetics.methods.projection import FiniteStateProjection
@@ -57,6 +58,7 @@ SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (
     Lockstep,
     PartialPropensities,
     CompositionRejection,
+    General,
     Auto,
 )
 SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (Transient, Dense, FiniteStateProjection)
@@ -85,4 +87,5 @@ def solve(network: Network, method: SolvingMethod, initial: ArrayLike, times: Ar
 
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu."""
-    return Direct().sample_path(network, initial, end, seed=seed, run=run)
+    method = Direct() if network.is_mass_action else General()
+    return method.sample_path(network, initial, end, seed=seed, run=run)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from kinetics.methods.direct import Direct
+from kinetics.methods.general import General
 from kinetics.methods.lockstep import Lockstep
 from kinetics.methods.partial import PartialPropensities
 from kinetics.methods.rejection import CompositionRejection
@@ -29,8 +30,10 @@ class Auto(ExactMethod):
     many: bool = True
     name: ClassVar[str] = "auto"
 
-    def choose(self, network: Network) -> Candidate:
+    def choose(self, network: Network) -> ExactMethod:
         """The method for this network."""
+        if not network.is_mass_action:
+            return General()
         shape = Shape.of(network)
         candidates: tuple[type[Candidate], ...] = (*CANDIDATES, Lockstep) if self.many else CANDIDATES
         return min((method() for method in candidates), key=lambda method: method.cost(shape))
