@@ -29,6 +29,7 @@ FALSE_ALARM = 1e-6
 EXPECTED = 5.0  # runs in a state that is checked on its own
 LEVELS = 64  # counts of a species at which its distribution function is checked
 EVENTS = 5000  # waits that are checked
+PATHS = 0.1  # of the runs, at most, are made once more event by event to see the waits
 FINE = 2.0**32  # waits must be right to finer steps than random numbers of 32 bits allow
 
 
@@ -109,7 +110,7 @@ def verify(
     law = (Transient() if solver is None else solver).solve(network, initial, grid)
     sample = method.simulate(network, initial, grid, runs=n, seed=seed)
     means = [*_counts_at_each_time(law, sample), *_over_time(law, sample)]
-    waits = _waits(network, method, initial, float(grid[-1]), seed)
+    waits = _waits(network, method, initial, float(grid[-1]), seed, int(PATHS * n))
     depth = log(2.0 * (len(means) + len(waits)) / false_alarm)
     checks = [mean.check(n, depth, law.error) for mean in means]
     checks += [Check(what, gap, 0.0, sqrt(depth / (2 * size))) for what, gap, size in waits]
@@ -204,7 +205,7 @@ def _over_time(law: Distribution, sample: Ensemble) -> Iterator[_Mean]:
 
 
 def _waits(
-    network: Network, method: SamplingMethod, initial: ArrayLike, end: float, seed: int
+    network: Network, method: SamplingMethod, initial: ArrayLike, end: float, seed: int, paths: int
 ) -> list[tuple[str, float, int]]:
     """What was looked at, the largest gap between the distribution functions, and the number of waits.
 
@@ -214,7 +215,7 @@ def _waits(
     if sample_path is None:
         return []
     waits_of_runs, finest, left, n_events, run = [], [], 0.0, 0, 0
-    while n_events < EVENTS and run < EVENTS:
+    while n_events < EVENTS and run < paths:
         path = sample_path(network, initial, end, seed=seed, run=run)
         exits = network.propensities(path.states).sum(axis=1)
         elapsed = exits * np.diff(np.concatenate([[0.0], path.times, [path.end]]))
