@@ -12,11 +12,11 @@ from mechsim.accuracy.trial import with_numerics
 from mechsim.effects.drag import DragLaw
 from mechsim.scene import Scene
 
-STEP_FACTORS = (4.0, 2.0, 1.0, 0.5, 0.25)  # of the scene's step
+STEP_FACTORS = (4.0, 2.0, 1.0, 0.5)  # of the scene's step
 DRAG_FACTORS = (2.0, 1.0, 0.5)  # the same for a curve of steps with another way of drag
-SUB_CYCLES, SUB_CYCLES_OF_CURVE = (1, 2, 8), 4
+SUB_CYCLES, SUB_CYCLES_OF_CURVE = (1, 2), 4
 ITERATIONS = (1, 5, 10, 50)
-REFERENCE_STEP, REFERENCE_ITERATIONS = 0.125, 4  # factors
+REFERENCE_STEP, REFERENCE_ITERATIONS = 0.25, 4  # factors
 MOST_ITERATIONS = 1000  # that a scene may ask for
 Vary = Callable[[Any], Sequence[Any]]
 

@@ -17,9 +17,8 @@ from mechsim.scene import Scene
 if TYPE_CHECKING:
     from mechsim.world import World
 
-BLOCKS = 10  # of equal length a trial: their scatter gives the standard errors
+BLOCKS = 20  # of equal length a trial: their scatter gives the standard errors
 WARM_UP = 1.0  # tu, many times the relaxation of a cube's speed
-SELDOM = 2  # steps; meetings are counted a second time at every so many
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class Trial(RunSpec):
         bonding = self.scene.effect("bonding")
         inputs = super().inputs | {
             "scene": unbound(self.scene).model_dump(mode="json", exclude={"name", "rules"}),
-            "composition": {"cubes": self.n_cubes},
-            "trial": {"blocks": BLOCKS, "warm_up": WARM_UP, "seldom": SELDOM},
+            "composition": {"monomer": self.n_cubes},
+            "trial": {"blocks": BLOCKS, "warm_up": WARM_UP},
             "meetings": None if bonding is None else bonding.model_dump(mode="json"),
         }
         del inputs["rules"]
@@ -90,59 +89,54 @@ def counter(scene: Scene, world: World) -> Callable[[], int] | None:
 
 def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None) -> RunRecord:
     """Carry out one trial. The record has no events; of every block it has `speed` (B,), the mean over cubes and steps,
-    length / tu, and, where the scene has bonding, `meetings` (B,) and `seldom` (B,), those of them that are seen in the
-    same motion by a look at every second step only.
+    length / tu, and, where the scene has bonding, `meetings` (B,).
 
     Its cost `cpu_per_tu` is the median over the blocks (over the steps, where it was stopped in its first block); the
-    search for meetings is in it (bonding does the same), the second count and the averaging of speeds are not. A trial
-    stopped by the guard keeps the blocks that it finished.
+    search for meetings is in it (bonding does the same), the averaging of speeds is not. A trial stopped by the guard
+    keeps the blocks that it finished.
     """
     from mechsim.world import Stopped, World
 
     book, _ = book_of(spec.scene.rules)
     step = spec.scene.numerics.step
     warm_up, length = math.ceil(WARM_UP / step - 1e-9), max(1, round(spec.duration / BLOCKS / step))
-    speed: list[float] = []
-    met: list[np.ndarray] = []
+    speed, met = [], []
     cost: list[float] = []  # CPU s of every step
     outcome = COMPLETED
     began, wall = time.process_time(), time.perf_counter()
     with World(unbound(spec.scene), book, spec.n_cubes, spec.streams) as world:
-        count, count_seldom = counter(spec.scene, world), counter(spec.scene, world)
+        count = counter(spec.scene, world)
         world.populate(spec.start)
-        seen = np.zeros(2, np.int64)  # meetings so far, by a look at every step and by one at every second
 
-        def advance(steps: int) -> tuple[float, np.ndarray]:
-            """Mean speed in these steps, and meetings in them by both counts."""
-            total, before = 0.0, seen.copy()
+        def advance(steps: int) -> tuple[float, int]:
+            """Mean speed of these steps, and meetings so far."""
+            total, seen = 0.0, 0
             for _ in range(steps):
                 begin = time.process_time()
                 try:
                     world.step()
-                    if count is not None:
-                        seen[0] = count()
+                    seen = count() if count is not None else 0
                 finally:  # a step that is stopped has its cost, too
                     cost.append(time.process_time() - begin)
-                if count_seldom is not None and world.step_count % SELDOM == 0:
-                    seen[1] = count_seldom()
                 velocity = world.bodies.velocity[world.bodies.live]
                 total += float(np.sqrt(np.einsum("ij,ij->i", velocity, velocity)).mean())
                 if progress is not None and world.step_count % PROGRESS_STEPS == 0:
                     progress(max(0.0, world.time - WARM_UP))
-            return total / steps, seen - before
+            return total / steps, seen
 
         try:
-            advance(warm_up)
+            _, before = advance(warm_up)
             for _ in range(BLOCKS):
-                mean, meetings = advance(length)
+                mean, seen = advance(length)
                 speed.append(mean)
-                met.append(meetings)
+                met.append(seen - before)
+                before = seen
         except Stopped as reason:
             outcome = f"stopped: {reason}"
         end, steps = world.time, world.step_count
     arrays = {"times": np.zeros(0), "channels": np.zeros(0, np.int64), "speed": np.array(speed)}
     if count is not None:
-        arrays["meetings"], arrays["seldom"] = np.array(met, np.int64).reshape(-1, 2).T
+        arrays["meetings"] = np.array(met, np.int64)
     facts = {"end": end, "steps": steps, "block": length * step, "channels": []}
     seconds = time.process_time() - began
     blocks = np.array(cost[warm_up:][: len(speed) * length]).reshape(len(speed), length).mean(axis=1)
