@@ -49,8 +49,9 @@ def starting_options(command: Any) -> Any:
 @starting_options
 @click.option("--duration", type=float, help="Predict from 0 to here, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
-@click.option("--method", type=click.Choice(list(METHODS)), default="ssa", show_default=True)
-@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Of the ssa method.")
+@click.option("--show", "shown", multiple=True, metavar="NAME", help="Only this species or observable; may come again.")
+@click.option("--method", type=click.Choice(list(METHODS)), default="auto", show_default=True)
+@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Of a method that samples.")
 @click.option("--threads", type=click.IntRange(min=1), help="At most so many.  [default: one a core]")
 @click.option("--draws", type=click.IntRange(min=2), default=200, show_default=True, help="Of the rates.")
 @csv_option
@@ -64,6 +65,7 @@ def predict(
     initial: str | None,
     duration: float | None,
     times: tuple[float, ...],
+    shown: tuple[str, ...],
     method: str,
     runs: int,
     threads: int | None,
@@ -77,7 +79,7 @@ def predict(
 
     NETWORK is a book, which needs --rates and --cubes, or a file that brings both (BioNetGen's .net and others).
     Mean and standard deviation of every species over time; a 95 % interval of the mean where the rates carry the
-    evidence for one. The method `ssa` samples runs, `exact` solves the master equation. Runs are not kept, so there
+    evidence for one. The method `auto` samples runs, `exact` solves the master equation. Runs are not kept, so there
     may be millions; Ctrl-C tells of those made so far.
     """
     from kinetics.prediction import predict as make
@@ -86,8 +88,9 @@ def predict(
     grid = time_grid(duration, times)
     with progress_line() as progress:
         made = make(
-            begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress
-        )
+            begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress,
+            begin.watch(shown),
+        )  # fmt: skip
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
@@ -107,7 +110,7 @@ def predict(
                 "complete": made.is_complete,
                 "seed": seed,
                 "times": made.times,
-                "species": begin.network.species,
+                "species": made.network.species,
                 "mean": made.mean,
                 "sd": made.sd,
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,

@@ -19,6 +19,7 @@ from kinetics.methods.streamed import simulate_statistics
 from kinetics.network import Network
 from kinetics.rates import Rates
 from kinetics.statistics import EnsembleStatistics
+from kinetics.watching import Watch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,6 +92,7 @@ def predict(
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
 ) -> Prediction:
     """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
 
@@ -99,6 +101,7 @@ def predict(
     runs : of a sampling method
     draws : rate sets drawn from `rates.sample` for the interval
     progress : told how far the work is
+    watch : sums of counts to be told of in the place of all counts
 
     Runs are not kept, only their statistics, so memory does not grow with them. After Ctrl-C the prediction is of the
     runs and draws made so far, if any, and its notes say so.
@@ -110,27 +113,30 @@ def predict(
     began = time.process_time()
     model = network if rates is None else rates.apply(network)
     method = Auto() if method is None else method
+    shown = model if watch is None else watch.network
     result: EnsembleStatistics | Distribution
     if isinstance(method, SamplingMethod):
+        sampling = method if watch is None else watch.sampling(method, model)
         result = simulate_statistics(
-            model, method, initial, times, runs, seed, threads,
+            shown, sampling, initial, times, runs, seed, threads,
             covariances=False, progress=lambda done: progress(f"{done} of {runs} runs"),
         )  # fmt: skip
         standard_error, error = result.standard_error(), 0.0
         unfinished = "" if result.is_complete else f"interrupted: {result.runs} of {runs} runs were made, no interval"
     else:
-        result = solve(model, method, initial, times)
-        standard_error, error = np.zeros((result.times.size, len(model.species))), result.error
+        solved = solve(model, method, initial, times)
+        result = solved if watch is None else watch.of_distribution(solved)
+        standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
         unfinished = ""
     low = high = None
     if rates is not None and not _is_bare(rates) and not unfinished:
-        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, progress)
+        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, progress, watch)
         if len(means) < draws:
             unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
         if len(means) > 1:
             low, high = noise_free_limits(np.array(means), np.mean(noise, axis=0))
     return Prediction(
-        model,
+        shown,
         result.times,
         result.mean(),
         result.sd(),
@@ -204,6 +210,7 @@ def _draw_means(
     draws: int,
     threads: int | None,
     progress: Callable[[str], None],
+    watch: Watch | None,
 ) -> tuple[list[Floats], list[Floats]]:
     """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
     found: list[tuple[Floats, Floats]] = []
@@ -211,7 +218,8 @@ def _draw_means(
         for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
             # Numbers beyond those of the prediction's own runs, so that all runs are independent.
             first_run = runs + d * RUNS_PER_DRAW
-            sample = Auto().simulate(drawn, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
+            sampling, shown = (Auto(), drawn) if watch is None else (watch.sampling(Auto(), drawn), watch.network)
+            sample = sampling.simulate(shown, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
             found.append((sample.mean(), sample.standard_error() ** 2))
             progress(f"{d + 1} of {draws} draws of the rates")
     except KeyboardInterrupt:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +14,9 @@ from kinetics.options import counts_of
 
 if TYPE_CHECKING:
     from kinetics.rates import Rates
+    from kinetics.watching import Watch
+
+MOST_SHOWN = 30  # species that are shown without being asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +24,13 @@ class Start:
     """A network with the counts (S,) at time 0.
 
     rates : to be applied to it; None where the network has its own, as one from a file has
+    observables : name -> weight of each species that counts in the sum
     """
 
     network: Network
     state: Ints
     rates: Rates | None = None
+    observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def convention(self) -> dict[str, Any]:
@@ -33,6 +40,23 @@ class Start:
         if self.rates is not None:
             return self.rates.convention.model_dump()
         return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
+
+    def watch(self, names: tuple[str, ...]) -> Watch | None:
+        """What to show: species and observables by their names, and by default all species, unless they are many."""
+        from kinetics.watching import Watch
+
+        if not names and len(self.network.species) <= MOST_SHOWN:
+            return None
+        sums: dict[str, Mapping[str, float]] = {}
+        for name in names or self.observables:
+            if name not in self.network.species and name not in self.observables:
+                near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
+                hint = f"; did you mean {' or '.join(near)}?" if near else ""
+                raise ValueError(f"--show {name}: neither a species nor an observable{hint}")
+            sums[name] = self.observables.get(name, {name: 1.0})
+        if not sums:
+            raise ValueError(f"{len(self.network.species)} species; name those to be shown, as in --show A --show B")
+        return Watch.of(self.network, sums)
 
 
 def start(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
@@ -80,4 +104,4 @@ def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: 
     counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
     if initial is not None:
         counts |= counts_of(initial)
-    return Start(model.network, model.network.state(counts))
+    return Start(model.network, model.network.state(counts), observables=model.observables)

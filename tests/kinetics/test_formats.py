@@ -267,3 +267,42 @@ def test_predict_takes_a_file(tmp_path):
         done = run(main, [*options, *extra])
         assert done.exit_code == 2
         assert "brings its own rates and counts" in done.output
+
+
+def test_what_is_shown(tmp_path):
+    """Observables and chosen species, sampled and solved, are sums of the same runs and states."""
+    path = written(tmp_path, GOOD)
+    run = CliRunner().invoke
+    options = ["predict", str(path), "--times", "0.05", "--times", "0.3", "--json"]
+    for method in ("auto", "exact"):
+        both, every = (
+            json.loads(run(main, [*options, "--method", method, *chosen]).output)
+            for chosen in (["--show", "both", "--show", "B"], [])
+        )
+        assert both["species"] == ["both", "B"]
+        assert every["species"] == ["A", "B"]
+        assert_allclose([row[0] for row in both["mean"]], 10, rtol=1e-12)  # A + 2 B is kept
+        assert_allclose([row[0] for row in both["sd"]], 0, atol=1e-6)
+        for key in ("mean", "sd"):
+            assert_allclose([row[1] for row in both[key]], [row[1] for row in every[key]], rtol=1e-9)
+    done = run(main, [*options, "--show", "boht"])
+    assert done.exit_code == 2
+    assert "neither a species nor an observable; did you mean both?" in done.output
+
+
+def test_large_networks_show_their_observables(tmp_path):
+    lines = [f"{i} S{i}() {i}" for i in range(1, 41)]
+    text = "begin species\n" + "\n".join(lines) + "\nend species\nbegin reactions\n1 1 2 1\nend reactions\n"
+    run = CliRunner().invoke
+    path = str(written(tmp_path, text))
+    done = run(main, ["predict", path, "--times", "1"])
+    assert done.exit_code == 2
+    assert "40 species; name those to be shown" in done.output
+    path = str(written(tmp_path, text + "begin groups\n1 half 0.5*3\nend groups\n"))
+    done = run(main, ["predict", path, "--times", "1"])
+    assert done.exit_code == 2
+    assert "'half' counts 'S3' 0.5 times; expected a whole number >= 0" in done.output
+    path = str(written(tmp_path, text + "begin groups\n1 last 40,2*39\nend groups\n"))
+    data = json.loads(run(main, ["predict", path, "--times", "1", "--json", "--runs", "5"]).output)
+    assert data["species"] == ["last"]
+    assert data["mean"] == [[118.0]]
