@@ -11,7 +11,7 @@ from kinetics.plots import colour
 from mechsim.accuracy.diagram import QUANTITIES, Accuracy, Point
 
 MARKERS = ("o", "s", "^", "D", "v")
-LOWEST = 1e-3  # of the errors shown
+LOWEST, STOPPED, TOP = 1e-3, 1.0, 10.0  # the least error shown, where the crosses begin, and room for the legend
 RED = "#CC0000"
 
 
@@ -26,8 +26,8 @@ def draw(accuracy: Accuracy, figure: Any) -> Any:
     if accuracy.model:
         sensitivity(figure.add_subplot(grid[1, :]), accuracy)
     figure.suptitle(
-        f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu a setting; "
-        f"reference: step {accuracy.reference.setting.label} tu",
+        f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu at each "
+        f"step, half as much at other settings; reference: step {accuracy.reference.setting.label} tu",
         fontsize=10,
     )
     return figure
@@ -60,19 +60,20 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
             )  # fmt: skip
     stopped = [point for point in accuracy.numerical if point.stopped]
     for k, point in enumerate(stopped):
-        ax.plot(point.cost, 0.5, "x", color=RED, ms=8, mew=2, label="stopped by the guard" if k == 0 else None)
+        height = STOPPED * 0.6**k  # they have no error to be placed at
+        ax.plot(point.cost, height, "x", color=RED, ms=7, mew=2, label="stopped by the guard" if k == 0 else None)
         ax.annotate(
-            f"{point.setting.curve} {point.setting.label}", (point.cost, 0.5), (5, -9),
+            f"{point.setting.curve} {point.setting.label}", (point.cost, height), (7, -2),
             textcoords="offset points", fontsize=6, color=RED,
         )  # fmt: skip
     ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
     ax.axvline(accuracy.reference.cost, color="0.7", ls=":", lw=0.9, label="cost of the reference")
-    ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor) / 2, 1), xlabel="CPU time (s/tu)")
+    ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor) / 2, TOP), xlabel="CPU time (s/tu)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("")
     ax.set_ylabel(f"|error| of {QUANTITIES[name]}")
-    ax.legend(frameon=False, fontsize=6)
+    ax.legend(frameon=False, fontsize=6, ncols=2, loc="upper center")
     return ax
 
 
