@@ -14,13 +14,14 @@ from kinetics.options import (
     NumbersCommand,
     csv_option,
     echo_json,
+    in_a_folder,
     json_option,
     plot_option,
     seed_option,
     time_grid,
 )
 from kinetics.progress import INTERRUPTED, progress_line
-from kinetics.starting import network_of_book, start
+from kinetics.starting import is_network_file, network_of_book, start
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
@@ -190,17 +191,40 @@ def passage(
 
 
 @click.command()
-@click.argument("book")
+@starting_options
+@click.option(
+    "--out", "out_file", metavar="FILE", callback=in_a_folder, help="Write it for other programs: .net, .xml, .sbml."
+)
 @seed_option
 @json_option
-def derive(book: str, seed: int, as_json: bool) -> None:
-    """Show the reaction network that the rules of BOOK give, with the ways counted from geometry.
+def derive(
+    book: str,
+    rates_name: str | None,
+    cubes: int | None,
+    initial: str | None,
+    out_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Show the reaction network of a rule book, with the ways counted from geometry, or that of a network file.
 
+    For --out a book needs --rates, and --cubes or --initial. A network file may be written as one of another kind.
     Nothing here is random; --seed is taken because every command takes it.
     """
-    network, _ = network_of_book(book)
-    if not as_json:
+    if out_file or is_network_file(book):
+        begin = start(book, rates_name, cubes, initial)
+        network = begin.model.network
+    else:
+        network, _ = network_of_book(book)
+    if out_file:
+        from kinetics.formats import write
+
+        write(begin.model, out_file)
+        if not as_json:
+            click.echo(f"{len(network.species)} species and {len(network.channels)} channels are in {out_file}")
+    elif not as_json:
         click.echo(str(network))
+    if not as_json:
         return
     titles = ("name", "reaction", "ways")
     echo_json(
@@ -212,6 +236,7 @@ def derive(book: str, seed: int, as_json: bool) -> None:
             "stoichiometry": network.stoichiometry,
             "ways": network.ways,
             "conserved": dict(network.conserved),
+            "out": out_file,
             "fingerprint": network.fingerprint,
             "seed": seed,
         }

@@ -13,6 +13,7 @@ from kinetics.network import Network
 from kinetics.options import counts_of
 
 if TYPE_CHECKING:
+    from kinetics.formats import Model
     from kinetics.rates import Rates
     from kinetics.watching import Watch
 
@@ -40,6 +41,14 @@ class Start:
         if self.rates is not None:
             return self.rates.convention.model_dump()
         return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
+
+    @property
+    def model(self) -> Model:
+        """What a network file of it holds."""
+        from kinetics.formats import Model
+
+        network = self.network if self.rates is None else self.rates.apply(self.network)
+        return Model(network, self.state, self.observables)
 
     def watch(self, names: tuple[str, ...]) -> Watch | None:
         """What to show: species and observables by their names, and by default all species, unless they are many."""

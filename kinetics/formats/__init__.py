@@ -12,6 +12,8 @@ from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.model import Format, Model
 from kinetics.formats.sbml import Sbml
 
+__all__ = ["FORMATS", "SUFFIXES", "Format", "Model", "read", "write"]
+
 FORMATS: tuple[Format, ...] = (BioNetGen(), Sbml())
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
