@@ -19,7 +19,9 @@ from kinetics.network import Network
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_BINS, FEWEST_BINS = 4096, 64  # of a histogram, one for each time and species
+# Bins of a histogram, one for each time and species. No power of two: histograms so many bytes apart would push each
+# other out of the cache.
+MOST_BINS, FEWEST_BINS = 4088, 63
 HISTOGRAM_BYTES = 2**28  # of all histograms, as long as there are more than the fewest bins
 MOST_COVARIED = 32  # species up to which all pairs are kept; their number grows with the square
 LARGEST_SQUARE = 2**62
@@ -227,6 +229,7 @@ class Tally:
 
         if not len(counts):
             return
+        counts = np.ascontiguousarray(counts)
         statistics.extend_range(counts, self.low, self.high)
         self._widen()
         statistics.tally(counts, self.shift, self.origin, self.histogram)
@@ -253,7 +256,10 @@ class Tally:
         for begin in range(0, len(counts), at_a_time):
             part = counts[begin : begin + at_a_time]
             part_sums, part_products = np.zeros(sums.shape, np.int64), np.zeros(products.shape, np.int64)
-            statistics.add_products(part, reference, first, second, part_sums, part_products)
+            if np.array_equal(first, second):
+                statistics.add_squares(part, reference, part_sums, part_products)
+            else:
+                statistics.add_products(part, reference, first, second, part_sums, part_products)
             sums += part_sums
             products += part_products
         return sums, products
@@ -287,7 +293,7 @@ class Tally:
 
 
 def bins_for(n_times: int, n_species: int) -> int:
-    """Bins of each histogram: as many as the memory for all of them allows, a power of two."""
+    """Bins of each histogram: as many as the memory for all of them allows."""
     n_bins = MOST_BINS
     while n_bins > FEWEST_BINS and 8 * n_bins * n_times * n_species > HISTOGRAM_BYTES:
         n_bins //= 2

@@ -7,12 +7,11 @@ from numba import njit
 @njit(cache=True, nogil=True)
 def extend_range(counts, low, high):
     """Widen the ranges low, high (T, S) to hold the counts (runs, T, S)."""
-    runs, n_times, n_species = counts.shape
-    for i in range(runs):
-        for t in range(n_times):
-            for s in range(n_species):
-                low[t, s] = min(low[t, s], counts[i, t, s])
-                high[t, s] = max(high[t, s], counts[i, t, s])
+    rows, lowest, highest = counts.reshape(counts.shape[0], low.size), low.ravel(), high.ravel()  # no copies
+    for i in range(rows.shape[0]):
+        for c in range(rows.shape[1]):
+            lowest[c] = min(lowest[c], rows[i, c])
+            highest[c] = max(highest[c], rows[i, c])
 
 
 @njit(cache=True, nogil=True)
@@ -59,19 +58,28 @@ def rebin(histogram, shift, origin, new_shift, new_origin):
 @njit(cache=True, nogil=True)
 def tally(counts, shift, origin, histogram):
     """Count every value (runs, T, S) in its bin."""
-    runs, n_times, n_species = counts.shape
-    for i in range(runs):
-        for t in range(n_times):
-            for s in range(n_species):
-                histogram[t, s, (counts[i, t, s] >> shift[t, s]) - origin[t, s]] += 1
+    rows, shifts, origins = counts.reshape(counts.shape[0], shift.size), shift.ravel(), origin.ravel()
+    bins = histogram.reshape(shift.size, histogram.shape[2])
+    for i in range(rows.shape[0]):
+        for c in range(rows.shape[1]):
+            bins[np.uint64(c), np.uint64((rows[i, c] >> shifts[c]) - origins[c])] += 1
+
+
+@njit(cache=True, nogil=True)
+def add_squares(counts, reference, sums, squares):
+    """Add deviations from the reference (T, S), and their squares (T, S). No sum may pass 2**63: see to it before."""
+    rows, centres = counts.reshape(counts.shape[0], reference.size), reference.ravel()
+    totals, all_squares = sums.ravel(), squares.ravel()
+    for i in range(rows.shape[0]):
+        for c in range(rows.shape[1]):
+            off = rows[i, c] - centres[c]
+            totals[c] += off
+            all_squares[c] += off * off
 
 
 @njit(cache=True, nogil=True)
 def add_products(counts, reference, first, second, sums, products):
-    """Add deviations from the reference (T, S), and their products for pairs of species `first`, `second` (P,).
-
-    sums : (T, S); products : (T, P). The caller sees to it that no sum passes 2**63.
-    """
+    """The same with the products of pairs of species `first`, `second` (P,); products : (T, P)."""
     runs, n_times, n_species = counts.shape
     off = np.empty(n_species, dtype=np.int64)
     for i in range(runs):

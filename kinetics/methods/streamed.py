@@ -18,7 +18,7 @@ from kinetics.statistics import EnsembleStatistics, Tally, kept_pairs
 if TYPE_CHECKING:
     from kinetics.methods import SamplingMethod
 
-BLOCK_BYTES = 2**26  # of counts that are there at a time
+BLOCK_BYTES = 2**24  # of counts that are there at a time; larger ones cost more to have than to fill
 FEWEST_RUNS = 16  # of a block, however large a run is
 
 

@@ -1,0 +1,73 @@
+"""`wellmixed accuracy kinetics`."""
+
+from __future__ import annotations
+
+import click
+import numpy as np
+
+from kinetics.cli import starting_options
+from kinetics.options import DURATION, csv_option, echo_json, json_option, plot_option, seed_option
+from kinetics.progress import INTERRUPTED, progress_line
+from kinetics.starting import start
+
+TIMES = 101  # at which the laws are compared
+
+
+@click.command()
+@starting_options
+@click.option("--duration", type=float, default=DURATION, show_default=True, help="Compare from 0 to here, tu.")
+@click.option(
+    "--budget",
+    type=click.FloatRange(min=0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Most CPU minutes; the dearest settings are left out where they do not fit.",
+)
+@csv_option
+@plot_option
+@seed_option
+@json_option
+def kinetics(
+    book: str,
+    rates_name: str | None,
+    cubes: int | None,
+    initial: str | None,
+    duration: float,
+    budget: float,
+    csv_file: str | None,
+    plot_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Show what accuracy of a prediction costs: every method's error against its CPU time.
+
+    NETWORK, --rates and --cubes are as of `predict`. The error is the largest distance, over 101 times and all species,
+    of the law of a species from the exact one: Wasserstein distance in copies. It is compared what sampling comes to
+    with 10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, what scipy offers, and the rate
+    equation. Everything in one thread. Ctrl-C tells of what was finished.
+    """
+    from kinetics.accuracy.diagram import measure
+
+    if not 0 < duration < np.inf:
+        raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
+    begin = start(book, rates_name, cubes, initial)
+    network = begin.network if begin.rates is None else begin.rates.apply(begin.network)
+    counts = ", ".join(f"{n} {name}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
+    with progress_line() as progress:
+        made = measure(
+            f"{book}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed, budget=60 * budget,
+            tell=lambda text: click.echo(text, err=as_json), progress=progress,
+        )  # fmt: skip
+    if csv_file:
+        made.to_dataframe().to_csv(csv_file, index=False, float_format="%.6g")
+    if plot_file:
+        from kinetics.accuracy.plot import draw
+        from kinetics.plots import save
+
+        save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
+    if as_json:
+        echo_json({"rates": rates_name, "convention": begin.convention, **made.as_dict()})
+    else:
+        click.echo(str(made))
+    if not made.is_complete:
+        raise SystemExit(INTERRUPTED)
