@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from kinetics import Auto, simulate
 from kinetics.formats import read
 from kinetics.formats.massaction import rate_constant
 from kinetics.laws.expression import Expression
@@ -212,6 +213,36 @@ def test_events(tmp_path):
     assert (refill.priority, stop.priority) == (0.0, 2.0)
     assert refill.was_true
     assert refill.from_trigger
+
+
+def test_events_in_runs(tmp_path):
+    """Immigration and death, and at 2.5 tu, between two times of the grid, 50 copies; a feed below 5 copies.
+
+    After the event the count is binomial plus Poisson: every mean within 5.2 standard errors, at 1e-6 a time.
+    """
+    made = Builder()
+    made.species("X", 0)
+    made.species("F", 1)
+    made.parameter("k", 2.0)
+    made.reaction("in", {}, {"X": 1}, "k")
+    made.reaction("out", {"X": 1}, {}, "0.5*X")
+    made.reaction("eat", {"F": 1}, {}, "F/(1 + 0*F)")
+    made.event("dose", "time >= 2.5", X="50")
+    made.event("feed", "F < 1", F="7")
+    model = made.read(tmp_path)
+    assert not model.network.is_mass_action
+    times = np.array([2.0, 3.0, 5.0])
+    counts = simulate(model.network, Auto(), model.initial, times, 4000, 1).counts
+    left = np.exp(-0.5 * (times - 2.5))
+    mean = np.where(times < 2.5, 4 * (1 - np.exp(-0.5 * times)), 50 * left + 4 * (1 - left))
+    variance = np.where(times < 2.5, mean, 50 * left * (1 - left) + 4 * (1 - left))
+    standard_error = np.sqrt(variance / 4000)
+    off = np.abs(counts[..., 0].mean(axis=0) - mean) / standard_error
+    assert off.max() < 5.2
+    assert np.abs(counts[..., 0].var(axis=0) / variance - 1).max() < 5.2 * math.sqrt(3 / 4000)
+    assert np.abs(counts[..., 0].mean(axis=0) - 1.03 * mean).max() > 5.2 * standard_error.max()  # a control
+    assert counts[..., 1].min() >= 1
+    assert counts[..., 1].max() == 7
 
 
 def base():
