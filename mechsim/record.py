@@ -86,6 +86,11 @@ class RunSpec:
         object.__setattr__(self, "composition", ordered)
         if self.n_cubes < 1:
             raise ValueError("the composition holds no cubes")
+        if breaking and not self.scene.openers("join") and not any(structure.bonds for structure in self.start):
+            raise ValueError(
+                f"scene {self.scene.name} lists the effect {breaking[0]!r}, but there are no bonds to break: the cubes "
+                "start single and no effect joins them; start from structures, list one that does, or leave it out"
+            )
         if self.until is not None:
             if self.until not in species:
                 raise ValueError(f"until = {self.until!r}; book {self.scene.rules} has {some_of(species)}")

@@ -133,6 +133,7 @@ def test_every_command_reads_scenes_alike(refused, tmp_path, command):
         (["--initial", "monomer=6"], "either --cubes 60 or --initial monomer=20,dimer=20"),
         (["--without", "bondin"], "scene line4 lists agitation, drag, walls, contact, breaking, bonding"),
         (["--without", "contact"], "effect 'breaking' needs effect 'contact'"),
+        (["--without", "bonding"], "the effect 'breaking', but there are no bonds to break"),
         (["--picture", "no/tank.png"], "the folder of no/tank.png does not exist"),
         (["--picture", "tank.doc"], "tank.doc must end in .png, .pdf, .svg"),
         (["--plot", "no/counts.svg"], "the folder of no/counts.svg does not exist"),

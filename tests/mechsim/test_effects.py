@@ -56,6 +56,15 @@ def test_bonds_that_hold_refuse_whatever_breaks_them(line4):
         RunSpec(with_effects(holding, Sunlight()), {"monomer": 9, "seed": 1}, 1.0, seed=1, run=0)
 
 
+def test_breaking_without_bonds_is_refused(line4):
+    """Where neither the start holds bonds nor an effect makes them."""
+    only_breaks = line4.without("bonding")
+    RunSpec(only_breaks, {"monomer": 8, "dimer": 1}, 1.0, seed=1, run=0)
+    RunSpec(with_effects(only_breaks, Glue()), {"monomer": 8}, 1.0, seed=1, run=0)
+    with pytest.raises(ValueError, match="lists the effect 'breaking', but there are no bonds to break"):
+        RunSpec(only_breaks, {"monomer": 8}, 1.0, seed=1, run=0)
+
+
 def test_channels_are_joins_or_breaks_in_every_book():
     for name in ("line4", "t5"):
         found = derive(RuleBook.load(name))
