@@ -15,7 +15,7 @@ import numpy as np
 
 from kinetics.arrays import Floats, Ints
 from kinetics.formats.blocks import Line, blocks_of
-from kinetics.formats.formulas import number, replaced
+from kinetics.formats.formulas import NUMBER, number, replaced
 from kinetics.formats.model import Model, whole_counts
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
@@ -25,7 +25,7 @@ from kinetics.terms import Terms
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 FIXED = re.compile(r"(@\w+:{1,2})?\$")  # a species whose count no reaction changes
-FACTOR = re.compile(r"(?:([0-9.]+(?:[eE][-+]?[0-9]+)?)\*)?([A-Za-z_]\w*)(?:\(\))?")
+FACTOR = re.compile(rf"(?:({NUMBER})\*)?([A-Za-z_]\w*)(?:\(\))?")
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,9 @@ class _Reader:
 
     def _first_broken(self, lines: list[Line], word: int) -> Line:
         return next(
-            line for line in lines if len(line.words) <= word or not re.fullmatch(r"\d+(,\d+)*", line.words[word])
+            line
+            for line in lines
+            if len(line.words) <= word or not re.fullmatch(r"[0-9]{1,18}(,[0-9]{1,18})*", line.words[word])
         )
 
     def _reaction_form(self) -> str:
@@ -206,6 +208,8 @@ class _Reader:
         groups: dict[str, dict[str, float]] = {}
         for line in self.blocks.get("groups", []):
             words = self._numbered(line, "a group is `name 1,2*3`", 1)
+            if not IDENTIFIER.fullmatch(words[0]) or words[0] in groups:
+                raise self._wrong(line, f"the group {words[0]!r} comes twice, or is no name")
             weights: dict[str, float] = {}
             for part in ",".join(words[1:]).split(",") if words[1:] else []:
                 weight, _, place = part.rpartition("*")

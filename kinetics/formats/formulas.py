@@ -12,6 +12,7 @@ import numpy as np
 from kinetics.laws.expression import LONGEST, Expression
 from kinetics.laws.program import evaluate, steps_of
 
+NUMBER = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 MOST_BRACKETS = 50  # within each other
 # Other programs' spellings.
 RENAMED = {"ln": "log", "rint": "floor", "if_": "piecewise"}
@@ -30,7 +31,7 @@ def number(text: str, known: Mapping[str, float]) -> float:
     """The number that a formula of known names comes to; a ValueError where it comes to none."""
     if text in known:
         return known[text]
-    if re.fullmatch(r"[0-9.]+([eE][-+]?[0-9]+)?", text):
+    if re.fullmatch(NUMBER, text):
         found = float(text)
     else:
         formula = Expression(replaced(text, {name: repr(value) for name, value in known.items()}))
