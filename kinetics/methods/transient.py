@@ -26,17 +26,22 @@ class Transient:
 
     tolerance : largest probability that uniformisation may leave out at a time
     max_states : more reachable states are refused
+    max_seconds : what would take longer, by a rough estimate, is refused before it starts
 
     Uniformisation makes about (largest exit rate) * (last time) steps and proves a bound on its error. Where that is
-    more than 200 000 steps, chains of up to 2000 states go to the dense method, whose error is an estimate.
+    more than 200 000 steps, chains of up to 2000 states go to the dense method, whose error
+    is proven up to 500 states and an estimate above.
     """
 
     name: ClassVar[str] = "exact"
 
     tolerance: float = 1e-13
     max_states: int = MAX_STATES
+    max_seconds: float = 7200.0
 
     def __post_init__(self) -> None:
+        if not self.max_seconds > 0:
+            raise ValueError(f"max_seconds = {self.max_seconds}; expected a time above 0")
         if not MIN_TOLERANCE <= self.tolerance < 1:
             raise ValueError(f"tolerance = {self.tolerance}; expected between {MIN_TOLERANCE:.0e} and 1")
 
@@ -62,6 +67,13 @@ class Transient:
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
                 f"{MAX_STEPS}, and its {n} states are too many for the dense method, at most {MAX_DENSE}; ask for "
                 f"earlier times, start from fewer copies, or sample with the direct method"
+            )
+        seconds = steps * chain.step_seconds
+        if seconds > self.max_seconds:
+            raise ValueError(
+                f"{n} states would take {steps:.3g} steps until {grid[-1]:g} tu, up to {seconds:.3g} s; "
+                f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
+                f"sample with the direct method"
             )
         start = np.zeros(n)
         start[0] = 1.0

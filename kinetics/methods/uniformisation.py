@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
 BLOCK_BYTES = 2**29  # of these vectors
 MAX_STEPS = 5_000_000
+STEP_SECONDS = 2e-9  # a step takes this for every transition and every state, on a common machine
 RATE_ERROR = 8  # roundings in a rate of the generator: constant, ways and combinations of up to six reactants
 
 
@@ -86,6 +87,11 @@ class DiscreteChain:
         """Steps after which, but for `tolerance`, all of the Poisson law at `time` has been seen."""
         return poisson_bounds(self.rate * time, tolerance)[1]
 
+    @property
+    def step_seconds(self) -> float:
+        """About what a step takes."""
+        return STEP_SECONDS * (self.arrays.shares.size + self.size)
+
     def rounding(self, steps: float, jumps: float | None = None) -> float:
         """Bound on the summed error by rounding of a vector after so many steps, and of the rates behind them.
 
@@ -111,6 +117,8 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
 
     start : (N,), not negative, with a sum of at most 1
     tolerance : largest probability that may be left out at a time; the error holds it and every rounding
+    Where the law has settled, the steps end early: no later step changes it by more than the last one did, because a
+    stochastic matrix enlarges no difference. They end once that, in all steps to come, is less than these would round.
     """
     from kinetics.kernels import markov
 
@@ -124,7 +132,7 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     block = max(1, min(BLOCK, BLOCK_BYTES // (8 * start.size), n_steps))
     vectors, flows = np.empty((block + 1, start.size)), np.empty(block)
     mixed, stays, jumps = np.zeros((len(windows), start.size)), np.zeros(start.size), 0.0
-    vectors[-1] = start
+    vectors[-1], drift = start, 0.0
     for begin in range(0, n_steps, block):
         end = min(begin + block, n_steps)
         vectors[0] = vectors[-1]
@@ -135,11 +143,19 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
         if active.size:
             weights = _weights_between(begin, end, [windows[i] for i in active])
             markov.mix(active, weights, vectors[: end - begin], mixed)
+        last, left = end - begin, n_steps - end
+        drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
+        if left and drift <= chain.rounding(left, left * float(flows[last - 1])):
+            shares = np.array([weights[max(end - first, 0) :].sum() for first, weights in windows])
+            mixed += shares[:, None] * vectors[last]
+            stays += left * vectors[last]
+            jumps += left * float(flows[last - 1])
+            break
     errors = [
         window_error(mean, first, window, tolerance / 2) + ROUNDOFF * (block + window.size / block + 2)
         for mean, (first, window) in zip(means, windows, strict=True)
     ]
-    return Mixtures(mixed, stays, max(errors, default=0.0) + chain.rounding(n_steps, jumps))
+    return Mixtures(mixed, stays, max(errors, default=0.0) + chain.rounding(n_steps, jumps) + drift)
 
 
 def _weights_between(begin: int, end: int, windows: Sequence[tuple[int, Floats]]) -> Floats:

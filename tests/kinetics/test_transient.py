@@ -11,6 +11,7 @@ from kinetics import FiniteStateProjection, Transient, memory, solve
 from kinetics.methods import SOLVING_METHODS
 from kinetics.methods.dense import Dense
 from kinetics.methods.poisson import poisson_bounds, poisson_window, window_error
+from kinetics.methods.uniformisation import DiscreteChain, mixtures
 from kinetics.states import reachable
 
 
@@ -114,6 +115,38 @@ def test_long_and_large():
     assert law.is_bound
     exact = binom(2100, 0.5).pmf(np.arange(2101))
     assert abs(law.marginal("B")[0] - exact).sum() < law.error + 1e-12 < 1e-8
+
+
+def test_what_takes_too_long_is_refused_before_it_starts():
+    message = r"351 states would take 2\.\d+e\+03 steps until 1 tu, up to 0\.00\d+ s; max_seconds = 0.001; raise it"
+    with pytest.raises(ValueError, match=message):
+        Transient(max_seconds=1e-3).solve(switch(6.0, 1.0), [350, 0], [1.0])
+    with pytest.raises(ValueError, match="max_seconds = nan"):
+        Transient(max_seconds=np.nan)
+
+
+def test_a_settled_law_takes_no_more_steps(monkeypatch):
+    # 1e5 relaxation times: binomial long before, by far fewer steps than the Poisson window asks for.
+    from kinetics.kernels import markov
+
+    done, advance = [], markov.advance
+    monkeypatch.setattr(markov, "advance", lambda *arrays: (done.append(len(arrays[-1])), advance(*arrays)))
+    times = [0.2, 5.0, 4000.0]
+    chain = DiscreteChain.of(reachable(switch(1.0, 2.0), [30, 0]).generator())
+    p, stays, error = mixtures(chain, np.eye(1, chain.size)[0], times, 1e-13)
+    assert sum(done) < 0.02 * chain.steps_until(4000.0, 1e-13)
+    in_b = (1.0 - np.exp(-3.0 * np.array(times))) / 3.0
+    copies = np.arange(31)
+    exact = binom(30, in_b[:, None]).pmf(copies)
+    assert abs(p - exact).sum(axis=1).max() < error < 1e-9
+    assert_allclose(stays.sum(), chain.steps_until(4000.0, 0.5e-13) + 1, rtol=1e-3)
+    # A chain that only seems to rest, its slow leak far below one step's rounding, is not taken for settled.
+    p, _, error = mixtures(
+        slow := DiscreteChain.of(reachable(leak(1e3, 1e-9), [1, 0, 0]).generator()), np.eye(3)[0], [200.0], 1e-13
+    )
+    gone = -np.expm1(-0.5e-9 * 200.0)
+    assert slow.steps_until(200.0, 1e-13) > 1e5
+    assert abs(p[0, 2] - gone) <= error < 0.01 * gone
 
 
 def test_bounds():
