@@ -15,8 +15,9 @@ from kinetics.methods.streamed import simulate_statistics
 from kinetics.network import Network
 from kinetics.statistics import EnsembleStatistics
 
-MOST_REPEATS, FEWEST_REPEATS = 20, 3
-ALL_RUNS = 1_000_000  # as many repeats as make so many runs together, within these limits
+MOST_REPEATS, FEWEST_REPEATS = 20, 2
+ALL_RUNS = 500_000  # as many repeats as make so many runs together, within these limits
+SOLUTIONS = 3  # of the same, for their time
 
 
 class Task(NamedTuple):
@@ -52,7 +53,7 @@ class Curve:
     def repeats(self, setting: float) -> int:
         """How often a setting is tried: for the spread of a sampled one, for the time of another."""
         if not self.is_sampled:
-            return FEWEST_REPEATS
+            return SOLUTIONS
         return min(MOST_REPEATS, max(FEWEST_REPEATS, int(ALL_RUNS / setting)))
 
     def label(self, setting: float) -> str:

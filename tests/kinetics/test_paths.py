@@ -98,6 +98,11 @@ def test_ensemble_statistics():
     assert_array_equal(ensemble.sd(), [[0, 0, 0, 0], [2, 1, 0, 0]])
     assert_array_equal(ensemble.standard_error() * np.sqrt(3), ensemble.sd())
     assert_array_equal(ensemble.quantile(0.5)[1], [2, 1, 0, 0])
+    assert_array_equal(ensemble.variance()[1], [4, 1, 0, 0])
+    assert_array_equal(ensemble.covariance()[1, :2, :2], [[4, -2], [-2, 1]])
+    assert np.isnan(Ensemble(line(), [0.0, 9.0], ensemble.counts[:1]).covariance()).all()
+    third = pytest.approx(1 / 3)
+    assert ensemble.marginal("dimer").tolist() == [[1, 0, 0], [third, third, third]]
     table = ensemble.to_dataframe()
     assert len(table) == 6
     assert list(table["dimer"][table["run"] == 2]) == [0, 2]
