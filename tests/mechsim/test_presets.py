@@ -10,6 +10,7 @@ from mechsim.accuracy.diagram import Accuracy, Change, Point
 from mechsim.accuracy.plan import plan
 from mechsim.accuracy.preset import Presets, choose, load
 from mechsim.record import RunSpec
+from mechsim.scene import SCENES, Scene
 from wellmixed import main
 
 
@@ -96,15 +97,17 @@ def test_they_survive_their_file(measured, line4, tmp_path):
         load(f"{path}:draft", line4)
 
 
-def test_shipped_presets_know_their_scene(line4):
+@pytest.mark.parametrize("name", ["line4", "t5", "pyramid45"])
+def test_shipped_presets_know_their_scene(name):
     """Each is of a shipped scene as it stands, gets finer in order, and keeps its promise."""
-    files = sorted(preset.PRESETS.glob("*.toml"))
-    assert files
-    found = [load(name, line4).preset for name in ("draft", "standard", "reference")]
+    scene = Scene.load(name)
+    found = [load(preset_name, scene).preset for preset_name in ("draft", "standard", "reference")]
     assert found[0].step >= found[1].step > found[2].step
     for given, tolerance in zip(found, preset.TOLERANCES.values(), strict=False):
         for expected in (given.speed, given.meetings):
             assert abs(expected.error) + expected.half_width <= tolerance
+    with pytest.raises(ValueError, match=f"never measured for scene {name} as it is"):
+        load("draft", scene.changed("drag", sub_cycles=2))
 
 
 def test_without_a_preset_the_scene_stays_as_it_is(line4):
@@ -153,11 +156,12 @@ def test_bad_requests_make_no_run(tmp_path, arguments, message):
 
 
 def test_a_scene_that_was_never_measured(tmp_path):
-    done = CliRunner().invoke(
-        main, ["simulate", "t5", "--cubes", "2", "--preset", "draft", "--runs-folder", str(tmp_path)]
-    )
+    file = tmp_path / "slow.toml"
+    file.write_text((SCENES / "line4.toml").read_text().replace("sigma = 4.0", "sigma = 3.0"))
+    given = ["simulate", str(file), "--cubes", "2", "--preset", "draft", "--runs-folder", str(tmp_path)]
+    done = CliRunner().invoke(main, given)
     assert done.exit_code == 2
-    assert "preset 'draft' was never measured for scene t5" in done.output
+    assert "preset 'draft' was never measured for scene line4 as it is" in done.output
     assert "wellmixed accuracy mechanics" in done.output
 
 
