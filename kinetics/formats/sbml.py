@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from kinetics.formats.massaction import linear_weights, rate_constant
 from kinetics.formats.model import Model, whole_counts
 from kinetics.formats.sbmlfile import document_of
-from kinetics.formats.sbmlmath import text_of
+from kinetics.formats.sbmlmath import is_sum, text_of
 from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.laws.events import Event
 from kinetics.laws.expression import Expression, quoted
@@ -68,9 +68,13 @@ class _Reader:
         sums = self._rules(rules)
         reactions, laws = self._reactions()
         network = Network.from_reactions(reactions, laws, self.states, events=self._events())
-        observables = {name: linear_weights(formula, network.species) for name, formula in sums.items()}
+        observables = {name: self._weights(rule, rule.getMath(), network.species) for name, rule in sums.items()}
         notes = [f"{name} is no sum of counts and is not shown" for name, each in observables.items() if each is None]
-        linear = {name: weights for name, weights in observables.items() if weights is not None}
+        linear = {
+            name: {species: weight * self.size.get(name, 1.0) for species, weight in weights.items()}
+            for name, weights in observables.items()
+            if weights is not None
+        }
         return Model(network, whole_counts(self.path, initial), linear, tuple(notes))
 
     def _each(self, plural: str) -> list[Any]:
@@ -125,10 +129,10 @@ class _Reader:
             self.meanings[name] = shown if self.size[name] == 1 else f"({shown} / {self.size[name]!r})"
         return initial
 
-    def _rules(self, rules: dict[str, Any]) -> dict[str, Expression]:
-        """What assignment rules give, put into the meanings; each may use those that libsbml sorts before it."""
+    def _rules(self, rules: dict[str, Any]) -> dict[str, Any]:
+        """The rules in an order in which each uses only those before it; what they give is put into the meanings."""
         waiting = dict(rules)
-        sums = {}
+        ordered = {}
         while waiting:
             ready = [name for name, rule in waiting.items() if not _names(rule.getMath()) & set(waiting)]
             if not ready:
@@ -136,8 +140,21 @@ class _Reader:
             for name in ready:
                 rule = waiting.pop(name)
                 self.meanings[name] = f"({self._text(rule, rule.getMath())})"
-                sums[name] = self._expression(rule, f"({self.meanings[name]}) * {self.size.get(name, 1.0)!r}")
-        return sums
+                ordered[name] = rule
+        return ordered
+
+    def _weights(self, rule: Any, math: Any, species: tuple[str, ...]) -> dict[str, float] | None:
+        """Weights of a sum of counts, term by term, however long it is; None for any other formula."""
+        if not is_sum(math):
+            return linear_weights(self._expression(rule, self._text(rule, math)), species)
+        total: dict[str, float] = {}
+        for i in range(math.getNumChildren()):
+            part = self._weights(rule, math.getChild(i), species)
+            if part is None:
+                return None
+            for name, weight in part.items():
+                total[name] = total.get(name, 0.0) + weight
+        return total
 
     def _reactions(self) -> tuple[dict[str, Reaction], list[float | Expression]]:
         """What each reaction needs and makes, and its rate constant or law."""
@@ -225,7 +242,7 @@ class _Reader:
 
     def _text(self, element: Any, math: Any, own: dict[str, str] | None = None) -> str:
         try:
-            return text_of(math, self.meanings | (own or {}))
+            return text_of(math, self.meanings | own if own else self.meanings)
         except (ValueError, RecursionError) as error:
             raise self._wrong(element, str(error)) from None
 

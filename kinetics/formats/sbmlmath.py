@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-# How deep MathML may go: libsbml ends the whole process on some trees that are thousands deep.
 AVOGADRO = "6.02214179e+23"  # as SBML Level 3 has it
 
 
@@ -42,6 +41,13 @@ def text_of(node: Any, meanings: Mapping[str, str]) -> str:
         spelled = sbml.formulaToL3String(node) or node.getName() or "a formula"
         raise ValueError(f"{spelled[:80]!r} cannot be written as a rate law here")
     return made
+
+
+def is_sum(node: Any) -> bool:
+    """Whether a formula is a sum of others."""
+    import libsbml
+
+    return bool(node.getType() == libsbml.AST_PLUS)
 
 
 def _call(kind: int, inner: list[str]) -> str | None:

@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Auto, simulate
-from kinetics.formats import read
+from kinetics.formats import Model, read, write
 from kinetics.formats.massaction import rate_constant
 from kinetics.laws.expression import Expression
+from kinetics.network import Network
 
 libsbml = pytest.importorskip("libsbml")
 
@@ -197,6 +198,16 @@ def test_constant_rules_and_initial_assignments(tmp_path):
     assert model.network.is_mass_action
     assert_array_equal(model.initial, [30])
     assert_allclose(model.network.rate_constants, [2.0])
+
+
+def test_a_sum_of_very_many_species(tmp_path):
+    names = [f"a_species_with_a_long_name_{i}" for i in range(400)]
+    network = Network.from_reactions({"in": ({}, {names[0]: 1})}, [1.0], species=names)
+    model = Model(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
+    write(model, tmp_path / "sum.xml")
+    again = read(tmp_path / "sum.xml")
+    assert again.observables == model.observables
+    assert_array_equal(again.initial, model.initial)
 
 
 def test_events(tmp_path):
