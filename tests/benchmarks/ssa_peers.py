@@ -1,6 +1,6 @@
 """Other packages' exact samplers, to be timed in the same run as ours where they are installed.
 
-    pip install bngsim bioscrape rebop
+    pip install 'wellmixed[peers]'
 
 Each peer is a function of a network and its initial state that gives back `run(end, n_times, n_runs, seed)`, which
 returns the final counts (n_runs, S). Mass action of at most two reactants, `distinct` combinations.

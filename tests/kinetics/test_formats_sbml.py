@@ -302,10 +302,18 @@ def test_what_is_refused(change, message, tmp_path):
         made.read(tmp_path)
 
 
+CORE = "http://www.sbml.org/sbml/level3/version1"
+DISTRIB = (
+    f'<sbml xmlns="{CORE}/core" level="3" version="1" xmlns:distrib="{CORE}/distrib/version1" '
+    'distrib:required="true"><model id="m"/></sbml>'
+)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "is not XML"),
+        (DISTRIB, "uses the package 'distrib' of SBML, which is not read"),
         ("<sbml>", "is not XML"),
         ("<a/>", "line 2: .*XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "line 1: a document type"),
