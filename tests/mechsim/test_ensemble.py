@@ -54,14 +54,14 @@ def driver(folder, specs, workers=2, timeout=60):
 
 
 def test_one_digest_for_any_number_of_workers_and_any_order(tmp_path):
-    specs = specs_of(9)
+    specs = specs_of(16)
     expected = digest_of(map(record_of, specs))
-    for workers in (1, 2, 4):
+    for workers in (1, 2, 16):
         store = RunStore(tmp_path / str(workers))
         shuffled = random.Random(workers).sample(specs, len(specs))
         outcome = run_all(shuffled, store, workers=workers, execute=execute)
         assert [record.spec for record in outcome.records] == shuffled
-        assert (outcome.computed, outcome.reused, outcome.quarantined) == (9, 0, ())
+        assert (outcome.computed, outcome.reused, outcome.quarantined) == (16, 0, ())
         assert outcome.digest == store.digest(shuffled)
         assert run_all(specs, store, workers=workers, execute=execute).digest == store.digest(specs) == expected
 
@@ -336,6 +336,21 @@ def test_real_runs_are_the_same_here_in_workers_and_on_disk(tmp_path):
     outcome = run_all(specs, RunStore(tmp_path), workers=2)
     assert outcome.digest == digest_of(map(execute_run, specs)) == RunStore(tmp_path).digest(specs)
     assert all(one.path.end == pytest.approx(0.5, abs=scene.numerics.step) for one in outcome.records)
+
+
+@pytest.mark.validate
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("workers", [1, 2, 16])
+def test_every_step_of_real_runs_is_the_same_for_any_number_of_workers(tmp_path, workers):
+    """The digest is over the poses of all cubes at every step."""
+    pytest.importorskip("pybullet")
+    scene = Scene.load("line4")
+    step = scene.numerics.step
+    specs = [RunSpec(scene, {"monomer": 20, "dimer": 4}, 0.25, seed=1, run=run, poses=step) for run in range(16)]
+    shuffled = random.Random(workers).sample(specs, len(specs))
+    outcome = run_all(shuffled, RunStore(tmp_path), workers=workers)
+    assert RunStore(tmp_path).digest(specs) == digest_of(map(execute_run, specs))
+    assert all(len(record.arrays["pose_times"]) == record.facts["steps"] + 1 for record in outcome.records)
 
 
 @contextlib.contextmanager
