@@ -24,6 +24,7 @@ from kinetics.network import Network
 from kinetics.terms import Terms
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
+BARE = re.compile(r"\w+\(\)")
 FIXED = re.compile(r"(@\w+:{1,2})?\$")  # a species whose count no reaction changes
 FACTOR = re.compile(rf"(?:({NUMBER})\*)?([A-Za-z_]\w*)(?:\(\))?")
 
@@ -108,7 +109,7 @@ class _Reader:
             self.species.append(name)
             self.fixed.append(marked is not None)
         # `A()` is how the format writes a species without sites.
-        bare = [name.removesuffix("()") for name in self.species]
+        bare = [name.removesuffix("()") if BARE.fullmatch(name) else name for name in self.species]
         if len(set(bare)) == len(bare):
             self.species = bare
         return whole_counts(self.path, amounts)

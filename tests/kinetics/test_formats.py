@@ -35,7 +35,7 @@ begin species
     1 $Source() 1
     2 A(b) 20
     3 B() half*8
-    4 A(b!1).B(a!1) 5
+    4 A(b!1).B() 5
 end species
 begin reactions
     1 1 1,2 kon #feed
@@ -66,10 +66,10 @@ def written(folder, text, name="model.net"):
 def test_everything_a_file_can_say(tmp_path):
     model = read(written(tmp_path, EVERYTHING))
     net = model.network
-    assert net.species == ("Source", "A(b)", "B", "A(b!1).B(a!1)")
+    assert net.species == ("Source", "A(b)", "B", "A(b!1).B()")
     assert net.channels == ("feed", "pair", "bind", "unbind", "both", "sat", "hill", "mm", "in", "out")
     assert_array_equal(model.initial, [1, 20, 12, 5])
-    assert model.observables == {"bound": {"A(b!1).B(a!1)": 1, "A(b)": 2}, "free": {"B": 1}, "none": {}}
+    assert model.observables == {"bound": {"A(b!1).B()": 1, "A(b)": 2}, "free": {"B": 1}, "none": {}}
     for a, b, ab in ((20, 12, 5), (1, 31, 0), (2, 1, 7)):
         kon, half, K = 1.276664, 1.5, 40.0
         one = kon / (K + ab + 2 * a)
