@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import html
 import json
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -154,10 +155,12 @@ class Network:
         species : their order; by default that in which the reactions name them
         ways : (R,); by default 1 each
         parameters : name -> value, for expressions given as text; a parsed one brings its own
+        A channel that changes nothing is most likely a slip, and warned of.
         """
         constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
-        named = species if species is not None else dict.fromkeys(name for _, side, _ in sides for name in side)
+        in_order = dict.fromkeys(name for _, side, _ in sides for name in side)
+        named = _names("species", tuple(in_order) if species is None else species)
         place = {name: s for s, name in enumerate(named)}
         entries = [(r, name, n, made) for r, side, made in sides for name, n in side.items()]
         unknown = [name for _, name, _, _ in entries if name not in place]
@@ -168,11 +171,16 @@ class Network:
         copies = integers("copies", [n for _, _, n, _ in entries], (None,), minimum=0)
         is_made = np.array([made for _, _, _, made in entries], dtype=bool)
         shape = (len(reactions), len(place))
+        change = Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
+        idle = np.flatnonzero(np.diff(change.starts) == 0)
+        if idle.size:
+            name = list(reactions)[idle[0]]
+            warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
         return cls.from_terms(
-            tuple(named),
+            named,
             tuple(reactions),
             Terms.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
-            Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies)),
+            change,
             np.ones(shape[0]) if ways is None else ways,
             constants,
             combinations,
