@@ -576,7 +576,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 break
         target = uniforms[draw] * bound
         if is_timed and target >= total:
-            continue  # no event
+            if (bound - total) * (work.window[0] - t) > 1.0:  # the propensities fell since the window was opened
+                outcome = open_window(model, work, counts, t)
+            continue
         block = 0
         while upto[block] <= target and upto[block] < total:
             block += 1

@@ -66,7 +66,7 @@ class Event:
             raise ValueError(f"event {name!r}: every {period} tu from {first}; expected a time above 0, from >= 0")
         period = float(period)
         since = f"(t - {first!r})" if first else "t"
-        when = f"t >= {first!r} and {since} % {period!r} < {period / 2!r}"
+        when = f"t >= {first!r} and {since} / {period!r} % 1 < 0.5"
         return cls(name, when, assign, was_true=False, **rest)  # type: ignore[arg-type]
 
     @property
