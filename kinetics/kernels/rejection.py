@@ -7,11 +7,12 @@ Channels that share a reactant, their owner, form a group (Ramaswamy & Sbalzarin
 n the owner's count and `like` the coefficients of pairs of owners. So a change of the owner costs one product, however
 many channels it has; a change of a partner makes L afresh.
 
-Groups lie in bins by their sum, four to an octave (Slepoy, Thompson & Plimpton 2008). A group of a bin is taken at
-random and kept with probability sum / upper end of the bin. The bins' weights are whole numbers times powers of two and
-bound the true total from above, so a rejection is an event at which nothing happens (thinning), no rounding ever builds
-up, and the cost does not grow with the number of channels. Within the group, the channel is found by a walk over
-partial propensities made afresh from the counts: nothing can go stale, drift, or dip below zero.
+Groups lie in bins by their sum, two to an octave (Slepoy, Thompson & Plimpton 2008). A group of a bin is taken at
+random and kept with probability sum / upper end of the bin. The bins' masses, size times upper end, bound the true
+total from above, so a rejection is an event at which nothing happens (thinning); upper ends are whole numbers of one
+power of two, so no rounding ever builds up; and the cost does not grow with the number of channels. Within the group,
+the channel is found by a walk over partial propensities made afresh from the counts: nothing can go stale, drift, or
+dip below zero.
 
 A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `kernels.ssa.draw`.
 """
@@ -29,72 +30,91 @@ OVERFLOW = 3
 
 N_OCTAVES = 32
 HEADROOM = 8  # octaves above the largest sum when the bins are laid out
-N_BINS = 4 * N_OCTAVES
+N_BINS = 2 * N_OCTAVES
+BIN_BITS = np.int64(51)  # of a double below its exponent and the first bit after the leading one
 NO_BIN = -1
-MOST_GROUPS = 2**18  # with 8 a group at most, the weights then make an exact sum over all octaves in a double
+LARGEST_SUM = 2.0**1000  # so that all upper ends are finite
+MOST_GROUPS = 2**20  # of 4 units of its octave at most, so that the masses add up exactly over all octaves in a double
+
+# What an event reads together lies together: cache lines are much of what it costs.
+CHANNEL = np.dtype(
+    [("coefficient", "f8"), ("partner", "u4"), ("less", "i4"), ("change", "u4"), ("list", "u4")], align=True
+)
+CHANGE = np.dtype([("gain", "i8"), ("species", "u4"), ("list", "u4")], align=True)
+GROUP = np.dtype(
+    [
+        ("total", "f8"),
+        ("partial", "f8"),
+        ("like", "f8"),
+        ("owner", "u4"),
+        ("start", "u4"),
+        ("end", "u4"),
+        ("bin", "i4"),
+        ("place", "u4"),
+        ("unused", "u4"),
+    ],
+    align=True,
+)
 
 
 class Model(NamedTuple):
-    """Channels in the order of their groups.
+    """Channels in the order of their groups. Species S stands for the constant 1.
 
-    What is read together lies together, and in flat arrays, row after row: cache lines and the products that places
-    in tables ask for are much of what an event costs. Species S stands for the constant 1.
-
-    coefficients (R,), factors (R, K, 3) int32 : see `methods.mass_action`; the first factor is the owner's
-    channels (5 R,) int32 : partner, less, is_general, start, end. The partial propensity is the coefficient times
-        (x[partner] - less), or takes the factors where is_general is not 0. Its changes are rows start to end
-    changes (2 n,) int64 : species, and copies gained
-    groups (3 G,) int32 : owner, and start and end of its channels
-    likes (G,) : coefficients of the plain like pairs, which L leaves out
-    species (2 (S + 1),) int32 : start and end in `touched`
-    touched (2 n,) int32 : a group that reads the species, and whether its L does
+    channels (R + 1,) CHANNEL : the partial propensity is coefficient * (x[partner] - less), or takes the factors where
+        less is below 0. `change` is the row of its first change, the next channel's ends them; `list` is the list of
+        all groups to renew afterwards, or 0 where those of the species changed are to be taken one after the other
+    factors (R, K, 3) int32 : see `methods.mass_action`; the first factor is the owner's
+    changes (n,) CHANGE : copies gained of a species, and the list of groups that depend on it
+    lists (m,) uint32 : each list begins with its end, then come groups: 2 * group, and 1 more where L must be renewed.
+        The first one, at 0, is empty
+    groups (G,) GROUP : owner, first channel and end, coefficients of the plain like pairs, which L leaves out. The rest
+        is for `Work`
     """
 
-    coefficients: np.ndarray
-    factors: np.ndarray
     channels: np.ndarray
+    factors: np.ndarray
     changes: np.ndarray
+    lists: np.ndarray
     groups: np.ndarray
-    likes: np.ndarray
-    species: np.ndarray
-    touched: np.ndarray
 
 
 class Work(NamedTuple):
     """What one run keeps between calls.
 
-    partials, sums (G,) : L, and the sum of the propensities of each group
-    lodgings (2 G,) int32 : bin of each group, and where in the bin it lies
-    members (N_BINS G,) int32, sizes (N_BINS,) : groups in each bin; bin 4 o + m has sums below (5 + m) quarters
-    weights, quarters (N_OCTAVES,) : sum of 5 + m over the groups of an octave, and a quarter of its lower end, 1/tu
-    octaves (3,) : binary exponent of the first octave as a double has it, lowest and highest octave in use
-    total (1,) : sum of weights times quarters; exact, for it is a whole number of the lowest quarters below 2**53
+    copies (S + 1,) : counts as doubles
+    groups (G,) GROUP : total of the propensities of each group, partial (L), its bin, and where in the bin it lies
+    members (N_BINS G,) uint32, sizes (N_BINS,) : groups in each bin
+    uppers, inverses, masses (N_BINS,) : upper end of each bin, 1/tu, one over it, and it times the bin's size
+    bins (3,) : what the bits of a double have for the first bin, lowest and highest bin in use
+    total (1,) : sum of the masses; exact, for it is a whole number of the lowest bins' units below 2**53
     """
 
-    partials: np.ndarray
-    sums: np.ndarray
-    lodgings: np.ndarray
+    copies: np.ndarray
+    groups: np.ndarray
     members: np.ndarray
     sizes: np.ndarray
-    weights: np.ndarray
-    quarters: np.ndarray
-    octaves: np.ndarray
+    uppers: np.ndarray
+    inverses: np.ndarray
+    masses: np.ndarray
+    bins: np.ndarray
     total: np.ndarray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def start(model, work, counts):
     """L, sums and bins for a run that begins at `counts` (S + 1,), the last one 1."""
-    for group in range(work.sums.size):
+    channels, groups, copies = model.channels, work.groups, work.copies
+    copies[:] = counts
+    for g in range(groups.size):
         part = 0.0
-        for r in range(model.groups[3 * group + 1], model.groups[3 * group + 2]):
-            if model.channels[5 * r + 2] != 0:
-                part += general_partial(model.coefficients[r], model.factors, r, counts)
-            elif model.channels[5 * r + 1] == 0:
-                part += model.coefficients[r] * counts[model.channels[5 * r]]
-        work.partials[group] = part
-        copies = float(counts[model.groups[3 * group]])
-        work.sums[group] = copies * (part + model.likes[group] * (copies - 1.0))
+        for r in range(groups[g].start, groups[g].end):
+            if channels[r].less < 0:
+                part += general_partial(channels[r].coefficient, model.factors, r, counts)
+            elif channels[r].less == 0:
+                part += channels[r].coefficient * copies[channels[r].partner]
+        groups[g].partial = part
+        owners = copies[groups[g].owner]
+        groups[g].total = owners * (part + groups[g].like * (owners - 1.0))
     fill_bins(work)
 
 
@@ -112,30 +132,33 @@ def general_partial(coefficient, factors, r, counts):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_bins(work):
-    """Lay the bins out anew around the largest sum."""
+    """Lay the bins out anew around the largest sum; a total beyond double where that is beyond `LARGEST_SUM`."""
+    groups = work.groups
     largest = 0.0
-    for value in work.sums:
-        largest = max(largest, value)
+    for g in range(groups.size):
+        largest = max(largest, groups[g].total)
+    if largest > LARGEST_SUM:
+        work.total[0] = np.inf
+        return
     exponent = np.float64(largest).view(np.int64) >> np.int64(52)
-    base = max(exponent - np.int64(N_OCTAVES - 1 - HEADROOM), np.int64(1))
-    lowest, highest = np.int64(N_OCTAVES - 1), np.int64(0)
+    base = 2 * max(exponent - np.int64(N_OCTAVES - 1 - HEADROOM), np.int64(1))
+    lowest, highest = np.int64(N_BINS - 1), np.int64(0)
     work.sizes[:] = 0
-    work.weights[:] = 0.0
-    for group in range(work.sums.size):
-        work.lodgings[2 * group] = NO_BIN
-        if work.sums[group] > 0.0:
-            # The exponent and the first two bits after the leading one.
-            bin_ = max((np.float64(work.sums[group]).view(np.int64) >> np.int64(50)) - 4 * base, np.int64(0))
-            work.lodgings[2 * group], work.lodgings[2 * group + 1] = bin_, work.sizes[bin_]
-            work.members[bin_ * work.sums.size + work.sizes[bin_]] = group
+    for g in range(groups.size):
+        groups[g].bin = NO_BIN
+        if groups[g].total > 0.0:
+            bin_ = max((np.float64(groups[g].total).view(np.int64) >> BIN_BITS) - base, np.int64(0))
+            groups[g].bin, groups[g].place = bin_, work.sizes[bin_]
+            work.members[bin_ * groups.size + work.sizes[bin_]] = g
             work.sizes[bin_] += 1
-            work.weights[bin_ >> 2] += 5 + (bin_ & 3)
-            lowest, highest = min(lowest, bin_ >> np.int64(2)), max(highest, bin_ >> np.int64(2))
+            lowest, highest = min(lowest, bin_), max(highest, bin_)
     work.total[0] = 0.0
-    for octave in range(N_OCTAVES):
-        work.quarters[octave] = 2.0 ** (base + octave - 1025)
-        work.total[0] += work.weights[octave] * work.quarters[octave]
-    work.octaves[0], work.octaves[1], work.octaves[2] = base, lowest, highest
+    for b in range(N_BINS):
+        work.uppers[b] = np.int64((base + b + 1) << BIN_BITS).view(np.float64)
+        work.inverses[b] = 1.0 / work.uppers[b]
+        work.masses[b] = work.sizes[b] * work.uppers[b]
+        work.total[0] += work.masses[b]
+    work.bins[0], work.bins[1], work.bins[2] = base, lowest, highest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -144,16 +167,17 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
 
     Arguments and result as of `kernels.grouped.advance`.
     """
-    coefficients, factors, likes, species = model.coefficients, model.factors, model.likes, model.species
-    channels, changes, groups, touched = model.channels, model.changes, model.groups, model.touched
-    partials, sums, lodgings, members, sizes = work.partials, work.sums, work.lodgings, work.members, work.sizes
-    weights, quarters = work.weights, work.quarters
-    n_groups, n_species, n_times = sums.size, out.shape[1], grid.size
-    base, lowest, highest = work.octaves[0], work.octaves[1], work.octaves[2]
+    channels, factors, changes, lists = model.channels, model.factors, model.changes, model.lists
+    copies, groups, members, sizes = work.copies, work.groups, work.members, work.sizes
+    uppers, inverses, masses = work.uppers, work.inverses, work.masses
+    # Unsigned: indices need no check for negative ones.
+    one, n_groups = np.uint64(1), np.uint64(groups.size)
+    n_species, n_times = out.shape[1], grid.size
+    base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
     t, total = clock[0], work.total[0]
     passed, n_events = seen[0], 0
     outcome = DRAWS_USED
-    for draw in range(waits.size):
+    for draw in range(np.uint64(waits.size)):
         if not total < np.inf:
             outcome = OVERFLOW
             break
@@ -171,102 +195,111 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         t = later
 
         target = uniforms[draw] * total
-        while weights[highest] == 0.0 and highest > lowest:
+        while highest > lowest and sizes[np.uint64(highest)] == 0:
             highest -= 1
-        octave = highest
-        above = 0.0
-        while octave > lowest and above + weights[octave] * quarters[octave] <= target:
-            above += weights[octave] * quarters[octave]
-            octave -= 1
-        share = (target - above) / quarters[octave]
-        bin_ = 4 * octave + 3
-        width = 8
-        while width > 5 and share >= width * sizes[bin_]:
-            share -= width * sizes[bin_]
-            bin_ -= 1
-            width -= 1
-        which = min(np.int64(share) // width, sizes[bin_] - 1)
-        group = np.int64(members[bin_ * n_groups + which])
-        target = (share - which * width) * quarters[octave]
-        if target >= sums[group] or which < 0:  # no such place only where rounding led beyond the last bin
+        bin_ = np.uint64(highest)
+        while bin_ > np.uint64(lowest) and masses[bin_] <= target:
+            target -= masses[bin_]
+            bin_ -= one
+        which = min(np.int64(target * inverses[bin_]), sizes[bin_] - 1)
+        if which < 0:  # an empty bin, only where rounding led beyond the last one
+            continue
+        group = members[bin_ * n_groups + np.uint64(which)]
+        target = max(target - which * uppers[bin_], 0.0)
+        if target >= groups[group].total:
             if highest == 0:  # all sums have fallen below the bins
                 fill_bins(work)
-                base, lowest, highest = work.octaves[0], work.octaves[1], work.octaves[2]
+                base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
                 total = work.total[0]
             continue
-        share = target / counts[groups[3 * group]]
-        chosen = np.int64(groups[3 * group + 1])
-        end = np.int64(groups[3 * group + 2])
+        owners = copies[groups[group].owner]
+        chosen = np.uint64(groups[group].start)
+        end = np.uint64(groups[group].end)
         part = 0.0
         while chosen < end:
-            if channels[5 * chosen + 2] == 0:
-                part += coefficients[chosen] * (counts[channels[5 * chosen]] - channels[5 * chosen + 1])
+            less = channels[chosen].less
+            if less >= 0:
+                part += channels[chosen].coefficient * (copies[channels[chosen].partner] - less)
             else:
-                part += general_partial(coefficients[chosen], factors, chosen, counts)
-            if part > share:
+                part += general_partial(channels[chosen].coefficient, factors, chosen, counts)
+            if owners * part > target:
                 break
-            chosen += 1
-        if not part > share:  # the sum was rounded up
+            chosen += one
+        if not owners * part > target:  # the sum was rounded up
             continue
 
         is_over = False
-        first, last = channels[5 * chosen + 3], channels[5 * chosen + 4]
+        first, last = np.uint64(channels[chosen].change), np.uint64(channels[chosen + one].change)
         for k in range(first, last):
-            s = changes[2 * k]
-            counts[s] += changes[2 * k + 1]
-            is_over |= counts[s] < 0
+            s = changes[k].species
+            count = counts[s] + changes[k].gain
+            counts[s] = count
+            copies[s] = count
+            is_over |= count < 0
         if is_over:
             outcome = OVERFLOW
             break
         is_beyond = False
-        for k in range(first, last):
-            s = changes[2 * k]
-            for i in range(species[2 * s], species[2 * s + 1]):
-                group = np.int64(touched[2 * i])
-                if touched[2 * i + 1] != 0:
+        head = np.uint64(channels[chosen].list)
+        following = last if head > 0 else first
+        while True:
+            for i in range(head + one, np.uint64(lists[head])):
+                code = lists[i]
+                group = code >> np.uint32(1)
+                part = groups[group].partial
+                if code & np.uint32(1):
                     part = 0.0
-                    for r in range(np.int64(groups[3 * group + 1]), np.int64(groups[3 * group + 2])):
-                        if channels[5 * r + 2] != 0:
-                            part += general_partial(coefficients[r], factors, r, counts)
-                        elif channels[5 * r + 1] == 0:
-                            part += coefficients[r] * counts[channels[5 * r]]
-                    partials[group] = part
-                copies = float(counts[groups[3 * group]])
-                part = copies * (partials[group] + likes[group] * (copies - 1.0))
-                sums[group] = part
-                bin_ = np.int64(NO_BIN)
+                    for r in range(np.uint64(groups[group].start), np.uint64(groups[group].end)):
+                        less = channels[r].less
+                        if less == 0:
+                            part += channels[r].coefficient * copies[channels[r].partner]
+                        elif less < 0:
+                            part += general_partial(channels[r].coefficient, factors, r, counts)
+                    groups[group].partial = part
+                owners = copies[groups[group].owner]
+                part = owners * (part + groups[group].like * (owners - 1.0))
+                groups[group].total = part
+                new = np.int64(NO_BIN)
                 if part > 0.0:
-                    bin_ = max((np.float64(part).view(np.int64) >> np.int64(50)) - 4 * base, np.int64(0))
-                old = np.int64(lodgings[2 * group])
-                if bin_ == old:
+                    new = max((np.float64(part).view(np.int64) >> BIN_BITS) - base, np.int64(0))
+                old = np.int64(groups[group].bin)
+                if new == old:
                     continue
-                if bin_ >= N_BINS:
+                if new >= N_BINS:
                     is_beyond = True
                     continue
                 if old != NO_BIN:  # the last of the old bin fills the gap
-                    sizes[old] -= 1
-                    weights[old >> 2] -= 5 + (old & 3)
-                    total -= (5 + (old & 3)) * quarters[old >> 2]
-                    last_one = members[old * n_groups + sizes[old]]
-                    members[old * n_groups + lodgings[2 * group + 1]] = last_one
-                    lodgings[2 * last_one + 1] = lodgings[2 * group + 1]
-                lodgings[2 * group] = bin_
-                if bin_ != NO_BIN:
-                    members[bin_ * n_groups + sizes[bin_]] = group
-                    lodgings[2 * group + 1] = sizes[bin_]
-                    sizes[bin_] += 1
-                    weights[bin_ >> 2] += 5 + (bin_ & 3)
-                    total += (5 + (bin_ & 3)) * quarters[bin_ >> 2]
-                    lowest, highest = min(lowest, bin_ >> np.int64(2)), max(highest, bin_ >> np.int64(2))
+                    left = np.uint64(old)
+                    size = sizes[left] - 1
+                    sizes[left] = size
+                    masses[left] -= uppers[left]
+                    total -= uppers[left]
+                    last_one = members[left * n_groups + np.uint64(size)]
+                    members[left * n_groups + groups[group].place] = last_one
+                    groups[last_one].place = groups[group].place
+                groups[group].bin = new
+                if new != NO_BIN:
+                    entered = np.uint64(new)
+                    size = sizes[entered]
+                    sizes[entered] = size + 1
+                    masses[entered] += uppers[entered]
+                    total += uppers[entered]
+                    members[entered * n_groups + np.uint64(size)] = group
+                    groups[group].place = size
+                    lowest, highest = min(lowest, new), max(highest, new)
+            if following == last:
+                break
+            head = np.uint64(changes[following].list)
+            following += one
         if is_beyond:
             fill_bins(work)
-            base, lowest, highest = work.octaves[0], work.octaves[1], work.octaves[2]
+            base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
             total = work.total[0]
         if times.size > 0:
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-    work.octaves[1], work.octaves[2], work.total[0] = lowest, highest, total
+    work.bins[1], work.bins[2], work.total[0] = lowest, highest, total
     seen[0], seen[1] = passed, n_events
     clock[0] = t
     return outcome

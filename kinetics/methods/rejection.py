@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from kinetics.kernels import rejection
 
 LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than another group
+LONGEST_LIST = 32  # groups that an event renews; beyond, its species share lists, so that tables stay in proportion
+SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or in its partial propensities
 
 
 @dataclass(frozen=True)
@@ -40,19 +42,19 @@ class CompositionRejection(Candidate):
         from kinetics.kernels import rejection
 
         model, order = model_of(network)
-        n_groups = model.likes.size
+        n_groups = model.groups.size
         if n_groups > rejection.MOST_GROUPS:
             raise ValueError(f"{n_groups} groups of channels; composition and rejection takes {rejection.MOST_GROUPS}")
 
         def begin(counts: Ints) -> rejection.Work:
             work = rejection.Work(
-                np.empty(n_groups),
-                np.empty(n_groups),
-                np.empty(2 * n_groups, dtype=np.int32),
-                np.empty(rejection.N_BINS * n_groups, dtype=np.int32),
+                np.empty(counts.size),
+                model.groups.copy(),
+                np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
                 np.empty(rejection.N_BINS, dtype=np.int64),
-                np.empty(rejection.N_OCTAVES),
-                np.empty(rejection.N_OCTAVES),
+                np.empty(rejection.N_BINS),
+                np.empty(rejection.N_BINS),
+                np.empty(rejection.N_BINS),
                 np.empty(3, dtype=np.int64),
                 np.empty(1),
             )
@@ -83,33 +85,64 @@ def model_of(network: Network) -> tuple[rejection.Model, Ints]:
     order = np.argsort(owner, kind="stable")
     place = np.arange(n_channels) - np.searchsorted(owner[order], owner[order])
     starts = np.append(np.flatnonzero(place % LARGEST_GROUP == 0), n_channels)
-    n_groups = starts.size - 1
     group = np.empty(n_channels, dtype=np.int64)
-    group[order] = np.repeat(np.arange(n_groups), np.diff(starts))
+    group[order] = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+    groups = np.zeros(starts.size - 1, dtype=rejection.GROUP)
+    groups["owner"], groups["start"], groups["end"] = owner[order][starts[:-1]], starts[:-1], starts[1:]
+    groups["like"] = np.bincount(group[is_like], laws.coefficients[is_like], groups.size)
 
-    # Who touches what: as owner (1), or in a way that L depends on (1 more than all owners of a group).
-    deep = LARGEST_GROUP + 1
+    channels = np.zeros(n_channels + 1, dtype=rejection.CHANNEL)
+    channels["coefficient"][:-1], channels["partner"][:-1] = laws.coefficients[order], partner[order]
+    channels["less"][:-1] = np.where(laws.is_general, -1, laws.less)[order]
+    changed_by, entries = change.entries_of(order)
+    channels["change"] = np.searchsorted(changed_by, np.arange(n_channels + 1))
+    changes = np.zeros(entries.size, dtype=rejection.CHANGE)
+    changes["gain"], changes["species"] = change.copies[entries], change.columns[entries]
+
     is_general = laws.is_general[needed.rows]
+    deep = LARGEST_GROUP + 1  # more than all owners of a group
     ways = [
         (owner, group, np.ones(n_channels, dtype=np.int64)),
         (partner[is_pair], group[is_pair], np.full(is_pair.sum(), deep)),
         (needed.columns[is_general], group[needed.rows[is_general]], np.full(is_general.sum(), deep)),
     ]
-    touched = Terms.of_entries((n_species + 1, n_groups), *(np.concatenate(part) for part in zip(*ways, strict=True)))
-    changed_by, entries = change.entries_of(order)
-    bounds = np.searchsorted(changed_by, np.arange(n_channels + 1))
-    return rejection.Model(
-        laws.coefficients[order],
-        laws.factors[order],
-        _flat(partner[order], laws.less[order], laws.is_general[order], bounds[:-1], bounds[1:]).astype(np.int32),
-        _flat(change.columns[entries], change.copies[entries]),
-        _flat(owner[order][starts[:-1]], starts[:-1], starts[1:]).astype(np.int32),
-        np.bincount(group[is_like], laws.coefficients[is_like], n_groups),
-        _flat(touched.starts[:-1], touched.starts[1:]).astype(np.int32),
-        _flat(touched.columns, touched.copies >= deep).astype(np.int32),
-    ), order
+    readers = Terms.of_entries(
+        (n_species + 1, groups.size), *(np.concatenate(part) for part in zip(*ways, strict=True))
+    )
+    kinds = np.where(readers.copies >= deep, DEEP, SHALLOW)
+    channels["list"][:-1], species_lists, lists = _lists(
+        changed_by, change.columns[entries], readers, kinds, n_channels
+    )
+    changes["list"] = species_lists[change.columns[entries]]
+    return rejection.Model(channels, laws.factors[order], changes, lists, groups), order
 
 
-def _flat(*columns: NDArray[Any]) -> Ints:
-    """Columns side by side, row after row."""
-    return np.column_stack(columns).astype(np.int64).ravel()
+def _lists(
+    changed_by: Ints, species: Ints, readers: Terms, kinds: Ints, n_channels: int
+) -> tuple[Ints, Ints, NDArray[np.uint32]]:
+    """Lists of groups to renew: of each channel, of each species, and the lists as `kernels.rejection` reads them.
+
+    changed_by, species : (n,) channel and species of each change
+    readers, kinds : groups that depend on each species, and how
+
+    The groups of all species that a channel changes are put together, so that each is renewed once; but a list that
+    would be long is not, and the channel has 0.
+    """
+    lengths = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels)
+    is_joint = lengths <= LONGEST_LIST
+    joined = is_joint[changed_by]
+    which, entries = readers.entries_of(species[joined])
+    joint = Terms.of_entries(
+        (n_channels, readers.n_columns), changed_by[joined][which], readers.columns[entries], kinds[entries]
+    )
+    groups = np.concatenate([readers.columns, joint.columns])
+    is_deep = np.concatenate([kinds, joint.copies]) >= DEEP  # SHALLOW comes from the owner only
+    lengths = np.concatenate([[0], np.diff(readers.starts), np.diff(joint.starts)])
+    heads = np.cumsum(lengths + 1) - lengths - 1
+    lists = np.empty(heads.size + groups.size, dtype=np.uint32)
+    is_head = np.zeros(lists.size, dtype=bool)
+    is_head[heads] = True
+    lists[heads] = heads + 1 + lengths
+    lists[~is_head] = 2 * groups + is_deep
+    of_species, of_channels = np.split(heads[1:], [readers.shape[0]])
+    return np.where(is_joint, of_channels, 0), of_species, lists

@@ -82,6 +82,15 @@ def test_joint_law(method, net, initial):
     assert_joint_law(net, initial, 1.5, final_states(net, method, initial, 1.5, 8000, seed=21))
 
 
+def test_joint_law_where_long_lists_of_groups_are_shared(monkeypatch):
+    monkeypatch.setattr(rejection_method, "LONGEST_LIST", 2)
+    states = final_states(MIXED, CompositionRejection(), [9, 1, 2], 1.5, 8000, seed=21)
+    assert_joint_law(MIXED, [9, 1, 2], 1.5, states)
+    heads = rejection_method.model_of(MIXED)[0].channels["list"][:-1]
+    assert 0 in heads
+    assert np.any(heads > 0)
+
+
 @pytest.mark.parametrize("method", UNRESTRICTED, ids=lambda method: method.name)
 def test_joint_law_of_third_order(method):
     assert_joint_law(THIRD_ORDER, [11, 2], 2.0, final_states(THIRD_ORDER, method, [11, 2], 2.0, 8000, seed=22))
@@ -259,18 +268,18 @@ def test_bins_hold_the_groups_of_the_counts(net, initial):
     counts = np.append(net.state(initial), 1)
     work = sampler.begin(counts)
     advance_some(sampler, work, counts)
-    starts = rejection_method.model_of(net)[0].groups[1::3]
-    assert_allclose(work.sums, np.add.reduceat(net.propensities(counts[:-1])[sampler.order], starts), rtol=1e-14)
-    bins, places = work.lodgings[::2], work.lodgings[1::2]
+    sums, bins, places = work.groups["total"], work.groups["bin"], work.groups["place"].astype(int)
+    exact = np.add.reduceat(net.propensities(counts[:-1])[sampler.order], work.groups["start"].astype(int))
+    assert_allclose(sums, exact, rtol=1e-14)
+    assert_array_equal(work.copies, counts)
     lodged = bins != rejection.NO_BIN
-    assert_array_equal(lodged, work.sums > 0)
-    n_groups = work.sums.size
+    assert_array_equal(lodged, sums > 0)
+    n_groups = sums.size
     assert_array_equal(work.members[bins[lodged] * n_groups + places[lodged]], np.flatnonzero(lodged))
-    quarter = work.quarters[bins // 4]
-    upper = (5 + bins % 4) * quarter
-    assert np.all((work.sums < upper)[lodged])
-    assert np.all((work.sums >= upper - quarter)[lodged])
-    assert work.total[0] == upper[lodged].sum()
+    upper = work.uppers[bins]
+    assert np.all((sums < upper)[lodged])
+    assert np.all((sums >= upper * np.where(bins % 2, 3 / 4, 2 / 3))[lodged])
+    assert work.total[0] == upper[lodged].sum() == work.masses.sum()
 
 
 def advance_some(sampler, work, counts, n=500):
@@ -321,6 +330,13 @@ def plain_python(module, *changes):
     return made
 
 
+def as_records(arrays):
+    """Arrays whose fields plain Python can name as the kernels do."""
+    return type(arrays)(
+        *(a.view(np.recarray) if getattr(getattr(a, "dtype", None), "names", None) else a for a in arrays)
+    )
+
+
 def mutant_states(net, module, changes, initial, end, runs):
     """Final states of runs made by a mutant."""
     kernel = plain_python(module, *changes)
@@ -330,25 +346,33 @@ def mutant_states(net, module, changes, initial, end, runs):
         sampler, model = CompositionRejection().sampler(net), rejection_method.model_of(net)[0]
     else:
         sampler, model = PartialPropensities().sampler(net), partial_method.model_of(net)[0]
-    sampler.advance = lambda work, *rest: kernel.advance(model, work, *rest)
+    sampler.advance = lambda work, *rest: kernel.advance(as_records(model), as_records(work), *rest)
     out = np.empty((runs, 1, len(net.species)), dtype=np.int64)
     outcome, _ = sampler.ensemble(net.state(initial), np.array([end]), stream_key(32), 0, out)
     assert outcome == ssa.REACHED_END, "a count fell below 0"
     return out[:, 0]
 
 
-PICK = "target = (share - which * width) * quarters[octave]"
-KEPT = "if target >= sums[group] or which < 0:"
+PICK = "target = max(target - which * uppers[bin_], 0.0)"
+KEPT = "if target >= groups[group].total:"
+WALKED = "copies[channels[chosen].partner] - less"
 LIKE = "(others - lessened[chosen] if others >= needed[chosen] else 0)"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
     (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
     (grouped, "coarse waits", ("waits[draw] / total", "(np.floor(waits[draw] * 4) / 4 + 1e-9) / total")),
-    (rejection, "a stale partial propensity", (20 * " " + "partials[group] = part", 20 * " " + "pass")),
-    (rejection, "a stale bin", ("if bin_ == old:", "if old != NO_BIN and bin_ != NO_BIN:")),
+    (rejection, "a stale partial propensity", ("part = 0.0\n                    for r", "for r in range(0): #")),
+    (rejection, "a stale sum", (16 * " " + "groups[group].total = part", 16 * " " + "pass")),
+    (rejection, "a stale bin", ("if new == old:", "if old != NO_BIN and new != NO_BIN:")),
+    (rejection, "a bin too low", ("target >= groups[group].total", "target >= 0.8 * groups[group].total")),
     (rejection, "a biased redraw", (KEPT, f"{KEPT}\n            t -= waits[draw] / total")),
-    (rejection, "no rejection", (PICK, "target = (share - which * width) / width * sums[group]")),
-    (rejection, "s * s for s (s - 1)", ("- channels[5 * chosen + 1]", "- 0"), ("(copies - 1.0)", "copies")),
+    (rejection, "no rejection", (PICK, "target = (target / uppers[bin_] - which) * groups[group].total")),
+    (
+        rejection,
+        "s * s for s (s - 1)",
+        ("[channels[chosen].partner] - less", "[channels[chosen].partner]"),
+        ("(owners - 1.0)", "owners"),
+    ),
     (partial, "a stale partial propensity", ("partials[i] += row[i] * gained", "pass")),
     (partial, "s * s for s (s - 1)", (LIKE, "others"), ("(copies[i] - less[i])", "copies[i]")),
     (partial, "an owner too many", ("share = target / copies[owner]", "share = target / (copies[owner] + 1)")),
