@@ -41,7 +41,7 @@ def exact_entries(space: StateSpace) -> Entries:
     high = network.known_rates * counts
     # Whole, and small enough that combinations came without rounding before they were divided by a factorial.
     is_whole = bool((network.ways % 1 == 0).all() and (counts % 1 == 0).all() and counts.max(initial=0.0) < 2.0**43)
-    is_exact = is_whole and np.allclose(high, network.propensities(states), rtol=1e-14, atol=0.0)
+    is_exact = is_whole and not network.laws
     rates = high if is_exact else network.propensities(states)
     low = _product_rest(network.known_rates, counts, high) if is_exact else np.zeros_like(high)
     rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]

@@ -65,19 +65,24 @@ def line_of_four() -> None:
 
 
 def small_and_stiff() -> None:
-    """The dense method: a stiff chain of three states, and a large random one."""
-    from kinetics.methods.dense import exponential_action
+    """The dense method: a stiff chain of three states, and large random ones; what a proven bound costs."""
+    from kinetics.methods.certificate import Entries, distance
+    from kinetics.methods.dense import CERTIFIED, estimated_error, exponential_action
 
-    for n, stiff in ((3, 1e15), (200, 1e6), (2000, 1e3)):
+    for n, stiff in ((3, 1e15), (200, 1e6), (500, 1e3), (2000, 1e3)):
         rng = np.random.default_rng(1)
         rates = stiff * rng.random((n, n)) ** 8 * (rng.random((n, n)) < 10 / n)
         rates += np.diag(np.full(n - 1, 1e-3), 1) + np.diag(np.full(n - 1, 1e-3), -1)
         np.fill_diagonal(rates, 0.0)
-        start = np.eye(1, n)[0]
-        (_, error), cost = timed(
-            lambda r=rates, s=start: exponential_action(r, s, np.array([1.0])), 1 if n > 500 else 5
-        )
-        click.echo(f"dense, {n} states, q t = {rates.sum(axis=1).max():.1e}: {cost:.3f} s, estimated error {error:.1e}")
+        start, times, repeats = np.eye(1, n)[0], np.array([1.0]), 1 if n >= 500 else REPEATS
+        p, cost = timed(lambda r=rates, s=start, t=times: exponential_action(r, s, t), repeats)
+        guess, more = timed(lambda r=rates, s=start, t=times, p=p: estimated_error(r, s, t, p), repeats)
+        text = f"{cost:.3f} s, estimated error {guess:.1e} in {more:.3f} s"
+        if n <= CERTIFIED:
+            entries = Entries(*np.nonzero(rates), rates[np.nonzero(rates)])
+            bound, more = timed(lambda e=entries, s=start, t=times, p=p: distance(e, s, t, p), repeats)
+            text += f", proven bound {bound:.1e} in {more:.3f} s"
+        click.echo(f"dense, {n} states, q t = {rates.sum(axis=1).max():.1e}: {text}")
 
 
 def endless() -> None:

@@ -136,6 +136,7 @@ def test_rates_are_taken_to_the_last_bit():
         assert sum(Fraction(float(x)) for x in found.rates[here]) == Fraction(rate) * copies
     fractional = replace(net, ways=np.array([0.5, 1.0]))
     assert not exact_entries(reachable(fractional, [3, 0])).is_exact
+    assert not exact_entries(reachable(replace(net, laws={"out": "0.1 * A"}), [30, 0])).is_exact
     law = Dense().solve(fractional, [3, 0], [1.0])
     assert not law.is_bound
     assert law.error < 1e-14

@@ -158,6 +158,26 @@ def test_bounds():
     assert low[0] <= binom(40, in_b).pmf(10) <= high[0] <= low[0] + 1e-11
 
 
+def test_joint_moments_are_those_of_a_multinomial():
+    # Copies that change independently between A and B, and from B to C: covariance -n p q, variance n p (1 - p).
+    reactions = {"ab": ((1, 0, 0), (0, 1, 0)), "ba": ((0, 1, 0), (1, 0, 0)), "bc": ((0, 1, 0), (0, 0, 1))}
+    net = network("ABC", reactions, [1.0, 2.0, 0.5])
+    Q = np.array([[-1.0, 1.0, 0.0], [2.0, -2.5, 0.5], [0.0, 0.0, 0.0]])
+    for method in (Transient(), Dense()):
+        law = solve(net, method, [12, 0, 0], [0.3, 4.0])
+        low, high = law.covariance_bounds()
+        for t, time in enumerate(law.times):
+            p = expm(Q * time)[0]
+            exact = 12 * (np.diag(p) - np.outer(p, p))
+            assert_allclose(law.covariance()[t], exact, rtol=0, atol=1e-12)
+            assert (low[t] - 1e-13 <= exact).all()  # 1e-13: the reference rounds
+            assert (exact <= high[t] + 1e-13).all()
+        assert (high - low).max() < 1e-9
+        assert_allclose(np.sqrt(np.diagonal(law.covariance(), axis1=1, axis2=2)), law.sd(), rtol=1e-12)
+    endless = FiniteStateProjection().solve(network("X", {"birth": ((0,), (1,))}, [1.0]), [0], [1.0])
+    assert np.isinf(endless.covariance_bounds()[1]).all()
+
+
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 1e6)
     with pytest.raises(
@@ -216,7 +236,7 @@ def test_bad_input(arguments, message):
         Transient(max_states=5000).solve(*arguments)
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, 1.0])
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, 1e-19, np.nan, 1.0])
 def test_bad_tolerance(tolerance):
     with pytest.raises(ValueError, match="tolerance ="):
         Transient(tolerance=tolerance)
