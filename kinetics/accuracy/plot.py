@@ -10,7 +10,7 @@ from kinetics.accuracy.diagram import Diagram, Point
 from kinetics.plots import colour
 
 MARKERS = ("o", "s", "^", "D", "v", "*")
-LOWEST = 1e-16  # of the errors shown: smaller ones are drawn here
+LOWEST = 1e-15  # of the errors shown: smaller ones are drawn here
 
 
 def draw(diagram: Diagram, ax: Any) -> Any:
@@ -28,11 +28,14 @@ def draw(diagram: Diagram, ax: Any) -> Any:
         floors = [diagram.floors[int(point.setting or 0)] for point in line]
         label = f"sampling floor of {quickest}"
         ax.plot([point.cpu_seconds for point in line], floors, "--", color="0.3", lw=0.9, zorder=1, label=label)
+    if any(point.bound is not None for point in diagram.points):
+        ax.plot([], [], "_", color="0.3", ms=9, mew=1.5, label="bar: proven bound of the error")
     bound = max(diagram.reference_bound, LOWEST)
     kind = "proven bound" if diagram.is_proven else "estimated error"
     ax.axhspan(LOWEST / 10, bound, color="0.9", zorder=0, label=f"below the {kind} of the reference")
     ax.set(xscale="log", yscale="log", xlabel="CPU time (s), one thread")
     ax.xaxis.set_minor_formatter("")
+    ax.margins(x=0.08)  # room for the labels
     ax.set_ylabel("largest Wasserstein distance to the exact law of a species (copies)", fontsize=8)
     ax.set_ylim(LOWEST / 3, None)
     ax.set_title(

@@ -52,7 +52,7 @@ def kinetics(
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
     begin = start(book, rates_name, cubes, initial)
     network = begin.network if begin.rates is None else begin.rates.apply(begin.network)
-    counts = ", ".join(f"{n} {name}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
+    counts = ", ".join(f"{name}={n}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
     with progress_line() as progress:
         made = measure(
             f"{book}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed, budget=60 * budget,
