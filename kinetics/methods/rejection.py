@@ -49,7 +49,7 @@ class CompositionRejection(Candidate):
         def begin(counts: Ints) -> rejection.Work:
             work = rejection.Work(
                 np.empty(counts.size),
-                model.groups.copy(),
+                model.groups.view(np.uint8).copy().view(rejection.GROUP),  # as bytes: ten times as quick
                 np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
                 np.empty(rejection.N_BINS, dtype=np.int64),
                 np.empty(rejection.N_BINS),
