@@ -99,6 +99,30 @@ def test_docking_next_to_a_third_body_breaks_nothing(make_world, scene_of, tilt)
     assert all(len(before) == 2 for before, _ in seen)  # joins alone
 
 
+@pytest.mark.parametrize(("threshold", "grace", "breaks"), [(5e-4, 0.0, False), (1e-6, 0.5, False), (1e-6, 0.0, True)])
+def test_the_push_of_a_snap_breaks_nothing(make_world, scene_of, threshold, grace, breaks):
+    """A cube snaps a fiftieth of an edge sideways into a line that lies against it, and the engine pushes them apart:
+    at 0.05 / tu at most, too little even for bonds a sixteenth as strong as the scene's, and nothing to new ones.
+    Control: bonds that give way at a touch do."""
+    brittle = BRITTLE | {"threshold": threshold, "grace": grace}
+    world = make_world({"monomer": 2, "trimer": 1}, scene_of(CONTACT, brittle, EAGER | {"capture_distance": 0.01}))
+    b, seen = world.bodies, events_of(world)
+    one, two, line = (int(s) for s in b.live)
+    run(world, 0.02)
+    seen.clear()
+    put(world, one, [0, 0, 0])
+    put(world, two, [-0.02 * b.edge, 0, 1.02 * b.edge])
+    put(world, line, [0.985 * b.edge, 0, 1.3 * b.edge], np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
+    world.step()
+    assert seen == [([1, 1], [2])]
+    fastest = 0.0
+    for _ in range(10):
+        world.step()
+        fastest = max(fastest, float(np.abs(b.velocity[b.live]).max()))
+    assert 0.005 < fastest < 0.05  # it was pushed
+    assert any(len(before) == 1 for before, _ in seen) == breaks
+
+
 def test_two_bonds_on_one_face_in_one_step(make_world, scene_of):
     """Two cubes reach for one face at once. One gets it, the other stays as it is, whichever number they have."""
     made = []
