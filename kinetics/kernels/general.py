@@ -235,11 +235,11 @@ def range_of_wave(code, low, high):
     one, other = of_one(code, low), of_one(code, high)
     least, most = min(one, other), max(one, other)
     peak = 0.5 * math.pi if code == SINE else 0.0
-    trough = peak + math.pi
+    valley = peak + math.pi
     # Where rounding moves a peak just out of the interval, the ends are as high as it within what `wider` adds.
     if peak + 2.0 * math.pi * np.ceil((low - peak) / (2.0 * math.pi)) <= high:
         most = 1.0
-    if trough + 2.0 * math.pi * np.ceil((low - trough) / (2.0 * math.pi)) <= high:
+    if valley + 2.0 * math.pi * np.ceil((low - valley) / (2.0 * math.pi)) <= high:
         least = -1.0
     return wider(least, most, 8.0)
 
