@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 
+CHANCE = 1e-9  # of a right sampler to look wrong, each time
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -51,8 +53,8 @@ class Case:
     attempts: Callable[[], Iterator[Attempt]]
 
 
-def attempt(method: str, work: Callable[[], float], allowed: float) -> Attempt:
-    """An answer: `work` returns its error."""
+def attempt(method: str, work: Callable[..., float], allowed: float) -> Attempt:
+    """An answer: `work()` returns its error."""
     began = time.process_time()
     try:
         error = float(work())
@@ -79,6 +81,16 @@ def relative(found: ArrayLike, exact: ArrayLike) -> float:
     off = np.abs(found - exact)
     with np.errstate(divide="ignore"):
         return float(np.divide(off, np.abs(exact), out=np.zeros_like(off), where=off > 0).max())
+
+
+def departure(counts: ArrayLike, law: ArrayLike) -> float:
+    """Distance of the distribution function of counts (n,) from a law of 0, 1, ..., over what chance allows.
+
+    A right sampler comes above 1 with probability `CHANCE` at most, for any law (Massart 1990).
+    """
+    sample, exact = np.asarray(counts), np.cumsum(np.asarray(law, dtype=float))
+    found = np.cumsum(np.bincount(np.minimum(sample, exact.size), minlength=exact.size + 1))[:-1] / sample.size
+    return float(np.abs(found - exact).max() / np.sqrt(np.log(2 / CHANCE) / (2 * sample.size)))
 
 
 def network(reactions: Mapping[str, tuple[Mapping[str, int], Mapping[str, int], float]], *species: str) -> Network:

@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.arrays import Floats, Ints
 from kinetics.hardcases.case import Attempt, Case, network, refusal
 from kinetics.methods import Dense, FiniteStateProjection, Transient
+from kinetics.methods.passage import first_passage
+from kinetics.methods.rare import rare_event
 from kinetics.network import Network
+
+
+def _copies(states: Ints) -> Floats:
+    return states[:, 0].astype(float)
 
 
 def _rates() -> Iterator[Attempt]:
@@ -23,6 +30,12 @@ def _counts() -> Iterator[Attempt]:
     for bad, expected in ((0.5, "whole numbers"), (-1, "at least 0"), (2.0**63, "largest count"), (np.nan, "whole")):
         yield refusal(f"state, {bad:g} copies", partial(net.state, [bad]), expected)
     yield refusal("state, unknown species", partial(net.state, {"Y": 1}), "unknown species")
+    sides: Any = {"turn": ({"X": 1}, {"Z": 1})}
+    told = partial(Network.from_reactions, sides, [1.0], ("X", "Y"))
+    yield refusal("network, unknown species", told, "unknown species 'Z'")
+    for bad, expected in ((1.5, "whole"), (-1, "at least 0")):
+        copies: Any = {"turn": ({"X": bad}, {})}
+        yield refusal(f"network, {bad} copies", partial(Network.from_reactions, copies, [1.0]), expected)
 
 
 def _overdraft() -> Iterator[Attempt]:
@@ -41,7 +54,10 @@ def _limits() -> Iterator[Attempt]:
     yield refusal(
         "fsp, too many states", lambda: FiniteStateProjection(max_states=50).solve(growth, [0], [90.0]), "matter"
     )
+    yield refusal("passage, space without end", lambda: first_passage(growth, [0], "X", 10**7), "reachable")
     yield refusal("exact, tolerance 1e-30", lambda: Transient(tolerance=1e-30), "tolerance")
+    yield refusal("fsp, tolerance 1e-16", lambda: FiniteStateProjection(1e-16), "tolerance")
+    yield refusal("rare event, no way", partial(rare_event, switch, [1, 0], _copies, 2, 1e-9, 200), "no way")
     yield refusal("exact, stiff and large", lambda: Transient().solve(switch, [2500, 0], [1.0]), "too stiff")
     yield refusal("dense, rate * time beyond numbers", lambda: Dense().solve(switch, [1, 0], [1e200]), "beyond what")
     yield refusal(

@@ -7,10 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from kinetics.arrays import Ints
-from kinetics.hardcases.case import Attempt, Case, attempt, network, refusal, relative, walk
-from kinetics.methods import Dense
+from kinetics.arrays import Floats, Ints
+from kinetics.hardcases.case import Attempt, Case, attempt, departure, network, refusal, relative, walk
+from kinetics.methods import SAMPLING_METHODS, Dense, FiniteStateProjection, Transient
 from kinetics.methods.passage import first_passage
+from kinetics.methods.rare import rare_event
 from kinetics.methods.splitting import Target, splitting
 from kinetics.methods.stationary import stationary
 from kinetics.network import Network
@@ -28,12 +29,21 @@ def _none(states: Ints) -> np.ndarray:
     return states[:, 0] == 0
 
 
+def _copies(states: Ints) -> Floats:
+    return states[:, 0].astype(float)
+
+
 def _drift() -> Iterator[Attempt]:
     def off(n: int) -> float:
         return relative(first_passage(walk(n, 1.0, 2.0), _first(n), f"p{n}").mean, 2.0 ** (n + 1) - n - 2)
 
+    def also(n: int) -> float:
+        last: dict[str, Target] = {"end": _at_least(n, 1)}
+        return relative(splitting(walk(n, 1.0, 2.0), _first(n), last).mean_times[0], 2.0 ** (n + 1) - n - 2)
+
     for n in (20, 60, 500):
         yield attempt(f"passage, N = {n}", partial(off, n), 1e-13)
+        yield attempt(f"splitting, N = {n}", partial(also, n), 1e-13)
 
 
 def _ruin() -> Iterator[Attempt]:
@@ -45,6 +55,12 @@ def _ruin() -> Iterator[Attempt]:
 
     for n in (100, 1000):
         yield attempt(f"splitting, chance {1 / (2.0**n - 1):.0e}", partial(off, n), 1e-13)
+        rich = partial(first_passage, net, [1], "X", n)
+        yield attempt(
+            f"passage, chance {1 / (2.0**n - 1):.0e}",
+            lambda rich=rich, n=n: relative(rich().probability, 1 / (2.0**n - 1)),
+            1e-13,
+        )
 
 
 def _rare() -> Iterator[Attempt]:
@@ -58,6 +74,21 @@ def _rare() -> Iterator[Attempt]:
         return relative(Dense().solve(net, _first(n), [1.0]).probability(np.eye(1, n + 1, n, dtype=int)[0])[0], exact)
 
     yield attempt(f"dense, chance {exact:.0e}", off, 1e-13)
+    births = network({"birth": ({}, {"X": 1}, 1.0)})
+    for copies, allowed in ((10, 0.5), (14, 0.7)):
+        tail = float(np.exp(-1.0) * terms[copies - 1 :].sum())
+        # 7.3 standard errors of at most a tenth each, by Student's law a chance of 1e-6
+        found = partial(rare_event, births, [0], _copies, copies, 1.0, runs=20_000, seed=21)
+        yield attempt(
+            f"rare event, chance {tail:.0e}",
+            lambda found=found, tail=tail: relative(found().probability, tail),
+            allowed,
+        )
+        yield attempt(
+            f"passage cdf, chance {tail:.0e}",
+            lambda copies=copies, tail=tail: relative(first_passage(births, [0], "X", copies).cdf(1.0), tail),
+            1e-2 if copies == 14 else 1e-6,
+        )
 
 
 def _schloegl_network() -> Network:
@@ -93,6 +124,28 @@ def _schloegl() -> Iterator[Attempt]:
         1e-11,
     )
     yield refusal("stationary", lambda: stationary(net, [low], max_states=2000), "X up to")
+    # The law when both modes are filled, from the symmetrised matrix with a wall far above the upper mode.
+    from scipy.linalg import eigh_tridiagonal
+
+    between, time, wall = 250, 4.0, 1000
+    weights = np.concatenate([[0.0], np.cumsum(np.log(up[:wall] / down[1 : wall + 1]))])
+    exits = down[: wall + 1] + np.append(up[:wall], 0.0)
+    values, vectors = eigh_tridiagonal(-exits, np.sqrt(up[:wall] * down[1 : wall + 1]))
+    shares = (vectors[between] * np.exp(values * time)) @ vectors.T * np.exp((weights - weights[between]) / 2)
+
+    def off() -> float:
+        law = FiniteStateProjection(1e-10).solve(net, [between], [time]).marginal("X")[0]
+        return float(abs(np.resize(law, wall + 1) * (np.arange(wall + 1) < law.size) - shares).sum())
+
+    yield attempt("fsp, modes and valley", off, 1e-8)
+    for kind in SAMPLING_METHODS:
+        sampled = partial(kind().simulate, net, [between], [time], runs=300, seed=22)
+        if kind.name == "partial":
+            yield refusal("partial, modes and valley", sampled, "at most 2")
+            continue
+        yield attempt(
+            f"{kind.name}, modes and valley", lambda sampled=sampled: departure(sampled().counts[:, 0, 0], shares), 1.0
+        )
 
 
 def _erlang() -> Iterator[Attempt]:
@@ -103,14 +156,27 @@ def _erlang() -> Iterator[Attempt]:
     yield attempt("passage, mean and sd", lambda: relative([law.mean, law.sd], [n, n**0.5]), 1e-12)
     times = np.array([900.0, 1000.0, 1100.0])
     yield attempt("passage, cdf", lambda: float(abs(law.cdf(times) - gammainc(n, times)).max()), 1e-12)
+    stages, last = walk(n, 1.0, 0.0), np.eye(1, n + 1, n, dtype=int)[0]
+
+    def solved() -> float:
+        found = Transient().solve(stages, _first(n), times).probability(last)
+        return float(abs(found - gammainc(n, times)).max())
+
+    yield attempt("exact", solved, 1e-12)
+    for kind in SAMPLING_METHODS:
+        runs = partial(kind().simulate, stages, _first(n), [1000.0], runs=200, seed=23)
+        share = float(gammainc(n, 1000.0))
+        yield attempt(
+            kind.name, lambda runs=runs, share=share: departure(runs().counts[:, 0, n], [1 - share, share]), 1.0
+        )
 
 
 def _extinction() -> Iterator[Attempt]:
     net, n = network({"death": ({"X": 1}, {}, 1.0)}), 20_000
     exact = float((1.0 / np.arange(n, 0, -1)).sum())
-    yield attempt(
-        f"splitting, {n} copies", lambda: relative(splitting(net, [n], {"gone": _none}).mean_times[0], exact), 1e-11
-    )
+    gone = {"gone": _none}
+    yield attempt(f"splitting, {n} copies", lambda: relative(splitting(net, [n], gone).mean_times[0], exact), 1e-11)
+    yield refusal("splitting, 1e6 copies", partial(splitting, net, [10**6], gone), "reachable")
 
 
 PASSAGES = (

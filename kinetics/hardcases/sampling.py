@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.hardcases.case import Attempt, Case, attempt, network, refusal
-from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS
+from kinetics.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
+from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, FiniteStateProjection, General, Transient
 from kinetics.network import Network
 
 EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)
-CHANCE = 1e-9  # of a right sampler to look wrong, each time
 
 
 def _samplers() -> Iterator[Any]:
@@ -40,9 +39,18 @@ def _large_counts() -> Iterator[Attempt]:
         # 50 Poisson numbers of mean 20: their mean is 20 +- 4 but for a chance of 1e-9
         return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 1].mean() - 20.0) - 4.0)
 
+    def missed(start: int) -> float:
+        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        law = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
+        exact = np.exp(-20.0) * np.cumprod(np.append(1.0, 20.0 / np.arange(1, law.size)))
+        return float(abs(law - exact).sum() + 1.0 - exact.sum())
+
     for start in (5 * 10**9, 10**15):
         for method in _samplers():
             yield attempt(f"{method.name}, {start:.0e}", partial(off, method, start), 0.0)
+        yield attempt(f"fsp, {start:.0e}", partial(missed, start), 1e-7)  # Poisson up to 20 / start
+        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        yield refusal(f"exact, {start:.0e}", partial(Transient().solve, net, [start, 0], [1.0]), "reachable")
 
 
 def _extinction() -> Iterator[Attempt]:
@@ -81,7 +89,13 @@ def _nothing() -> Iterator[Attempt]:
         ("no channels", Network(("X",), (), EMPTY_TABLE, EMPTY_TABLE, EMPTY, EMPTY), [5], [3.0], [5]),
         ("propensities 0", network({"never": ({"X": 1}, {}, 0.0)}), [5], [3.0], [5]),
         ("none left", dying, [0], [3.0], [0]),
-        ("A -> A", network({"idle": ({"X": 1}, {"X": 1}, 7.0)}), [5], [3.0], [5]),
+        (
+            "A -> A",
+            Network(("X",), ("idle",), np.ones((1, 1), int), np.zeros((1, 1), int), np.ones(1), np.array([7.0])),
+            [5],
+            [3.0],
+            [5],
+        ),
         ("below the reactants", network({"join": ({"X": 3}, {"Y": 1}, 1.0)}), [2, 0], [3.0], [2, 0]),
     )
     methods: tuple[Any, ...] = (*SAMPLING_METHODS, *SOLVING_METHODS)
@@ -93,6 +107,25 @@ def _nothing() -> Iterator[Attempt]:
                 yield refusal(what, partial(method.simulate, net, start, times), "at most 2")
                 continue
             yield attempt(what, partial(_away, method, net, start, times, end), 1e-13)
+
+
+def _consumption() -> Iterator[Attempt]:
+    """X is eaten at a constant rate of 2 from 3 copies on: 3 minus a Poisson number, and never below 0."""
+    eaten = np.exp(-2.0) * np.array([1.0, 2.0, 2.0])  # none, one, two of three
+    law = np.append(1.0 - eaten.sum(), eaten[::-1])
+    reactions: Any = {"eat": ({"X": 1}, {})}
+    net = Network.from_reactions(reactions, ["2.0"])
+    strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
+    counts = partial(General().simulate, net, [3], [1.0], runs=4000, seed=8)
+    yield attempt("general, blocked at 0", lambda: departure(counts().counts[:, 0, 0], law), 1.0)
+    yield refusal("general, refused at 0", partial(General().simulate, strict, [3], [9.0], runs=50, seed=8), "'eat'")
+    for kind in SOLVING_METHODS:
+        solved = partial(kind().solve, net, [3], [1.0])
+        yield attempt(f"{kind.name}, blocked at 0", lambda solved=solved: _summed(solved().marginal("X")[0], law), 1e-8)
+
+
+def _summed(found: Any, exact: Any) -> float:
+    return float(abs(found - exact).sum())
 
 
 def _away(method: Any, net: Network, start: list[int], times: list[float], end: list[int]) -> float:
@@ -119,6 +152,12 @@ def _duplicates() -> Iterator[Attempt]:
 
 
 SAMPLING = (
+    Case(
+        "constant consumption",
+        "3 copies eaten at a constant rate: error, or deviation over chance",
+        "Poisson law",
+        _consumption,
+    ),
     Case("any grid", "the same seed on two grids: runs that differ", "the same runs", _grids),
     Case(
         "large counts",
