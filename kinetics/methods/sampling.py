@@ -153,7 +153,8 @@ class StepwiseSampler:
 
         stream = np.empty(4, dtype=np.uint64)
         ssa.start_stream(key, run, stream)
-        counts, clock, seen = np.append(initial, 1), np.zeros(1), np.zeros(2, dtype=np.int64)
+        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(1), np.zeros(2, dtype=np.int64)
+        counts[:-1] = initial
         workspace = self.begin(counts)
         pieces = []
         n_draws, outcome = FEWEST_DRAWS, ssa.BUFFER_FULL
