@@ -95,7 +95,7 @@ class StateSpace:
         length = max(1, CHUNK // max(len(network.channels), 1))
         for begin in range(0, len(self), length):
             part = slice(begin, min(begin + length, len(self)))
-            propensities = network.propensities(self.states[part])
+            propensities = network.propensities(_unless(self.is_stopped[part], self.states[part]))
             propensities[self.is_stopped[part]] = 0.0
             propensities[:, ~changes.any(axis=1)] = 0.0  # A -> A changes nothing
             ends = exploration.neighbours(
@@ -224,25 +224,24 @@ class Search:
         """The same for laws that may be 0 though all reactants are there: level by level, by the propensities."""
         network = self._network
         known = network if network.rate_constants is not None else network.with_rates(np.ones(len(network.channels)))
-        until = len(self) if end < 0 else end
+        until, found = len(self) if end < 0 else end, len(self)
         while begin < until:
             # Pieces keep the table of propensities small.
             last = min(until, begin + max(1, CHUNK // max(len(network.channels), 1)))
-            goes = known.propensities(self.states[begin:last]) > 0.0
+            here = self.states[begin:last]
+            if is_stopped is not None and is_stopped.size:
+                here = here[~is_stopped[begin:last]]
+            goes = known.propensities(here) > 0.0
             goes[:, ~network.stoichiometry.any(axis=1)] = False
-            if is_stopped is not None:
-                stopped = is_stopped[begin:last]
-                goes[: stopped.size][stopped] = False
             rows, channels = np.nonzero(goes)
-            new = self.states[begin + rows] + network.stoichiometry[channels]
+            new = here[rows] + network.stoichiometry[channels]
             if new.size and new.min() < 0:
                 raise ValueError("a count grows beyond 2**63 - 1")
-            before = len(self)
             self.add(np.unique(new, axis=0))
             begin = last
-            if end < 0 and begin == until:
-                self.levels.append(len(self) - before)
-                until = len(self)
+            if begin == until:
+                self.levels.append(len(self) - found)
+                until, found = len(self) if end < 0 else end, len(self)
 
     def _too_many(self) -> str:
         recent = ", ".join(str(size) for size in self.levels[-5:-1])
@@ -260,6 +259,13 @@ class Search:
             f"stop the network's growth, keep only the likely states by the method 'fsp', sample with the direct "
             f"method instead, or raise max_states"
         )
+
+
+def _unless(is_stopped: NDArray[np.bool_], states: Ints) -> Ints:
+    """The states (n, S), with one that goes on in the place of those that do not: their laws may hold no more."""
+    if not is_stopped.any() or is_stopped.all():
+        return states
+    return np.where(is_stopped[:, None], states[np.argmin(is_stopped)], states)
 
 
 def _multipliers(n_species: int) -> NDArray[np.uint64]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics import Direct, FiniteStateProjection, Transient, reachable, solve, stationary
+from kinetics import Direct, FiniteStateProjection, Transient, first_passage, reachable, solve, stationary
 from kinetics.kernels import general
 from kinetics.laws import (
     LAWS,
@@ -381,6 +381,11 @@ def test_bad_laws_are_named_in_the_master_equation():
     net = Network.from_reactions(BIRTH_DEATH, ["3.5 - A", 1.0])
     with pytest.raises(ValueError, match=r"law of channel 'up', 3\.5 - A, is -0\.5 at A = 4; expected a finite number"):
         Transient().solve(net, [0], [1.0])
+    # Up to 4 it holds: mean of the passage by the recursion of birth and death.
+    waits = [1 / 3.5]
+    for n in (1, 2, 3):
+        waits.append((1 + n * waits[-1]) / (3.5 - n))
+    assert first_passage(net, [0], "A", 4).mean == pytest.approx(sum(waits), rel=1e-12)
 
 
 def test_quick_methods_refuse_and_auto_takes_the_general_one():
