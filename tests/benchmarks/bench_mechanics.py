@@ -3,7 +3,8 @@
     python -m tests.benchmarks.bench_mechanics
 
 The reference, measured in the same run, is the engine alone: the same cubes under `stepSimulation` with nothing set or
-read. Compiling (or loading compiled code) is measured apart. Aim: at most 300 us a step at 60 cubes with everything on.
+read. Compiling (or loading compiled code) is measured apart. Aim: at most 230 us a step at
+60 cubes with everything on and 490 us at 120, less than 500 MiB.
 """
 
 from __future__ import annotations

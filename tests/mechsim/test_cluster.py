@@ -121,6 +121,21 @@ def test_a_run_that_takes_whole_workers_down_is_named(tmp_path):
     assert reason.startswith("2 workers of the cluster were lost while they made it, the last tcp://")
 
 
+@pytest.mark.validate
+@pytest.mark.timeout(1200)
+def test_with_dasks_own_settings_it_costs_four_workers_and_no_other_run(tmp_path):
+    """Amid others, on a cluster that goes on to make more runs."""
+    bad, good = FakeSpec(1, 100, behaviour="take the worker down"), specs_of(8, seconds=0.4)
+    with local_cluster() as cluster:
+        dask = Dask(cluster.scheduler_address)
+        outcome = run_all([*good[:3], bad, *good[3:]], RunStore(tmp_path / "one"), workers=dask, execute=execute)
+        cluster.wait_for_workers(2, timeout=120)  # nannies start others for the lost ones
+        again = run_all(good, RunStore(tmp_path / "two"), workers=dask, execute=execute)
+    assert outcome.digest == again.digest == digest_of(map(record_of, good))
+    assert [one.spec for one in outcome.quarantined] == [bad]
+    assert outcome.quarantined[0].reasons[0].startswith("4 workers of the cluster were lost")
+
+
 def test_a_run_that_hangs_is_ended(tmp_path, dask):
     hung, slow = FakeSpec(1, 0, behaviour="hang in native code"), FakeSpec(1, 1, seconds=3.0)
     outcome = run_all([hung, slow], RunStore(tmp_path), workers=Dask(dask.address, timeout=1.5), execute=execute)
