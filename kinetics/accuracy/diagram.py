@@ -193,6 +193,8 @@ def measure(
     task = Task(network, network.state(initial), rising_times(times), seed)
     if task.times.size < PILOT_TIMES:
         raise ValueError(f"{task.times.size} times; the diagram needs at least {PILOT_TIMES}")
+    progress("trying the reference")
+    REFERENCE.solve(task.network, task.initial, task.times[:PILOT_TIMES])  # refuses before others work in vain
     prices, left_out = _prices(task, curves, progress)
     total = sum(prices.values())
     tell(f"{title}: {len(prices)} settings, predicted cost {total:.3g} CPU s, budget {budget:.3g}")
