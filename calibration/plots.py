@@ -186,27 +186,20 @@ def rates_by_point(ax: Axes, found: RatesByPoint, channel: str) -> Axes:
 def first_by_point(ax: Axes, found: RatesByPoint) -> Axes:
     """Mean of min(first time, cap) at each point: seen, and predicted from the rates of the other points."""
     rows = found.first_table()
-    x = np.arange(len(rows))
+    y = np.arange(len(rows))
     keys = ("mean", "low", "high", "predicted", "predicted_low", "predicted_high")
     seen, low, high, predicted, bottom, top = (np.array([row[key] for row in rows]) for key in keys)
-    ax.errorbar(
-        x - 0.08, seen, [seen - low, high - seen], fmt="o", color=OBSERVED, capsize=3, label="mechanics, 95 % interval"
-    )
-    ax.errorbar(
-        x + 0.08,
-        predicted,
-        np.maximum([predicted - bottom, top - predicted], 0),
-        fmt="s",
-        color=PREDICTED,
-        capsize=3,
-        label="Markov chain with the others' rates, 95 % left open by these",
-    )
+    for place, value, reach, marker, colour, label in (
+        (y - 0.12, seen, [seen - low, high - seen], "o", OBSERVED, "mechanics, 95 % interval"),
+        (y + 0.12, predicted, [predicted - bottom, top - predicted], "s", PREDICTED, "predicted, 95 % by the rates"),
+    ):
+        ax.errorbar(value, place, xerr=np.maximum(reach, 0), fmt=marker, color=colour, capsize=3, label=label)
     for i, row in enumerate(rows):
         text = f"p = {row['p_value']:.2g}"
-        ax.annotate(text, (i, high[i]), (0, 4), textcoords="offset points", ha="center", fontsize="small")
-    ax.set_xticks(x, [row["point"] for row in rows])
-    ax.set_xlim(-0.5, len(rows) - 0.5)
-    ax.set_ylim(0, 1.15 * high.max())
-    ax.set_ylabel(f"mean time to the first {found.species} (tu)\nuntil {found.cap:g} tu")
+        ax.annotate(text, (1.01, i), xycoords=ax.get_yaxis_transform(), va="center", fontsize="small")
+    ax.set_yticks(y, [row["point"] for row in rows])
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.set_xlim(left=0)
+    ax.set_xlabel(f"mean time to the first {found.species}, until {found.cap:g} tu (tu)")
     ax.legend(frameon=False, fontsize="small")
     return ax

@@ -97,9 +97,9 @@ def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
     for i, channel in enumerate(most_seen(found)[:SHOWN]):
         written.append(folder / f"{name}_rate{i + 1}.svg")
         save(str(written[-1]), lambda ax, channel=channel: found.plot(ax, channel), size=(6.4, height))
-    if found.first_table():
+    if rows:
         written.append(folder / f"{name}_predicted.svg")
-        save(str(written[-1]), found.plot_first)
+        save(str(written[-1]), found.plot_first, size=(6.4, 1.2 + 0.3 * len(rows)))
     return [str(path) for path in written]
 
 
