@@ -176,7 +176,7 @@ def _extinction() -> Iterator[Attempt]:
     exact = float((1.0 / np.arange(n, 0, -1)).sum())
     gone = {"gone": _none}
     yield attempt(f"splitting, {n} copies", lambda: relative(splitting(net, [n], gone).mean_times[0], exact), 1e-11)
-    yield refusal("splitting, 1e6 copies", partial(splitting, net, [10**6], gone), "reachable")
+    yield refusal("splitting, 1e6 copies", partial(splitting, net, [10**6], gone, max_states=50_000), "reachable")
 
 
 PASSAGES = (
