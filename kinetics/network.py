@@ -105,6 +105,8 @@ class Network:
         object.__setattr__(self, "conserved", self._checked_conserved())
         object.__setattr__(self, "laws", checked_laws(self.laws, channels, species))
         object.__setattr__(self, "events", tuple(self.events))
+        if not all(isinstance(event, Event) for event in self.events):
+            raise ValueError(f"events are {self.events!r}; expected a sequence of kinetics.laws.Event")
         _names("events", [event.name for event in self.events])
         for event in self.events:
             event.check_names({name: s for s, name in enumerate(species)})

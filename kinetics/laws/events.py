@@ -38,6 +38,8 @@ class Event:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"{self.name!r} is no name of an event; expected text")
+        if not isinstance(self.assign, Mapping):
+            raise ValueError(f"event {self.name!r} assigns {self.assign!r}; expected {{species: new count}}")
         if not self.assign:
             raise ValueError(f"event {self.name!r} changes nothing; give it new counts, such as {{'S': 'S + 10'}}")
         if not math.isfinite(self.priority):
@@ -95,8 +97,7 @@ class Event:
     def _parsed(self, given: str | float | Expression) -> Expression:
         if isinstance(given, Expression):
             return given
-        text = given if isinstance(given, str) else repr(float(given))
         try:
-            return Expression(text, self.parameters)
-        except ValueError as error:
+            return Expression(given if isinstance(given, str) else repr(float(given)), self.parameters)
+        except (ValueError, TypeError) as error:
             raise ValueError(f"event {self.name!r}: {error}") from None

@@ -47,6 +47,8 @@ def split_rates(
     given: Any, channels: tuple[str, ...], parameters: Mapping[str, float]
 ) -> tuple[ArrayLike | None, dict[str, Expression]]:
     """Rate constants, 1 where there is a law, and the laws."""
+    if isinstance(given, str | Mapping):
+        raise ValueError(f"rates are {given!r}; expected a sequence, one rate constant or law a channel")
     rates = None if given is None else list(given)
     laws: dict[str, Expression] = {}
     if rates is None or not any(isinstance(rate, str | Expression) for rate in rates):

@@ -317,6 +317,8 @@ def test_a_network_shows_its_laws_and_keeps_them():
         (["A * 2", 1.0], {"parameters": {"A": 1.0}}, "both a species and a parameter; rename one"),
         (["A", 1.0, 2.0], {}, "3 rates or laws came; expected one for each of 2 channels"),
         (["A", -1.0], {}, "rate_constants holds -1.0"),
+        ("AA", {}, "rates are 'AA'; expected a sequence, one rate constant or law a channel"),
+        ([1.0, 1.0], {"events": ["dose"]}, "expected a sequence of kinetics.laws.Event"),
         (["A", 1.0], {"at_zero": "ignore"}, "at_zero = 'ignore'; expected one of block, refuse"),
         ([1.0, 1.0], {"events": [Event("e", "Q > 1", {"A": 1})]}, "event 'e': unknown name 'Q'"),
         ([1.0, 1.0], {"events": [Event("e", "A > 1", {"Q": 1})]}, "event 'e' sets 'Q'; the species are A"),
