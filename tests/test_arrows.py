@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("kinetics", "mechsim", "calibration")
 SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
-LATTICE_FREE = ("network", "laws", "formats", "watching", "paths", "statistics", "rates", "states", "methods")  # the parts of kinetics that never heard of cubes
+# the parts of kinetics that never heard of cubes
+LATTICE_FREE = ("network", "laws", "formats", "watching", "paths", "statistics", "rates", "states", "methods")
 HEAVY = ("numba", "pandas", "matplotlib", "pybullet", "scipy")
 
 

@@ -14,8 +14,6 @@ from mechsim.commands.options import PARTIAL, run_options
 if TYPE_CHECKING:
     from mechsim.commands.options import Part
     from mechsim.executors import Executor
-    from mechsim.record import RunRecord, RunSpec
-    from mechsim.store import RunStore
 
 
 @click.command()
