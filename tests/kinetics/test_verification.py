@@ -112,7 +112,7 @@ each_network = pytest.mark.parametrize(
 @each_network
 @pytest.mark.parametrize("method", SAMPLING_METHODS)
 def test_samplers_follow_the_exact_law(method, net, initial, times):
-    """Each of the checks on 32 networks and five methods gives a false alarm one time in a million, so all of
+    """Each of the checks on 32 networks and six methods gives a false alarm one time in a million, so all of
     them together do less than once in 5000.
     """
     if method.name == "partial" and net.reactants.sum(axis=1).max() > 2:
