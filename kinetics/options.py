@@ -127,3 +127,15 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def starting_options(command: Any) -> Any:
+    """Book or network file, rates, and what the tank holds at time 0."""
+    for decorate in (
+        click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
+        click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
+        click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates: table3, or a .toml file."),
+        click.argument("book", metavar="NETWORK"),
+    ):
+        command = decorate(command)
+    return command

@@ -98,9 +98,12 @@ def network_of_book(name: str) -> tuple[Network, str]:
 
 def is_network_file(source: str) -> bool:
     """Does the name end as a network file's does? A book ends in .toml, or in nothing."""
+    suffix = Path(source).suffix.lower()
+    if suffix in ("", ".toml"):
+        return False  # a book needs no readers of files
     from kinetics.formats import SUFFIXES
 
-    return Path(source).suffix.lower() in SUFFIXES
+    return suffix in SUFFIXES
 
 
 def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:

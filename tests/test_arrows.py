@@ -99,7 +99,7 @@ def test_arrows():
         ("kinetics.kernels.ssa", "from kinetics.arrays import Floats"),
         ("mechsim.kernels.motion", "def f():\n    import scipy.stats"),
         ("kinetics.rates", "import mechsim.scene"),
-        ("kinetics.cli", "def f():\n    from calibration import estimate"),
+        ("kinetics.commands.predict", "def f():\n    from calibration import estimate"),
         ("kinetics.network", "from kinetics.assembly import RuleBook"),
         ("kinetics.methods.direct", "from kinetics import assembly"),
         ("kinetics.states", "from .assembly import faces"),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from kinetics.cli import starting_options
-from kinetics.options import DURATION, csv_option, echo_json, json_option, plot_option, seed_option
+from kinetics.options import DURATION, csv_option, echo_json, json_option, plot_option, seed_option, starting_options
 from kinetics.progress import INTERRUPTED, progress_line
 from kinetics.starting import start
 

@@ -175,7 +175,7 @@ def test_plain_data():
 
 def test_importing_is_light():
     heavy = ("numba", "scipy", "pandas", "matplotlib")
-    code = f"import sys, kinetics, kinetics.cli; print([name for name in {heavy} if name in sys.modules])"
+    code = f"import sys, kinetics, kinetics.commands.predict; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

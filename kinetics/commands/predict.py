@@ -1,12 +1,10 @@
-"""Commands that predict: `wellmixed predict`, `passage` and `derive`."""
+"""The command `wellmixed predict`: how assembly proceeds, as a Markov chain."""
 
 from __future__ import annotations
 
-import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 
 from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
 from kinetics.network import text_table
@@ -14,14 +12,14 @@ from kinetics.options import (
     NumbersCommand,
     csv_option,
     echo_json,
-    in_a_folder,
     json_option,
     plot_option,
     seed_option,
+    starting_options,
     time_grid,
 )
 from kinetics.progress import INTERRUPTED, progress_line
-from kinetics.starting import is_network_file, network_of_book, start
+from kinetics.starting import start
 
 if TYPE_CHECKING:
     from kinetics.prediction import Prediction
@@ -30,20 +28,7 @@ METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
     **{method.name: method for method in SAMPLING_METHODS},
     **{method.name: method for method in SOLVING_METHODS},
 }
-QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
-
-
-def starting_options(command: Any) -> Any:
-    """Book or network file, rates, and what the tank holds at time 0."""
-    for decorate in (
-        click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
-        click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
-        click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates: table3, or a .toml file."),
-        click.argument("book", metavar="NETWORK"),
-    ):
-        command = decorate(command)
-    return command
 
 
 @click.command(cls=NumbersCommand)
@@ -125,122 +110,6 @@ def predict(
         click.echo(_prediction_table(made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
-
-
-@click.command()
-@starting_options
-@click.option("--species", required=True, help="What is waited for.")
-@click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many of it.")
-@click.option("--draws", type=click.IntRange(min=2), default=100, show_default=True, help="Of the rates.")
-@plot_option
-@seed_option
-@json_option
-def passage(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    species: str,
-    copies: int,
-    draws: int,
-    plot_file: str | None,
-    seed: int,
-    as_json: bool,
-) -> None:
-    """Time until the first copy (or copies) of a species, exactly: mean, sd, quantiles and curve."""
-    from kinetics.prediction import evidence_notes, predict_passage
-
-    began = time.process_time()
-    begin = start(book, rates_name, cubes, initial)
-    law, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
-    quantiles = law.quantile(QUANTILES)
-    if plot_file:
-        from kinetics import plots
-
-        plots.save(plot_file, law.plot)
-    if as_json:
-        curve = np.linspace(0.0, float(law.quantile(0.99 * law.probability)), 101)
-        echo_json(
-            {
-                "book": book,
-                "rates": rates_name,
-                "convention": begin.convention,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
-                "species": species,
-                "copies": copies,
-                "mean": law.mean,
-                "sd": law.sd,
-                "probability": law.probability,
-                "certain": law.is_certain,
-                "quantiles": dict(zip(QUANTILES, quantiles.tolist(), strict=True)),
-                "curve": {"times": curve, "cdf": law.cdf(curve)},
-                "interval": {"level": 0.95, "low": interval[0], "high": interval[1]} if interval else None,
-                "error": law.error,
-                "seed": seed,
-                "notes": evidence_notes(begin.rates),
-                "cpu_seconds": time.process_time() - began,
-            }
-        )
-        return
-    click.echo(str(law))
-    if interval:
-        click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
-    click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
-    for note in evidence_notes(begin.rates):
-        click.echo(note)
-
-
-@click.command()
-@starting_options
-@click.option(
-    "--out", "out_file", metavar="FILE", callback=in_a_folder, help="Write it for other programs: .net, .xml, .sbml."
-)
-@seed_option
-@json_option
-def derive(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    out_file: str | None,
-    seed: int,
-    as_json: bool,
-) -> None:
-    """Show the reaction network of a rule book, with the ways counted from geometry, or that of a network file.
-
-    For --out a book needs --rates, and --cubes or --initial. A network file may be written as one of another kind.
-    Nothing here is random; --seed is taken because every command takes it.
-    """
-    if out_file or is_network_file(book):
-        begin = start(book, rates_name, cubes, initial)
-        network = begin.model.network
-    else:
-        network, _ = network_of_book(book)
-    if out_file:
-        from kinetics.formats import write
-
-        write(begin.model, out_file)
-        if not as_json:
-            click.echo(f"{len(network.species)} species and {len(network.channels)} channels are in {out_file}")
-    elif not as_json:
-        click.echo(str(network))
-    if not as_json:
-        return
-    titles = ("name", "reaction", "ways")
-    echo_json(
-        {
-            "book": book,
-            "species": network.species,
-            "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],
-            "reactants": network.reactants,
-            "stoichiometry": network.stoichiometry,
-            "ways": network.ways,
-            "conserved": dict(network.conserved),
-            "out": out_file,
-            "fingerprint": network.fingerprint,
-            "seed": seed,
-        }
-    )
 
 
 def _prediction_table(made: Prediction) -> str:
