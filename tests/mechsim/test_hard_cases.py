@@ -306,5 +306,5 @@ def test_many_steps_without_leak_or_drift(make_world, line4, steps, record_prope
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - warm
     record_property("events", len(seen))
     record_property("resident memory grown, KiB", grown)
-    record_property("books off, relative", np.abs(received - pushed).max() / exchanged)
+    record_property("books off, relative", float(np.abs(received - pushed).max() / exchanged))
     assert grown < 20_000 + 2 * len(seen)  # KiB; the engine itself keeps about 1 kB of each body ever made
