@@ -3,17 +3,23 @@
     pip install 'wellmixed[peers]'
 
 Each peer is a function of a network and its initial state that gives back `run(end, n_times, n_runs, seed)`, which
-returns the final counts (n_runs, S). Mass action of at most two reactants, `distinct` combinations.
+returns the final counts (n_runs, S). Mass action of at most two reactants, `distinct` combinations. What a package
+can make once, model, machine code, tables, is made before `run`.
 """
 
 from __future__ import annotations
 
-import importlib.util
+import os
+import sys
 import tempfile
 from collections.abc import Callable
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
+import click
 import numpy as np
 
 from kinetics.network import Network
@@ -134,7 +140,150 @@ def rebop(network: Network, initial: np.ndarray) -> Run:
     return run
 
 
+def roadrunner(network: Network, initial: np.ndarray) -> Run:
+    """Its Gillespie integrator on machine code made from SBML; laws are spelled out, it corrects no combinations."""
+    from roadrunner import RoadRunner
+
+    simulator = RoadRunner(_sbml(network, initial))
+    simulator.setIntegrator("gillespie")
+    simulator.getIntegrator().setValue("variable_step_size", False)
+    simulator.timeCourseSelections = [f"s{i}" for i in range(len(initial))]
+
+    def run(end: float, n_times: int, n_runs: int, seed: int) -> np.ndarray:
+        simulator.getIntegrator().setValue("seed", seed + 1)
+        finals = []
+        for _ in range(n_runs):
+            simulator.reset()
+            finals.append(np.array(simulator.simulate(0.0, end, n_times)[-1]))
+        return np.array(finals)
+
+    return run
+
+
+def _sbml(network: Network, initial: np.ndarray) -> str:
+    """Level 3, by hand: libsbml and this package's own copy do not load into one process."""
+    species = "".join(
+        f'<species id="s{i}" compartment="tank" initialAmount="{n}" hasOnlySubstanceUnits="true" '
+        'boundaryCondition="false" constant="false"/>'
+        for i, n in enumerate(initial)
+    )
+
+    def listed(side: list[int], kind: str) -> str:
+        parts = (
+            f'<speciesReference species="s{s}" stoichiometry="{side.count(s)}" constant="true"/>'
+            for s in dict.fromkeys(side)
+        )
+        return f"<listOf{kind}>{''.join(parts)}</listOf{kind}>" if side else ""
+
+    reactions = []
+    for r, (left, right, rate) in enumerate(sides(network)):
+        factors = [f"<ci>s{s}</ci>" for s in left]
+        halved = rate / 2 if len(left) == 2 and left[0] == left[1] else rate
+        if halved != rate:
+            factors[1] = f"<apply><minus/>{factors[0]}<cn>1</cn></apply>"
+        law = f"<apply><times/><cn>{halved!r}</cn>{''.join(factors)}</apply>" if left else f"<cn>{rate!r}</cn>"
+        reactions.append(
+            f'<reaction id="r{r}" reversible="false">{listed(left, "Reactants")}{listed(right, "Products")}'
+            f'<kineticLaw><math xmlns="http://www.w3.org/1998/Math/MathML">{law}</math></kineticLaw></reaction>'
+        )
+    return (
+        '<sbml xmlns="http://www.sbml.org/sbml/level3/version2/core" level="3" version="2"><model id="network">'
+        '<listOfCompartments><compartment id="tank" size="1" constant="true"/></listOfCompartments>'
+        f"<listOfSpecies>{species}</listOfSpecies><listOfReactions>{''.join(reactions)}</listOfReactions></model></sbml>"
+    )
+
+
+def basico(network: Network, initial: np.ndarray) -> Run:
+    """COPASI's direct method; its own task is run again and again, without a data frame for each run."""
+    import basico as package
+    from COPASI import CCopasiTask, CTaskEnum
+
+    document = package.new_model(quantity_unit="#", volume_unit="1")
+    package.add_compartment("tank", 1.0, model=document)
+    for i, n in enumerate(initial):
+        package.add_species(f"s{i}", "tank", initial_concentration=float(n), model=document)
+    for r, (left, right, rate) in enumerate(sides(network)):
+        halved = rate / 2 if len(left) == 2 and left[0] == left[1] else rate
+        scheme = " -> ".join(" + ".join(f"s{s}" for s in side) for side in (left, right))
+        package.add_reaction(f"r{r}", scheme, model=document)
+        package.set_reaction_parameters(f"(r{r}).k1", value=halved, model=document)
+    task = document.getTask("Time-Course")
+    task.setMethodType(CTaskEnum.Method_directMethod)
+    task.getMethod().getParameter("Use Random Seed").setBoolValue(True)
+    random_seed = task.getMethod().getParameter("Random Seed")
+    problem = task.getProblem()
+    problem.setAutomaticStepSize(False)
+
+    def run(end: float, n_times: int, n_runs: int, seed: int) -> np.ndarray:
+        problem.setDuration(end)
+        problem.setStepNumber(n_times - 1)
+        finals = []
+        for i in range(n_runs):
+            random_seed.setUIntValue(1 + seed * n_runs + i)
+            if not (task.initializeRaw(CCopasiTask.OUTPUT_UI) and task.processRaw(True)):
+                raise RuntimeError(f"COPASI did not run: {package.model_info.get_copasi_messages(0)}")
+            made = task.getTimeSeries()
+            final = {
+                made.getTitle(j): made.getConcentrationData(n_times - 1, j) for j in range(1, made.getNumVariables())
+            }
+            finals.append([final[f"s{i}"] for i in range(len(initial))])
+        return np.array(finals)
+
+    return run
+
+
+def gillespy2(network: Network, initial: np.ndarray) -> Run:
+    """Its C++ solver, compiled once, all runs in one child process; where it finds no compiler, its NumPy solver."""
+    import gillespy2 as package
+
+    model = package.Model(name="network")
+    species = [package.Species(name=f"s{i}", initial_value=int(n), mode="discrete") for i, n in enumerate(initial)]
+    model.add_species(species)
+    for r, (left, right, rate) in enumerate(sides(network)):
+        halved = rate / 2 if len(left) == 2 and left[0] == left[1] else rate
+        constant = package.Parameter(name=f"k{r}", expression=repr(halved))
+        model.add_parameter(constant)
+        before, after = ({f"s{s}": side.count(s) for s in side} for side in (left, right))
+        model.add_reaction(package.Reaction(name=f"r{r}", reactants=before, products=after, rate=constant))
+    # It builds with the interpreter behind a virtual environment, which does not see the environment's packages.
+    with mock.patch.dict(os.environ, {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}):
+        solver = model.get_best_solver_algo("SSA")(model)
+    if isinstance(solver, package.NumPySSASolver):
+        click.echo("  gillespy2 finds no C++ compiler: its NumPy solver", err=True)
+
+    def run(end: float, n_times: int, n_runs: int, seed: int) -> np.ndarray:
+        solver.model.timespan(np.linspace(0.0, end, n_times))
+        made = solver.run(number_of_trajectories=n_runs, seed=seed + 1)
+        return np.array([[path[one.name][-1] for one in species] for path in made])
+
+    return run
+
+
+# name in tables: module, distribution, adapter
+PEERS = {
+    "bngsim": ("bngsim", "bngsim", bngsim),
+    "bioscrape": ("bioscrape", "bioscrape", bioscrape),
+    "bioscrape inside": ("bioscrape", "bioscrape", bioscrape_inside),
+    "rebop": ("rebop", "rebop", rebop),
+    "roadrunner": ("roadrunner", "libroadrunner", roadrunner),
+    "COPASI": ("basico", "copasi-basico", basico),
+    "gillespy2": ("gillespy2", "gillespy2", gillespy2),
+}
+
+
 def installed() -> dict[str, Callable[[Network, np.ndarray], Run]]:
     """The peers that can be imported here."""
-    peers = {"bngsim": bngsim, "bioscrape": bioscrape, "bioscrape inside": bioscrape_inside, "rebop": rebop}
-    return {name: make for name, make in peers.items() if importlib.util.find_spec(name.split()[0]) is not None}
+    return {name: make for name, (module, _, make) in PEERS.items() if find_spec(module) is not None}
+
+
+def versions() -> list[str]:
+    """A line for each peer: the version that is here, or how to install it."""
+    given = {}
+    for module, distribution, _ in PEERS.values():
+        found = find_spec(module) is not None
+        given[distribution] = (
+            f"{distribution} {version(distribution)}"
+            if found
+            else f"{distribution} left out: pip install {distribution}"
+        )
+    return list(given.values())
