@@ -161,7 +161,7 @@ def roadrunner(network: Network, initial: np.ndarray) -> Run:
 
 
 def _sbml(network: Network, initial: np.ndarray) -> str:
-    """Level 3, by hand: libsbml and this package's own copy do not load into one process."""
+    """Level 3, written out here so that this peer asks for no other package."""
     species = "".join(
         f'<species id="s{i}" compartment="tank" initialAmount="{n}" hasOnlySubstanceUnits="true" '
         'boundaryCondition="false" constant="false"/>'
