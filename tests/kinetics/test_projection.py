@@ -5,6 +5,8 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom, poisson
 
 from kinetics import Transient
+from kinetics.kernels import markov
+from kinetics.methods import projection
 from kinetics.methods.projection import FiniteStateProjection
 from kinetics.states import TooManyStatesError
 
@@ -96,12 +98,101 @@ def test_refusals():
         TooManyStatesError, match=r"over 100 states matter: \d+ held all .* tu \(X \d+ to \d+\), and more"
     ):
         FiniteStateProjection(max_states=100).solve(births_and_deaths(1000.0, 1.0), [0], [5.0])
-    with pytest.raises(ValueError, match=r"too stiff for a projection: over 5000000 steps, and only .* of 1 tu done"):
+    # It settles, but what rounds until then is more than the tolerance and more than 5e6 steps would round.
+    with pytest.raises(
+        ValueError, match=r"too stiff or too large for a projection: 0\.0008\d* of 1 tu took .* take 1e\+08 or more"
+    ):
         FiniteStateProjection().solve(switch(1e8, 1e8), [1, 0], [1.0])
     # Births in proportion to the square: infinitely many in a finite time.
     explosion = network("X", {"birth": ((2,), (3,))}, [1.0])
     with pytest.raises(ValueError, match=r"states matter|too stiff"):
         FiniteStateProjection(max_states=2000).solve(explosion, [2], [5.0])
+
+
+@pytest.fixture
+def steps(monkeypatch):
+    """How many steps the kernel makes, call by call."""
+    done, advance = [], markov.advance
+    monkeypatch.setattr(markov, "advance", lambda *arrays: (done.append(len(arrays[-1])), advance(*arrays)))
+    return done
+
+
+def leak(fast, slow):
+    """A <-> B, and B -> C slowly."""
+    reactions = {"ab": ((1, 0, 0), (0, 1, 0)), "ba": ((0, 1, 0), (1, 0, 0)), "bc": ((0, 1, 0), (0, 0, 1))}
+    return network("ABC", reactions, [fast, fast, slow])
+
+
+def test_too_many_steps_are_foretold(steps, monkeypatch):
+    message = r"took 1\.\d+e\+05 steps on up to 3 states, and all would take 1e\+09 or more, about .* at most 5000000"
+    with pytest.raises(ValueError, match=message):
+        FiniteStateProjection().solve(leak(1e9, 1e-3), [1, 0, 0], [1.0])
+    assert 32 < sum(steps) < 0.04 * projection.MAX_STEPS
+    # The control: told only once they are done.
+    steps.clear()
+    monkeypatch.setattr(projection, "TRIAL", 1.0)
+    with pytest.raises(ValueError, match="too stiff"):
+        FiniteStateProjection().solve(leak(1e9, 1e-3), [1, 0, 0], [1.0])
+    assert sum(steps) > 0.98 * projection.MAX_STEPS
+
+
+def test_too_many_seconds_are_foretold():
+    net = births_and_deaths(1000.0, 1.0)
+    with pytest.raises(
+        ValueError, match=r"of 5 tu took .* take .* at most .* max_seconds = 0\.01 s .* ask for earlier"
+    ):
+        FiniteStateProjection(max_seconds=0.01).solve(net, [1000], [5.0])
+    assert FiniteStateProjection(max_seconds=60.0).solve(net, [1000], [0.01]).error < 1e-8
+    with pytest.raises(ValueError, match="max_seconds = nan"):
+        FiniteStateProjection(max_seconds=np.nan)
+
+
+def test_rates_that_fall_are_not_held_against_it(steps, monkeypatch):
+    # 5000 copies die out in some 1e4 steps; at the first rate it would be 5e8, and the trial is over after 2000.
+    monkeypatch.setattr(projection, "TRIAL", 4e-4)
+    law = FiniteStateProjection(1e-6).solve(decay(), [5000], [1.0, 1e5])
+    assert distance(law, 0, binom(5000, np.exp(-1.0))) < law.error + 1e-12
+    assert law.probability([0])[1] > 1 - 1e-6
+    assert sum(steps) > 3000
+    # The control: the same rate, and it lasts.
+    with pytest.raises(ValueError, match="too stiff"):
+        FiniteStateProjection(1e-6).solve(leak(5000.0, 1e-3), [1, 0, 0], [1e5])
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_a_settled_law_takes_no_more_steps(steps, tolerance):
+    times = [0.5, 5.0, 40.0, 4e4]
+    law = FiniteStateProjection(tolerance).solve(births_and_deaths(10.0, 1.0), [0], times)
+    for t, time in enumerate(times):
+        assert distance(law, t, poisson(10 * -np.expm1(-time))) < law.error
+    assert law.error < tolerance + 1e-8
+    assert sum(steps) < 0.05 * 20 * times[-1]  # at no rate below 20
+
+
+@pytest.mark.parametrize(("tolerance", "rests"), [(1e-12, False), (1e-3, True)])
+def test_what_only_seems_to_rest(steps, tolerance, rests):
+    # The leak is far below the rounding of a step: taken for rest only where its whole is within the tolerance.
+    law = FiniteStateProjection(tolerance).solve(leak(1e3, 1e-9), [1, 0, 0], [200.0])
+    gone = -np.expm1(-0.5e-9 * 200.0)
+    assert (sum(steps) < 1e5) == rests
+    assert (law.error > gone) == rests
+    assert abs(law.probability([0, 0, 1])[0] - gone) <= law.error < tolerance + 1e-9
+
+
+def test_tolerances_near_rounding():
+    # A + B <-> C in windows that may lose less than a sum rounds.
+    net = network("ABC", {"bind": ((1, 1, 0), (0, 0, 1)), "free": ((0, 0, 1), (1, 1, 0))}, [0.1, 1.0])
+    law = FiniteStateProjection(1e-13).solve(net, [100, 100, 0], [0.01, 1.0])
+    exact = Transient().solve(net, [100, 100, 0], [0.01, 1.0])
+    off = abs(law.marginal("C") - exact.marginal("C")[:, : law.marginal("C").shape[1]]).sum(axis=1)
+    assert off.max() < law.error + exact.error < 1e-10
+
+
+def test_a_time_at_the_end_of_a_window():
+    # The first window: two states, rate 4, 32 steps.
+    law = FiniteStateProjection().solve(decay(), [4], [8.0, 9.0])
+    for t, time in enumerate(law.times):
+        assert distance(law, t, binom(4, np.exp(-time))) < law.error
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1e-15, np.nan, 1.0])
