@@ -275,7 +275,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                     masses[left] -= uppers[left]
                     total -= uppers[left]
                     last_one = members[left * n_groups + np.uint64(size)]
-                    members[left * n_groups + groups[group].place] = last_one
+                    members[left * n_groups + np.uint64(groups[group].place)] = last_one
                     groups[last_one].place = groups[group].place
                 groups[group].bin = new
                 if new != NO_BIN:

@@ -80,11 +80,13 @@ def exponential(word):
 def draw(stream, waits, uniforms):
     """Fill `waits` with unit exponentials and `uniforms` with numbers in [0, 1), as `advance` would draw them."""
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
+    words = waits.view(np.uint64)
     for i in range(waits.size):
-        first, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
+        words[i], s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         second, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
-        waits[i] = exponential(first)
         uniforms[i] = float(second >> np.uint64(11)) * 2.0**-53
+    for i in range(waits.size):  # a loop of its own, for it runs in vector lanes, and the words cannot
+        waits[i] = exponential(words[i])
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
 
 
