@@ -200,7 +200,8 @@ class _Front:
         space = StateSpace(self.network, search.states.copy(), np.zeros(len(search), dtype=bool))
         rows, columns, rates, leaks = space.transitions()
         exits = np.bincount(rows, rates, minlength=len(space)) + leaks
-        chain = DiscreteChain.from_rates(rows, columns, rates, exits)
+        # An exit sums what leads on within the set and out of it: no more than there are channels.
+        chain = DiscreteChain.from_rates(rows, columns, rates, exits, most_out=len(self.network.channels))
         end = min(self.time + self.length / chain.rate, float(self.grid[-1]))
         self._check_work(chain, min(self.length, chain.rate * (float(self.grid[-1]) - self.time)))
         start = np.zeros(len(space))

@@ -57,14 +57,20 @@ class DiscreteChain:
         return cls.from_rates(entries.row[off], entries.col[off], entries.data[off], -generator.diagonal())
 
     @classmethod
-    def from_rates(cls, rows: Ints, columns: Ints, rates: Floats, exits: Floats) -> DiscreteChain:
-        """The chain that goes from rows (K,) to columns (K,) at rates (K,), and leaves its states at exits (N,)."""
+    def from_rates(
+        cls, rows: Ints, columns: Ints, rates: Floats, exits: Floats, most_out: int | None = None
+    ) -> DiscreteChain:
+        """The chain that goes from rows (K,) to columns (K,) at rates (K,), and leaves its states at exits (N,).
+
+        most_out : most rates behind one exit. None: as many as lead on from there
+        """
         from scipy.sparse import csr_array
 
         rate = float(exits.max(initial=0.0)) or 1.0
         n = exits.size
         moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
-        terms = sum(int(np.bincount(ends, minlength=1).max()) for ends in (rows, columns))
+        most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
+        terms = most_in + (most_on if most_out is None else most_out)
         arrays = Arrays(moves.indptr.astype(np.int64), moves.indices.astype(np.int32), moves.data, exits / rate)
         return cls(rate, arrays, terms)
 

@@ -4,10 +4,11 @@ from known_systems import bare_line, decay, line, network, switch
 from numpy.testing import assert_allclose
 from scipy.stats import binom, poisson
 
-from kinetics import Transient
+from kinetics import Network, Transient
 from kinetics.kernels import markov
 from kinetics.methods import projection
 from kinetics.methods.projection import FiniteStateProjection
+from kinetics.methods.uniformisation import DiscreteChain
 from kinetics.states import TooManyStatesError
 
 
@@ -206,3 +207,20 @@ def test_bad_input():
         FiniteStateProjection().solve(bare_line(), [4, 0, 0, 0], [1.0])
     with pytest.raises(ValueError, match="times is empty"):
         FiniteStateProjection().solve(line(), [4, 0, 0, 0], [])
+
+
+def test_roundings_of_an_exit_count_what_leads_out_of_the_set(monkeypatch):
+    """An exit of a state at the edge of the set sums its leaks too, however few of its channels stay inside."""
+    seen = []
+    make = DiscreteChain.from_rates
+
+    def noted(*arguments, **named):
+        seen.append(make(*arguments, **named))
+        return seen[-1]
+
+    monkeypatch.setattr(DiscreteChain, "from_rates", noted)
+    ways_out = {f"out{i}": ({}, {"A": i + 1}) for i in range(30)}
+    network = Network.from_reactions(ways_out | {"back": ({"A": 1}, {})}, [0.1] * 30 + [1.0])
+    FiniteStateProjection(1e-6).solve(network, {"A": 0}, [0.5])
+    assert seen
+    assert all(chain.terms >= len(network.channels) for chain in seen)
