@@ -82,6 +82,13 @@ class RunStore:
         for part in ("claims", "quarantine"):
             (self.folder / part).mkdir(exist_ok=True)
 
+    @classmethod
+    def found(cls, folder: str | Path) -> RunStore:
+        """A folder that holds runs already; nothing is made where it does not. ValueError: it does not."""
+        if not (Path(folder) / "format").is_file():
+            raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
+        return cls(folder)
+
     def path(self, spec: RunSpec) -> Path:
         """Where the run is kept."""
         return self.folder / f"{spec.key}.run"

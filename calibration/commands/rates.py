@@ -51,7 +51,7 @@ def rates(
     from mechsim.store import RunStore
     from mechsim.studies.study import Study
 
-    described, store = Study.load(study), RunStore(runs_folder)
+    described, store = Study.load(study), RunStore.found(runs_folder)
     points = []
     for point in described.chosen(choices):
         specs = point.specs(described.cap, runs or described.runs, seed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from kinetics.options import echo_json, json_option, seed_option
@@ -22,9 +20,7 @@ def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: 
     """
     from mechsim.store import RunStore
 
-    if not (Path(folder) / "format").is_file():
-        raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
-    written = RunStore(folder).export(out, formats)
+    written = RunStore.found(folder).export(out, formats)
     if as_json:
         echo_json({"folder": folder, "written": [str(path) for path in written], "seed": seed})
     else:

@@ -72,7 +72,7 @@ def study(
     if part is not None:
         part.make(specs, runs_folder, workers, progress, as_json)
         return
-    store = RunStore(runs_folder)
+    store = RunStore.found(runs_folder) if collect else RunStore(runs_folder)
     check_starts(specs[: len(points)])
     trials = {point: trial(point, seed) for point in points}
     told = {"study": described.name, "title": described.title, "seed": seed}

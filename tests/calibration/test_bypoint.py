@@ -144,6 +144,10 @@ def test_the_command_reads_what_the_study_made(tmp_path):
     assert {row["point"] for row in told["rates"]} == {"number=8", "number=12"}
     assert [row["runs"] for row in told["first_times"]] == [2, 2]
     assert all((tmp_path / path).stat().st_size > 0 for path in told["written"])
+    (tmp_path / "mine").mkdir()
+    other = run("rates", "own.toml", "--runs-folder", "mine", cwd=tmp_path)
+    assert (other.code, list((tmp_path / "mine").iterdir())) == (2, [])
+    assert "mine holds no runs" in other.err
     none = run("rates", *common, "--seed", 5, cwd=tmp_path)
     assert none.code == 2
     assert "holds no run of own.toml at number=8 with seed 5; make them by: wellmixed study" in none.err
