@@ -41,7 +41,7 @@ class Direct(Candidate):
 
 
 def _recomputing_cost(shape: Shape) -> float:
-    return 25.0 + 1.5 * shape.n_channels
+    return 25.0 + 2.1 * shape.n_channels
 
 
 def _updating_cost(shape: Shape) -> float:

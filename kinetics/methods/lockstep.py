@@ -38,7 +38,7 @@ class Lockstep(Candidate):
         """Processor time of an event, ns, in an ensemble that fills the lanes."""
         if shape.n_channels > MOST_CHANNELS:
             return float("inf")
-        return 30.0 + 0.42 * shape.n_channels if shape.n_species > 8 else 3.0 + 0.8 * shape.n_channels
+        return 30.0 + 0.36 * shape.n_channels if shape.n_species > 8 else 3.0 + 0.8 * shape.n_channels
 
 
 class LockstepSampler:

@@ -35,7 +35,7 @@ class CompositionRejection(Candidate):
 
     def cost(self, shape: Shape) -> float:
         """Processor time of an event, ns; the last part is for memory out of reach of the caches."""
-        return 45.0 + shape.update_cost + 0.0025 * shape.n_channels
+        return 30.0 + shape.update_cost + 0.0025 * shape.n_channels
 
     def sampler(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.rejection`."""
