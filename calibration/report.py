@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import html
 import io
 import math
@@ -15,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-Rows = Sequence[Mapping[str, Any]]
+from kinetics.tables import Rows, csv_text
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem;
@@ -157,7 +156,7 @@ class Report:
         for part in named:
             stem = f"{page.stem}_{part.name}"
             if part.rows:
-                contents[page.with_name(f"{stem}.csv")] = _csv(part.rows).encode()
+                contents[page.with_name(f"{stem}.csv")] = csv_text(part.rows).encode()
             if isinstance(part, Chart):
                 contents[page.with_name(f"{stem}.svg")] = part.svg
         for target in sorted(contents, key=lambda written: written == page):
@@ -181,15 +180,6 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
     ]
     first = f"<tr>{titles}</tr>\n" if head else ""
     return f'<div><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
-
-
-def _csv(rows: Rows) -> str:
-    """Full precision, one line a row."""
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue()
 
 
 def _shown(value: Any) -> str:

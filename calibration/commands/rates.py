@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from calibration.commands.shared import seed_option
-from kinetics.network import text_table
 from kinetics.options import echo_json, json_option
+from kinetics.tables import columns, csv_text, rounded
 
 if TYPE_CHECKING:
     from calibration.bypoint import RatesByPoint
@@ -21,7 +19,7 @@ SHOWN = 3  # channels drawn, those with the most events
 
 @click.command()
 @click.argument("study")
-@click.option("--runs", type=click.IntRange(min=1), help="At most so many a point.  [default: all there are]")
+@click.option("--runs", type=click.IntRange(min=1), help="At most so many a point.  [default: the study's]")
 @click.option(
     "--points",
     "choices",
@@ -70,9 +68,7 @@ def rates(
     else:
         for rows in tables.values():
             if rows:
-                click.echo(
-                    text_table(list(rows[0]), [[_short(value) for value in row.values()] for row in rows]) + "\n"
-                )
+                click.echo(columns(rows) + "\n")
         for path in written:
             click.echo(path)
 
@@ -87,21 +83,13 @@ def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
     written = []
     for kind, rows in (("rates", found.rates_table()), ("predicted", found.first_table())):
         if rows:
-            text = io.StringIO()
-            table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-            table.writeheader()
-            table.writerows([{key: _short(value) for key, value in row.items()} for row in rows])
             written.append(folder / f"{name}_{kind}.csv")
-            write_whole(written[-1], text.getvalue().encode())
+            write_whole(written[-1], csv_text(rounded(rows)).encode())
     height = 1.2 + 0.3 * len(found.points)
     for i, channel in enumerate(most_seen(found)[:SHOWN]):
         written.append(folder / f"{name}_rate{i + 1}.svg")
         save(str(written[-1]), lambda ax, channel=channel: found.plot(ax, channel), size=(6.4, height))
-    if rows:
+    if predicted := found.first_table():
         written.append(folder / f"{name}_predicted.svg")
-        save(str(written[-1]), found.plot_first, size=(6.4, 1.2 + 0.3 * len(rows)))
+        save(str(written[-1]), found.plot_first, size=(6.4, 1.2 + 0.3 * len(predicted)))
     return [str(path) for path in written]
-
-
-def _short(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

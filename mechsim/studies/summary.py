@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.arrays import Floats
-from kinetics.network import text_table
+from kinetics.tables import columns, csv_text, rounded
 from mechsim.record import RunRecord
 from mechsim.store import write_whole
 from mechsim.studies.cost import Trial
@@ -88,11 +86,11 @@ class StudyResult:
     why: str = ""
 
     def __str__(self) -> str:
-        parts = [self.study.title, _text(self._point_rows())]
+        parts = [self.study.title, columns(self._point_rows())]
         if self.exponents:
-            parts.append(_text(self._exponent_rows()))
+            parts.append(columns(self._exponent_rows()))
         if self.shares:
-            parts.append(_text(self._share_rows()))
+            parts.append(columns(self._share_rows()))
         return "\n\n".join([*parts, *([f"not fitted: {self.why}"] if self.why else [])])
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
@@ -117,11 +115,7 @@ class StudyResult:
         for name, rows in self.tables().items():
             path = folder / f"{self.study.name}_{name}.csv"
             if rows:
-                text = io.StringIO()
-                table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-                table.writeheader()
-                table.writerows([{key: _short(value) for key, value in row.items()} for row in rows])
-                write_whole(path, text.getvalue().encode())
+                write_whole(path, csv_text(rounded(rows)).encode())
                 written.append(path)
         if any(found.times.size for found in self.points):
             path = folder / f"{self.study.name}.svg"
@@ -240,8 +234,8 @@ def _laws(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
     kept = [each for each in found if each.times.size]
     if not varied or not kept:
         return tuple(laws)
-    columns = [_values(study, i, kept) for i in varied]
-    estimates = exponents([each.times for each in kept], np.column_stack(columns), study.cap)
+    fitted = [_values(study, i, kept) for i in varied]
+    estimates = exponents([each.times for each in kept], np.column_stack(fitted), study.cap)
     for i, estimate in zip(varied, estimates, strict=True):
         factor = study.factors[i]
         what = "speed" if factor.is_speed else factor.name
@@ -256,14 +250,3 @@ def _values(study: Study, i: int, found: Sequence[PointResult]) -> Floats:
         return levels
     speeds = np.array([each.trial.speed for each in found])
     return np.array([speeds[levels == level].mean() for level in levels])
-
-
-def _text(rows: Sequence[Mapping[str, Any]]) -> str:
-    return text_table(tuple(rows[0]), [tuple(_short(value) for value in row.values()) for row in rows])
-
-
-def _short(value: Any) -> str:
-    """A cell: four digits, nothing where there is no number."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
