@@ -7,7 +7,8 @@ import warnings
 
 import click
 
-from kinetics.lazy import mount
+from kinetics import __version__
+from kinetics.support.cli.lazy_commands import mount
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -83,7 +84,7 @@ def _tell(message, *_, **__) -> None:
 
 
 @click.group(cls=FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option("0.1.0", prog_name="wellmixed")
+@click.version_option(__version__, prog_name="wellmixed")
 @click.option("--debug", is_flag=True, help="Show the whole traceback of an error.")
 def main(debug: bool) -> None:
     """Kinetics and Markov modelling of self-assembly, calibrated on rigid-body mechanics."""

@@ -1,33 +1,39 @@
 """From paths to rates, and back to trust: estimates with intervals, diagnostics, cross-validation, reports.
 
-The other names are imported when they are first used.
+The names are imported when they are first used.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from calibration.estimate import estimate  # now: left for later, the module would take the function's name
-from kinetics.late import late_names
+from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from calibration.crossvalidation import CrossValidation, crossvalidate
-    from calibration.diagnostics import Diagnosis, Homogeneity, WaitingTimes, diagnose, homogeneity, waiting_times
-    from calibration.estimate import Calibration, RateEstimate, exact_limits, paper_estimate
-    from calibration.exposure import Exposure, by_age, by_initial, count, pooled
-    from calibration.firsttimes import FirstTimes, compare_first_times
-    from calibration.report import Chart, Heading, Report, Table, Text
+    from calibration.estimating.diagnostics import (
+        Diagnosis,
+        Homogeneity,
+        WaitingTimes,
+        diagnose,
+        homogeneity,
+        waiting_times,
+    )
+    from calibration.estimating.estimate import Calibration, RateEstimate, estimate, exact_limits, paper_estimate
+    from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
+    from calibration.reporting.report import Chart, Heading, Report, Table, Text
+    from calibration.validating.crossvalidation import CrossValidation, crossvalidate
+    from calibration.validating.first_times import FirstTimes, compare_first_times
 
 _HOMES = {
-    "calibration.crossvalidation": ("CrossValidation", "crossvalidate"),
-    "calibration.diagnostics": (
+    "calibration.validating.crossvalidation": ("CrossValidation", "crossvalidate"),
+    "calibration.estimating.diagnostics": (
         *("Diagnosis", "Homogeneity", "WaitingTimes"),
         *("diagnose", "homogeneity", "waiting_times"),
     ),
-    "calibration.estimate": ("Calibration", "RateEstimate", "exact_limits", "paper_estimate"),
-    "calibration.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
-    "calibration.firsttimes": ("FirstTimes", "compare_first_times"),
-    "calibration.report": ("Chart", "Heading", "Report", "Table", "Text"),
+    "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate", "exact_limits", "paper_estimate"),
+    "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
+    "calibration.validating.first_times": ("FirstTimes", "compare_first_times"),
+    "calibration.reporting.report": ("Chart", "Heading", "Report", "Table", "Text"),
 }
 
 __all__ = [
@@ -58,4 +64,4 @@ __all__ = [
     "waiting_times",
 ]
 
-__getattr__ = late_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinetics.arrays import Floats
 from kinetics.network import Network
-from kinetics.plots import COLOURS
+from kinetics.support.arrays import Floats
+from kinetics.support.plots import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from calibration.bypoint import RatesByPoint
-    from calibration.crossvalidation import CrossValidation
-    from calibration.diagnostics import Homogeneity, WaitingTimes
-    from calibration.estimate import Calibration
-    from calibration.firsttimes import FirstTimes
+    from calibration.estimating.diagnostics import Homogeneity, WaitingTimes
+    from calibration.estimating.estimate import Calibration
+    from calibration.pipeline.by_point import RatesByPoint
+    from calibration.validating.crossvalidation import CrossValidation
+    from calibration.validating.first_times import FirstTimes
     from kinetics.rates import Rates
 
 OBSERVED, PREDICTED, THIRD = COLOURS[5], COLOURS[0], COLOURS[2]  # vermilion, blue, green

@@ -7,71 +7,61 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinetics.late import late_names
+from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.classrates import ClassRates
-    from kinetics.methods import (
+    from kinetics.network import Network
+    from kinetics.networkfree import Growth, Growths, grow
+    from kinetics.passage import (
+        Passage,
+        RareEvent,
+        Splitting,
+        Stationary,
+        first_passage,
+        rare_event,
+        splitting,
+        stationary,
+    )
+    from kinetics.predicting import Prediction, predict
+    from kinetics.ranking import Ranking, rank
+    from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
+    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
+    from kinetics.sampling import (
         Auto,
         CompositionRejection,
-        Dense,
         Direct,
-        FiniteStateProjection,
+        General,
         Lockstep,
         PartialPropensities,
-        Transient,
         sample_path,
         simulate,
-        solve,
+        simulate_statistics,
     )
-    from kinetics.methods.distribution import Distribution
-    from kinetics.methods.passage import Passage, first_passage
-    from kinetics.methods.rare import RareEvent, rare_event
-    from kinetics.methods.splitting import Splitting, splitting
-    from kinetics.methods.stationary import Stationary, stationary
-    from kinetics.methods.streamed import simulate_statistics
-    from kinetics.network import Network
-    from kinetics.networkfree import grow
-    from kinetics.networkfree_paths import Growth, Growths
-    from kinetics.paths import RESTART, Ensemble, JumpPath
-    from kinetics.prediction import Prediction, predict
-    from kinetics.ranking import Ranking, rank
-    from kinetics.rates import ChannelRate, Convention, Rates
-    from kinetics.states import StateSpace, reachable
-    from kinetics.statistics import EnsembleStatistics
-    from kinetics.verification import Verification, verify
+    from kinetics.solving import Dense, Distribution, FiniteStateProjection, StateSpace, Transient, reachable, solve
+    from kinetics.trust import Verification, verify
+
+__version__ = "0.1.0"
 
 _HOMES = {
-    "kinetics.classrates": ("ClassRates",),
-    "kinetics.methods": (
-        "Auto",
-        "CompositionRejection",
-        "Dense",
-        "Direct",
-        "FiniteStateProjection",
-        "Lockstep",
-        "PartialPropensities",
-        "Transient",
-        "sample_path",
-        "simulate",
-        "solve",
-    ),
-    "kinetics.methods.distribution": ("Distribution",),
-    "kinetics.methods.passage": ("Passage", "first_passage"),
-    "kinetics.methods.rare": ("RareEvent", "rare_event"),
-    "kinetics.methods.splitting": ("Splitting", "splitting"),
-    "kinetics.methods.stationary": ("Stationary", "stationary"),
-    "kinetics.methods.streamed": ("simulate_statistics",),
     "kinetics.network": ("Network",),
-    "kinetics.networkfree": ("grow",),
-    "kinetics.networkfree_paths": ("Growth", "Growths"),
-    "kinetics.paths": ("RESTART", "Ensemble", "JumpPath"),
-    "kinetics.prediction": ("Prediction", "predict"),
+    "kinetics.networkfree": ("Growth", "Growths", "grow"),
+    "kinetics.passage": (
+        *("Passage", "RareEvent", "Splitting", "Stationary"),
+        *("first_passage", "rare_event", "splitting", "stationary"),
+    ),
+    "kinetics.predicting": ("Prediction", "predict"),
     "kinetics.ranking": ("Ranking", "rank"),
-    "kinetics.rates": ("ChannelRate", "Convention", "Rates"),
-    "kinetics.states": ("StateSpace", "reachable"),
-    "kinetics.statistics": ("EnsembleStatistics",),
-    "kinetics.verification": ("Verification", "verify"),
+    "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
+    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
+    "kinetics.sampling": (
+        *("Auto", "CompositionRejection", "Direct", "General", "Lockstep", "PartialPropensities"),
+        *("sample_path", "simulate", "simulate_statistics"),
+    ),
+    "kinetics.solving": (
+        *("Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
+        *("reachable", "solve"),
+    ),
+    "kinetics.trust": ("Verification", "verify"),
 }
 
 __all__ = [
@@ -87,6 +77,7 @@ __all__ = [
     "Ensemble",
     "EnsembleStatistics",
     "FiniteStateProjection",
+    "General",
     "Growth",
     "Growths",
     "JumpPath",
@@ -103,6 +94,7 @@ __all__ = [
     "Stationary",
     "Transient",
     "Verification",
+    "__version__",
     "first_passage",
     "grow",
     "predict",
@@ -118,4 +110,4 @@ __all__ = [
     "verify",
 ]
 
-__getattr__ = late_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinetics.late import late_names
+from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from mechsim.ensemble import Outcome, Quarantined, run_all
-    from mechsim.executors import Dask, Processes
-    from mechsim.pictures.tank import draw_tank
-    from mechsim.record import RunRecord, RunSpec, execute
+    from mechsim.inspection.pictures.tank import draw_tank
+    from mechsim.runs.ensemble import Outcome, Quarantined, run_all
+    from mechsim.runs.executors import Dask, Processes
+    from mechsim.runs.record import RunRecord, RunSpec, execute
+    from mechsim.runs.store import RunStore
     from mechsim.scene import Scene
-    from mechsim.store import RunStore
 
 _HOMES = {
-    "mechsim.ensemble": ("Outcome", "Quarantined", "run_all"),
-    "mechsim.executors": ("Dask", "Processes"),
-    "mechsim.record": ("RunRecord", "RunSpec", "execute"),
-    "mechsim.pictures.tank": ("draw_tank",),
+    "mechsim.runs.ensemble": ("Outcome", "Quarantined", "run_all"),
+    "mechsim.runs.executors": ("Dask", "Processes"),
+    "mechsim.runs.record": ("RunRecord", "RunSpec", "execute"),
+    "mechsim.inspection.pictures.tank": ("draw_tank",),
     "mechsim.scene": ("Scene",),
-    "mechsim.store": ("RunStore",),
+    "mechsim.runs.store": ("RunStore",),
 }
 
 __all__ = [
@@ -37,4 +37,4 @@ __all__ = [
     "run_all",
 ]
 
-__getattr__ = late_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

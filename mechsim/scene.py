@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from kinetics.config import Settings, find, read_toml, validated
+from kinetics.support.config import Settings, find, read_toml, validated
 from mechsim.effects import AnyEffect
 from mechsim.effects.base import EventKind
 

@@ -37,10 +37,10 @@ import numpy as np
 import pandas as pd
 
 from calibration import Calibration, Exposure
-from calibration.study import run_validation, validation_specs
+from calibration.pipeline.study import run_validation, validation_specs
 from kinetics import Direct, Rates, Transient, predict
 from kinetics.assembly import RuleBook, derive
-from kinetics.prediction import predict_passage
+from kinetics.predicting.prediction import predict_passage
 from mechsim import RunSpec, RunStore, Scene, draw_tank, execute
 
 plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})

@@ -33,10 +33,10 @@ import numpy as np
 from kinetics import ClassRates, grow, rank
 from kinetics.assembly import RuleBook, Senses, check, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, compile_book
-from kinetics.assembly.conditions import Combination
-from kinetics.assembly.counterexamples import finding_drawing
-from kinetics.assembly.history import random_growth
-from kinetics.assembly.pictures import strip
+from kinetics.assembly.deriving.history import random_growth
+from kinetics.assembly.drawing.counterexamples import finding_drawing
+from kinetics.assembly.drawing.pictures import strip
+from kinetics.assembly.rules.conditions import Combination
 
 plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})
 

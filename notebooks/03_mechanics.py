@@ -32,11 +32,11 @@ import numpy as np
 import pandas as pd
 from IPython.display import SVG
 
-from kinetics.plots import COLOURS
+from kinetics.support.plots import COLOURS
 from mechsim import RunSpec, Scene, draw_tank, execute
 from mechsim.accuracy.preset import load
-from mechsim.pictures.movie import draw_strip
-from mechsim.poses import Poses
+from mechsim.inspection.pictures.movie import draw_strip
+from mechsim.inspection.poses import Poses
 
 plt.rcParams.update(
     {"figure.constrained_layout.use": True, "font.size": 9, "axes.prop_cycle": plt.cycler(color=COLOURS)}

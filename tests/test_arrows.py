@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS = ("kinetics", "mechsim", "calibration")
 SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 # the parts of kinetics that never heard of cubes
-LATTICE_FREE = ("network", "laws", "formats", "watching", "paths", "statistics", "rates", "states", "methods")
+LATTICE_FREE = ("support", "network", "formats", "runs", "sampling", "solving", "passage", "trust")
 HEAVY = ("numba", "pandas", "matplotlib", "pybullet", "scipy")
 
 
@@ -26,7 +26,7 @@ class Import(NamedTuple):
 
 
 def module_name(path: Path) -> str:
-    """kinetics/methods/__init__.py -> kinetics.methods"""
+    """kinetics/sampling/__init__.py -> kinetics.sampling"""
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -73,11 +73,11 @@ def objections(found: Import) -> list[str]:
         broken.append("a network has never heard of cubes")
     if parts[0] == "mechsim" and lies_in(target, "calibration"):
         broken.append("mechanics does not know what its runs are for")
-    only_study = module != "calibration.study" and not lies_in(module, "calibration.commands")
+    only_study = module != "calibration.pipeline.study" and not lies_in(module, "calibration.commands")
     if parts[0] == "calibration" and only_study and at_run_time and lies_in(target, "mechsim"):
         broken.append("in calibration only study and the commands know the mechanics")
-    if module != "mechsim.engine" and lies_in(target, "pybullet"):
-        broken.append("mechsim.engine is the only door to PyBullet")
+    if module != "mechsim.world.engine" and lies_in(target, "pybullet"):
+        broken.append("mechsim.world.engine is the only door to PyBullet")
     return [f"{module} imports {target}: {why}" for why in broken]
 
 
@@ -88,7 +88,7 @@ def test_arrows():
         for each in imports_of(path.read_text(encoding="utf-8"), module_name(path), path.name == "__init__.py")
     ]
     modules = {each.module for each in found}
-    assert {"kinetics.methods", "mechsim.engine", "calibration.study"} <= modules
+    assert {"kinetics.sampling.direct", "mechsim.world.engine", "calibration.pipeline.study"} <= modules
     assert any(each.target == "pybullet" for each in found)
     assert [text for each in found for text in objections(each)] == []
 
@@ -96,17 +96,17 @@ def test_arrows():
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("kinetics.kernels.ssa", "from kinetics.arrays import Floats"),
+        ("kinetics.kernels.ssa", "from kinetics.support.arrays import Floats"),
         ("mechsim.kernels.motion", "def f():\n    import scipy.stats"),
-        ("kinetics.rates", "import mechsim.scene"),
+        ("kinetics.rates.rates", "import mechsim.scene"),
         ("kinetics.commands.predict", "def f():\n    from calibration import estimate"),
-        ("kinetics.network", "from kinetics.assembly import RuleBook"),
-        ("kinetics.methods.direct", "from kinetics import assembly"),
-        ("kinetics.states", "from .assembly import faces"),
-        ("mechsim.record", "try:\n    import calibration\nexcept ImportError:\n    pass"),
-        ("calibration.report", "from mechsim.pictures.tank import draw_tank"),
-        ("calibration.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),
-        ("mechsim.world", "import pybullet as p"),
+        ("kinetics.network.network", "from kinetics.assembly import RuleBook"),
+        ("kinetics.sampling.direct", "from kinetics import assembly"),
+        ("kinetics.solving.states", "from ..assembly import faces"),
+        ("mechsim.runs.record", "try:\n    import calibration\nexcept ImportError:\n    pass"),
+        ("calibration.reporting.report", "from mechsim.inspection.pictures.tank import draw_tank"),
+        ("calibration.reporting.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),
+        ("mechsim.world.world", "import pybullet as p"),
     ],
 )
 def test_forbidden_imports_are_seen(module, source):
@@ -116,8 +116,8 @@ def test_forbidden_imports_are_seen(module, source):
 
 
 def test_imports_for_types_alone_are_allowed():
-    source = "if TYPE_CHECKING:\n    from mechsim.record import RunRecord"
-    (found,) = imports_of(source, "calibration.overview")
+    source = "if TYPE_CHECKING:\n    from mechsim.runs.record import RunRecord"
+    (found,) = imports_of(source, "calibration.reporting.overview")
     assert objections(found) == []
     assert objections(found._replace(at_run_time=True)) != []
 

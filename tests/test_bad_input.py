@@ -10,7 +10,7 @@ import wellmixed as front_door
 
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
-RATES = (ROOT / "kinetics" / "rate_tables" / "table3.toml").read_text(encoding="utf-8")
+RATES = (ROOT / "kinetics" / "rates" / "tables" / "table3.toml").read_text(encoding="utf-8")
 BOOK = (ROOT / "kinetics" / "assembly" / "books" / "line4.toml").read_text(encoding="utf-8")
 CONTACT = '[[effects]]\neffect = "contact"\nrestitution = 0.3\nfriction = 0.3\n'
 LATCH = 'kind = "encounter", probability = 0.09'
@@ -302,7 +302,7 @@ def test_a_damaged_run_is_set_aside_and_made_again(wellmixed, tmp_path, damage):
 
 def test_a_missing_extra_is_named(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    for name in ("mechsim.engine", "mechsim.world"):
+    for name in ("mechsim.world.engine", "mechsim.world.world"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     assert "this needs pybullet; install it by: pip install 'wellmixed[mech]'" in refused(*SIMULATE)
 

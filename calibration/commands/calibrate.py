@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import leave, rates_table, report_option, seed_option
-from kinetics.options import echo_json, in_a_folder, json_option
+from kinetics.support.cli.options import echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from mechsim.commands.options import Part
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command()
@@ -51,7 +51,7 @@ def calibrate(
     Runs start from several mixtures and are put back after every event; breaks, being rare, are watched in tanks
     without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
     """
-    from calibration.study import calibration_specs, run_calibration
+    from calibration.pipeline.study import calibration_specs, run_calibration
     from mechsim.scene import Scene
 
     target = Path(out)
@@ -74,7 +74,7 @@ def calibrate(
     )
     study.rates.save(target)
     if report:
-        from calibration.overview import calibration_report
+        from calibration.reporting.overview import calibration_report
 
         calibration_report(study).write(report, data=True)
     if as_json:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.shared import comparison_table, leave, rates_table, seed_option
-from kinetics.options import echo_json, json_option
+from kinetics.support.cli.options import echo_json, json_option
 from mechsim.commands.options import executor_options, progress_option
 
 if TYPE_CHECKING:
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command()
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 @json_option
 def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
     """The whole loop on real mechanics and a small budget: rates, predictions, held-out runs, report.html."""
-    from calibration.overview import full_report
-    from calibration.study import run_calibration, run_validation, watched_run
-    from mechsim.pictures.tank import draw_tank
+    from calibration.pipeline.study import run_calibration, run_validation, watched_run
+    from calibration.reporting.overview import full_report
+    from mechsim.inspection.pictures.tank import draw_tank
     from mechsim.scene import Scene
 
     if not 0.1 <= scale <= 100:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import seed_option
-from kinetics.options import echo_json, json_option
-from kinetics.tables import columns, csv_text, rounded
+from kinetics.support.cli.options import echo_json, json_option
+from kinetics.support.tables import columns, csv_text, rounded
 
 if TYPE_CHECKING:
-    from calibration.bypoint import RatesByPoint
+    from calibration.pipeline.by_point import RatesByPoint
 
 SHOWN = 3  # channels drawn, those with the most events
 
@@ -45,8 +45,8 @@ def rates(
     Points of one scene should have the same rates, whatever their number of cubes. So each of them is also predicted
     from the rates of the others: the law of its first times by the Markov chain, beside those of its own runs.
     """
-    from calibration.bypoint import PointRuns, rates_by_point
-    from mechsim.store import RunStore
+    from calibration.pipeline.by_point import PointRuns, rates_by_point
+    from mechsim.runs.store import RunStore
     from mechsim.studies.study import Study
 
     described, store = Study.load(study), RunStore.found(runs_folder)
@@ -75,9 +75,9 @@ def rates(
 
 def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
     """Both tables, and the figures, each whole or not at all."""
-    from calibration.bypoint import most_seen
-    from kinetics.plots import save
-    from mechsim.store import write_whole
+    from calibration.pipeline.by_point import most_seen
+    from kinetics.support.plots import save
+    from mechsim.runs.store import write_whole
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []

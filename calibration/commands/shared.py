@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.network import text_table
-from kinetics.options import in_a_folder
+from kinetics.support.cli.options import in_a_folder
+from kinetics.support.tables import text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
-    from calibration.study import CalibrationStudy, ValidationStudy
+    from calibration.pipeline.study import CalibrationStudy, ValidationStudy
 
 
 def seed_option(default: int) -> Any:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import comparison_table, leave, report_option, seed_option
-from kinetics.options import NumbersCommand, echo_json, json_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from mechsim.commands.options import Part
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command(cls=NumbersCommand)
@@ -47,7 +47,7 @@ def validate(
     mean distance of a run from the predicted law, in copies, beside what the model scores against runs of its own.
     Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.study import check_held_out, run_validation, validation_specs
+    from calibration.pipeline.study import check_held_out, run_validation, validation_specs
     from kinetics.rates import Rates
     from mechsim.scene import Scene
 
@@ -68,7 +68,7 @@ def validate(
         progress=progress,
     )
     if report:
-        from calibration.overview import validation_report
+        from calibration.reporting.overview import validation_report
 
         validation_report(study).write(report, data=True)
     if as_json:

@@ -1,13 +1,13 @@
 """What can stick to what: faces, structures, rule books, and the networks they make."""
 
 # Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
-from kinetics.assembly.checker import Finding, Report, check
-from kinetics.assembly.derive import Derivation, derive
-from kinetics.assembly.explore import Event, Exploration, explore
+from kinetics.assembly.checking.checker import Finding, Report, check
+from kinetics.assembly.deriving.derive import Derivation, derive
+from kinetics.assembly.deriving.explore import Event, Exploration, explore
+from kinetics.assembly.deriving.ways import RateClass
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-from kinetics.assembly.rules import LivelockError, RuleBook, Semantics, Senses, View
+from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, Semantics, Senses, View
 from kinetics.assembly.structure import Placement, Structure, placements
-from kinetics.assembly.ways import RateClass
 
 __all__ = [
     "FACE_NORMALS",

@@ -209,7 +209,7 @@ class Structure:
 
     def plot(self, ax: Any, scheme: str = "two", **options: Any) -> Any:
         """Draw onto axes, faces coloured by type; options as of `pictures.structure_drawing`. Returns `ax`."""
-        from kinetics.assembly import pictures
+        from kinetics.assembly.drawing import pictures
 
         return pictures.structure_drawing(self, scheme, **options).onto(ax)
 

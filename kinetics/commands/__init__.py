@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.lazy import mount
+from kinetics.support.cli.lazy_commands import mount
 
 COMMANDS = {
     "check": ("kinetics.commands.check", "check", "Tell all that is wrong with a rule book."),

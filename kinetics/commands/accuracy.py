@@ -5,9 +5,17 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from kinetics.options import DURATION, csv_option, echo_json, json_option, plot_option, seed_option, starting_options
-from kinetics.progress import INTERRUPTED, progress_line
-from kinetics.starting import start
+from kinetics.predicting.start import start
+from kinetics.support.cli.options import (
+    DURATION,
+    csv_option,
+    echo_json,
+    json_option,
+    plot_option,
+    seed_option,
+    starting_options,
+)
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 
 TIMES = 101  # at which the laws are compared
 
@@ -45,7 +53,7 @@ def kinetics(
     with 10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, what scipy offers, and the rate
     equation. Everything in one thread. Ctrl-C tells of what was finished.
     """
-    from kinetics.accuracy.diagram import measure
+    from kinetics.trust.accuracy.diagram import measure
 
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
@@ -60,8 +68,8 @@ def kinetics(
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False, float_format="%.6g")
     if plot_file:
-        from kinetics.accuracy.plot import draw
-        from kinetics.plots import save
+        from kinetics.support.plots import save
+        from kinetics.trust.accuracy.plot import draw
 
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:

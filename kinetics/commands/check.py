@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from kinetics.options import echo_json, json_option, plot_option
+from kinetics.support.cli.options import echo_json, json_option, plot_option
 
 NOT_CORRECT = 1  # exit code
 
@@ -43,7 +43,7 @@ def check(
     if shows:
         click.echo("\r\033[K", err=True, nl=False)
     if plot_file is not None:
-        from kinetics.assembly.counterexamples import report_drawing
+        from kinetics.assembly.drawing.counterexamples import report_drawing
 
         report_drawing(report).save(plot_file)
     if as_json:

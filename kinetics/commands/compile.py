@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from kinetics.options import echo_json, in_a_folder, json_option, seed_option
+from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
 
 
 @click.command()
@@ -47,7 +47,7 @@ def compile_(
     """
     from kinetics.assembly import Senses
     from kinetics.assembly.compiler import Target, compile_book
-    from kinetics.assembly.writing import written
+    from kinetics.assembly.rules.writing import written
 
     wanted = Target.load(target)
     if faces or roll or across or touched:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from kinetics.options import echo_json, in_a_folder, json_option, seed_option, starting_options
-from kinetics.starting import is_network_file, network_of_book, start
+from kinetics.predicting.start import is_network_file, network_of_book, start
+from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option, starting_options
 
 
 @click.command()

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.options import echo_json, json_option, picture_of, seed_option
+from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RuleBook, Structure
-    from kinetics.assembly.drawing import Drawing
+    from kinetics.assembly.drawing.drawing import Drawing
 
 Drawn = tuple["Drawing", dict[str, Any]]  # and what there is to tell about it
 FRAMES = 8
@@ -76,7 +76,7 @@ def draw(
 
 
 def _structure(name: str) -> Drawn:
-    from kinetics.assembly.pictures import below_left, face_key, structure_drawing
+    from kinetics.assembly.drawing.pictures import below_left, face_key, structure_drawing
 
     structure, scheme = _finished(name)
     labels = ["" if letter == PLACEHOLDER else letter for letter in structure.letters]
@@ -89,8 +89,8 @@ def _finished(name: str) -> tuple[Structure, str]:
     """The finished structure of a book, or a compiler's target, with the face scheme of its cubes."""
     from kinetics.assembly import RuleBook
     from kinetics.assembly.compiler.target import TARGETS, Target
-    from kinetics.assembly.rules import BOOKS
-    from kinetics.config import find, read_toml
+    from kinetics.assembly.rules.rule_book import BOOKS
+    from kinetics.support.config import find, read_toml
 
     if Path(name).suffix == ".toml" or len(Path(name).parts) > 1:
         is_target = not {"layers", "cubes"}.isdisjoint(read_toml(find(name, BOOKS, "rule book or target")))
@@ -107,28 +107,28 @@ def _finished(name: str) -> tuple[Structure, str]:
 
 
 def _book(book: RuleBook) -> Drawn:
-    from kinetics.assembly.diagrams import book_drawing
+    from kinetics.assembly.drawing.diagrams import book_drawing
 
     n_rules = len(book.combine) + len(book.dissociate) + len(book.internal)
     return book_drawing(book), {"letters": len(book.letters), "rules": n_rules}
 
 
 def _network(derivation: Derivation) -> Drawn:
-    from kinetics.assembly.network_diagram import network_drawing
+    from kinetics.assembly.drawing.network_diagram import network_drawing
 
     return network_drawing(derivation), _size(derivation)
 
 
 def _species(derivation: Derivation) -> Drawn:
-    from kinetics.assembly.pictures import species_sheet
+    from kinetics.assembly.drawing.pictures import species_sheet
 
     return species_sheet(derivation), _size(derivation)
 
 
 def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_species: int) -> Drawn:
     """A growth, thinned to so many frames of which the first and the last are kept."""
-    from kinetics.assembly.history import chain, random_growth
-    from kinetics.assembly.pictures import below_left, face_key, strip
+    from kinetics.assembly.deriving.history import chain, random_growth
+    from kinetics.assembly.drawing.pictures import below_left, face_key, strip
 
     told: dict[str, Any] = {}
     if book.seed_letter is not None:

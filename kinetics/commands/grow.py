@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from kinetics.arrays import Floats
-from kinetics.network import text_table
-from kinetics.options import (
+from kinetics.support.arrays import Floats
+from kinetics.support.cli.options import (
     NumbersCommand,
     csv_option,
     echo_json,
@@ -22,10 +21,11 @@ from kinetics.options import (
     seed_option,
     time_grid,
 )
+from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
-    from kinetics.classrates import ClassRates
-    from kinetics.networkfree_paths import Growths
+    from kinetics.networkfree import Growths
+    from kinetics.rates import ClassRates
 
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 MAX_FINAL = 50  # structures in JSON
@@ -85,11 +85,11 @@ def grow(
     if csv_file:
         made.to_dataframe(grid).to_csv(csv_file, index=False)
     if plot_file:
-        from kinetics import plots
+        from kinetics.support import plots
 
         plots.save(plot_file, lambda ax: made.plot(ax, grid))
     if strip:
-        from kinetics.assembly.pictures import strip as strip_of
+        from kinetics.assembly.drawing.pictures import strip as strip_of
 
         moments = made.runs[0].milestones(FRAMES)
         captions = [f"{moment:.4g} tu" for moment in moments]
@@ -105,7 +105,7 @@ def grow(
 
 
 def _rates(rates_file: str | None, join: float | None, break_: float | None) -> ClassRates:
-    from kinetics.classrates import ClassRates
+    from kinetics.rates import ClassRates
 
     if rates_file is not None and join is None and break_ is None:
         return ClassRates.load(rates_file)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.options import echo_json, json_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option, seed_option
 
 
 @click.command()
@@ -16,7 +16,7 @@ def hardcases(only: str, seed: int, as_json: bool) -> None:
 
     The seeds of the cases are fixed; --seed is taken because every command takes it. Exit code 1 where one fails.
     """
-    from kinetics.hardcases import CASES
+    from kinetics.trust.hardcases import CASES
 
     chosen = [case for case in CASES if only in case.name]
     if not chosen:

@@ -7,8 +7,8 @@ import time
 import click
 import numpy as np
 
-from kinetics.options import echo_json, json_option, plot_option, seed_option, starting_options
-from kinetics.starting import start
+from kinetics.predicting.start import start
+from kinetics.support.cli.options import echo_json, json_option, plot_option, seed_option, starting_options
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -34,14 +34,14 @@ def passage(
     as_json: bool,
 ) -> None:
     """Time until the first copy (or copies) of a species, exactly: mean, sd, quantiles and curve."""
-    from kinetics.prediction import evidence_notes, predict_passage
+    from kinetics.predicting.prediction import evidence_notes, predict_passage
 
     began = time.process_time()
     begin = start(book, rates_name, cubes, initial)
     law, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
     quantiles = law.quantile(QUANTILES)
     if plot_file:
-        from kinetics import plots
+        from kinetics.support import plots
 
         plots.save(plot_file, law.plot)
     if as_json:

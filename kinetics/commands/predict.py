@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.methods import SAMPLING_METHODS, SOLVING_METHODS, SamplingMethod, SolvingMethod
-from kinetics.network import text_table
-from kinetics.options import (
+from kinetics.predicting.start import start
+from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
+from kinetics.solving import SOLVING_METHODS, SolvingMethod
+from kinetics.support.cli.options import (
     NumbersCommand,
     csv_option,
     echo_json,
@@ -18,11 +19,11 @@ from kinetics.options import (
     starting_options,
     time_grid,
 )
-from kinetics.progress import INTERRUPTED, progress_line
-from kinetics.starting import start
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
-    from kinetics.prediction import Prediction
+    from kinetics.predicting import Prediction
 
 METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
     **{method.name: method for method in SAMPLING_METHODS},
@@ -68,7 +69,7 @@ def predict(
     evidence for one. The method `auto` samples runs, `exact` solves the master equation. Runs are not kept, so there
     may be millions; Ctrl-C tells of those made so far.
     """
-    from kinetics.prediction import predict as make
+    from kinetics.predicting import predict as make
 
     begin = start(book, rates_name, cubes, initial)
     grid = time_grid(duration, times)
@@ -80,7 +81,7 @@ def predict(
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
-        from kinetics import plots
+        from kinetics.support import plots
 
         plots.save(plot_file, made.plot)
     if as_json:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.config import read_toml
-from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.config import read_toml
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook
-    from kinetics.classrates import ClassRates
+    from kinetics.rates import ClassRates
 
 INTERRUPTED = 130  # exit code
 
@@ -73,8 +73,8 @@ def rank(
     The expected yield at the horizon and the mean time to the first target: exact where the states are few enough,
     sampled beyond, each with its error. Books that the figures cannot tell apart share a place.
     """
-    from kinetics import ranking
-    from kinetics.assembly.writing import written
+    from kinetics.assembly.rules.writing import written
+    from kinetics.ranking import ranking
 
     shows = sys.stderr.isatty()
 
@@ -94,7 +94,7 @@ def rank(
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
-        from kinetics import plots
+        from kinetics.support import plots
 
         plots.save(plot_file, made.plot)
     if as_json:
@@ -164,7 +164,7 @@ def _rates(
     name: str | None, of_book: str | None, join: float | None, break_: float | None, books: Sequence[RuleBook]
 ) -> ClassRates:
     from kinetics.assembly import RuleBook, derive
-    from kinetics.classrates import ClassRates
+    from kinetics.rates import ClassRates
 
     if (name is None) == (join is None):
         raise ValueError("give the rates by either --rates table3 or --join 7e-5 --break 3e-5")

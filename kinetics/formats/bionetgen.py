@@ -13,15 +13,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.arrays import Floats, Ints
 from kinetics.formats.blocks import Line, blocks_of
 from kinetics.formats.formulas import NUMBER, number, replaced
 from kinetics.formats.model import Model, whole_counts
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
-from kinetics.laws.expression import Expression, quoted
 from kinetics.network import Network
-from kinetics.terms import Terms
+from kinetics.network.laws.expression import Expression, quoted
+from kinetics.network.sparse_tables import Terms
+from kinetics.support.arrays import Floats, Ints
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 BARE = re.compile(r"\w+\(\)")

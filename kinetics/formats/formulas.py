@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinetics.laws.expression import LONGEST, Expression
-from kinetics.laws.program import evaluate, steps_of
+from kinetics.network.laws.expression import LONGEST, Expression
+from kinetics.network.laws.program import evaluate, steps_of
 
 NUMBER = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 MOST_BRACKETS = 50  # within each other

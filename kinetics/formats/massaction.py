@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinetics.laws.expression import Expression, name_of
-from kinetics.laws.program import evaluate, steps_of
+from kinetics.network.laws.expression import Expression, name_of
+from kinetics.network.laws.program import evaluate, steps_of
 
 
 def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, dict[str, int]] | None:

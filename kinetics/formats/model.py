@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
-from kinetics.arrays import Ints
 from kinetics.network import Network
+from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
-from kinetics.laws.expression import Expression, quoted
+from kinetics.network.laws.expression import Expression, quoted
 
 
 def law_of(name: str, functions: Mapping[str, str], values: Sequence[float], reactants: Sequence[str]) -> Expression:

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.formats.model import Model
 from kinetics.network import Network
-from kinetics.terms import Terms
+from kinetics.network.sparse_tables import Terms
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
 

@@ -15,9 +15,10 @@ from kinetics.formats.model import Model, whole_counts
 from kinetics.formats.sbmlfile import document_of
 from kinetics.formats.sbmlmath import is_sum, text_of
 from kinetics.formats.sbmlwriting import sbml_text
-from kinetics.laws.events import Event
-from kinetics.laws.expression import Expression, quoted
-from kinetics.network import Network, Reaction
+from kinetics.network import Network
+from kinetics.network.laws.events import Event
+from kinetics.network.laws.expression import Expression, quoted
+from kinetics.network.network import Reaction
 
 MOST_COPIES = 10**6  # in one place of a reaction
 

@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.network import text_table
+from kinetics.support.tables import text_table
 from mechsim.accuracy.plan import Plan, Setting, plan
 from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound
-from mechsim.ensemble import run_all
-from mechsim.executors import Executor
-from mechsim.record import RunRecord, book_of
+from mechsim.runs.ensemble import run_all
+from mechsim.runs.executors import Executor
+from mechsim.runs.record import RunRecord, book_of
+from mechsim.runs.species import single_cubes
+from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
-from mechsim.species import single_cubes
-from mechsim.store import RunStore
 
 if TYPE_CHECKING:
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 QUANTITIES = {"speed": "mean speed", "meetings": "encounter rate"}
 PILOT_STEPS = 200
@@ -163,7 +163,7 @@ class Accuracy:
 
 def pilot(scene: Scene, cubes: int, seed: int) -> float:
     """CPU s of a step of this scene in a trial, from a short stretch. ValueError where the guard stops that."""
-    from mechsim.world import Stopped, World
+    from mechsim.world.world import Stopped, World
 
     book, derivation = book_of(scene.rules)
     start = [derivation.structures[s] for s, n in single_cubes(derivation, cubes).items() for _ in range(n)]

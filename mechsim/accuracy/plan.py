@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from kinetics.config import validated
+from kinetics.support.config import validated
 from mechsim.accuracy.trial import with_numerics
 from mechsim.effects.drag import DragLaw
 from mechsim.scene import Scene

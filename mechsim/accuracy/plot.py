@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.plots import colour
+from kinetics.support.plots import colour
 from mechsim.accuracy.diagram import QUANTITIES, Accuracy, Point
 
 MARKERS = ("o", "s", "^", "D", "v")

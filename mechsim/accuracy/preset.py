@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from kinetics.config import Settings, find, read_toml, validated, write_toml
+from kinetics.support.config import Settings, find, read_toml, validated, write_toml
 from mechsim.accuracy.plan import MOST_ITERATIONS
 from mechsim.accuracy.trial import with_numerics
 from mechsim.scene import Scene

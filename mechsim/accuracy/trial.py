@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.config import validated
-from mechsim.record import COMPLETED, PROGRESS_STEPS, RunRecord, RunSpec, book_of
+from kinetics.support.config import validated
+from mechsim.runs.record import COMPLETED, PROGRESS_STEPS, RunRecord, RunSpec, book_of
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 BLOCKS = 20  # of equal length a trial: their scatter gives the standard errors
 WARM_UP = 1.0  # tu, many times the relaxation of a cube's speed
@@ -95,7 +95,7 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
     search for meetings is in it (bonding does the same), the averaging of speeds is not. A trial stopped by the guard
     keeps the blocks that it finished.
     """
-    from mechsim.world import Stopped, World
+    from mechsim.world.world import Stopped, World
 
     book, _ = book_of(spec.scene.rules)
     step = spec.scene.numerics.step

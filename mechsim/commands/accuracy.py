@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from mechsim.commands.options import PARTIAL, executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command()
@@ -68,8 +68,8 @@ def mechanics(
     """
     from mechsim.accuracy.diagram import measure
     from mechsim.accuracy.preset import choose
+    from mechsim.runs.store import RunStore
     from mechsim.scene import Scene
-    from mechsim.store import RunStore
 
     measured = measure(
         Scene.load(scene),
@@ -88,7 +88,7 @@ def mechanics(
 
         pd.DataFrame(measured.rows()).to_csv(csv_file, index=False, float_format="%.6g")
     if plot_file is not None:
-        from kinetics.plots import save
+        from kinetics.support.plots import save
         from mechsim.accuracy.plot import draw
 
         save(plot_file, lambda ax: draw(measured, ax.figure), size=(10, 8))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.options import echo_json, json_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option, seed_option
 
 
 @click.command()
@@ -18,7 +18,7 @@ def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: 
 
     Nothing here is random; --seed is taken because every command takes it.
     """
-    from mechsim.store import RunStore
+    from mechsim.runs.store import RunStore
 
     written = RunStore.found(folder).export(out, formats)
     if as_json:

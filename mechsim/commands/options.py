@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.options import echo_json
-from mechsim.executors import EXECUTORS, Executor
+from kinetics.support.cli.options import echo_json
+from mechsim.runs.executors import EXECUTORS, Executor
 
 if TYPE_CHECKING:
-    from mechsim.record import RunSpec
-    from mechsim.shards import Shard
+    from mechsim.runs.record import RunSpec
+    from mechsim.runs.shards import Shard
 
 PARTIAL = 4  # exit code: some runs were stopped by the guard or given up, or are missing
 PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tenth
@@ -72,7 +72,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def chosen(*args: Any, shard: str | None, missing: bool, **values: Any) -> None:
-        from mechsim.shards import Shard
+        from mechsim.runs.shards import Shard
 
         part = Part(Shard.parse(shard) if shard else Shard(1, 1), missing) if shard or missing else None
         command(*args, part=part, **values)
@@ -102,7 +102,7 @@ class Part:
             click.get_current_context().exit(PARTIAL)
 
     def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
-        from mechsim.shards import missing
+        from mechsim.runs.shards import missing
 
         lacking = missing(mine, folder)
         if as_json:
@@ -115,9 +115,9 @@ class Part:
         return not lacking
 
     def _run(self, mine: list[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool) -> bool:
-        from mechsim.ensemble import run_all
-        from mechsim.preflight import check_starts
-        from mechsim.store import RunStore
+        from mechsim.runs.ensemble import run_all
+        from mechsim.runs.preflight import check_starts
+        from mechsim.runs.store import RunStore
 
         check_starts(mine)
         outcome = run_all(mine, RunStore(folder), workers=workers, progress=progress)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.options import PICTURES, echo_json, in_a_folder, json_option
+from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
 from mechsim.commands.options import progress_option, runs_option
 
 if TYPE_CHECKING:
-    from mechsim.pictures.tank import Paint
+    from mechsim.inspection.pictures.tank import Paint
 
 FILMS = (".mp4", ".gif")
 MOST = {".html": 60, ".mp4": 300, ".gif": 120}  # frames, where --frames does not say; pictures: 5
@@ -56,25 +56,25 @@ def render(
     """
     from tqdm import tqdm
 
-    from mechsim.poses import Poses, record_at
+    from mechsim.inspection.poses import Poses, record_at
 
     poses = Poses.of(record_at(run, runs_folder))
     kind = Path(out).suffix.lower()
     shown = poses.spread(frames or MOST.get(kind, 5)).tolist()
     paint: Paint = "type" if faces else "size"
     if kind in FILMS:
-        from mechsim.pictures import movie
+        from mechsim.inspection.pictures import movie
 
         save = movie.save_mp4 if kind == ".mp4" else movie.save_gif
         hidden = None if progress is None else not progress
         with tqdm(total=len(shown), disable=hidden, unit="frame", dynamic_ncols=True) as bar:
             save(movie.images(poses, shown, paint, lambda done: bar.update(done - bar.n)), out, fps)
     elif kind == ".html":
-        from mechsim.pictures.interactive import save_html
+        from mechsim.inspection.pictures.interactive import save_html
 
         save_html(poses, out, shown, paint)
     else:
-        from mechsim.pictures.movie import save_strip
+        from mechsim.inspection.pictures.movie import save_strip
 
         save_strip(poses, out, shown, paint)
     if as_json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.options import echo_json, json_option, picture_of, seed_option
+from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 
 DIFFERENT = 4  # exit code: not the same happened
 
@@ -25,7 +25,7 @@ def replay(file: str, last: int, poses: str | None, picture: str | None, seed: i
     """
     from pathlib import Path
 
-    from mechsim.replay import replay as make_again
+    from mechsim.inspection.replay import replay as make_again
 
     del seed
     if poses is not None and Path(poses).suffix != ".npz":
@@ -34,8 +34,8 @@ def replay(file: str, last: int, poses: str | None, picture: str | None, seed: i
     if poses is not None:
         told.save(poses)
     if picture is not None:
-        from kinetics.plots import save
-        from mechsim.pictures.tank import draw_tank
+        from kinetics.support.plots import save
+        from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(told.record, ax))
     if as_json:

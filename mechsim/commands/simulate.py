@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.options import echo_json, json_option, picture_of, plot_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
 from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
     from mechsim.commands.options import Part
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command()
@@ -79,13 +79,13 @@ def simulate(
     of its inputs; the same command again makes only what is missing. Exit code 4: some runs were stopped by the guard
     or given up.
     """
-    from mechsim.ensemble import run_all
-    from mechsim.preflight import check_starts
-    from mechsim.record import RunSpec, book_of
+    from mechsim.inspection.summary import row, table
+    from mechsim.runs.ensemble import run_all
+    from mechsim.runs.preflight import check_starts
+    from mechsim.runs.record import RunSpec, book_of
+    from mechsim.runs.species import species_of
+    from mechsim.runs.store import RunStore
     from mechsim.scene import Scene
-    from mechsim.species import species_of
-    from mechsim.store import RunStore
-    from mechsim.summary import row, table
 
     described = Scene.load(scene)
     unknown = [name for name in without if described.effect(name) is None]
@@ -114,7 +114,7 @@ def simulate(
         return
     check_starts(specs)
     if as_bill:
-        from mechsim.bill import bill_of
+        from mechsim.inspection.bill import bill_of
 
         told = bill_of(specs[0])
         if as_json:
@@ -124,18 +124,18 @@ def simulate(
         return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:
-        from kinetics.plots import save
-        from mechsim.pictures.tank import draw_tank
+        from kinetics.support.plots import save
+        from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(outcome.records[0], ax))
     if growth_file and outcome.records:
-        from mechsim.pictures.tank import growth
+        from mechsim.inspection.pictures.tank import growth
 
         growth(outcome.records[0]).save(growth_file)
     sound = [record for record in outcome.records if record.completed]
     if plot_file and sound:
-        from kinetics.plots import save
-        from mechsim.summary import plot_counts
+        from kinetics.support.plots import save
+        from mechsim.inspection.summary import plot_counts
 
         save(plot_file, lambda ax: plot_counts(ax, sound))
     if as_json:
@@ -171,8 +171,8 @@ def simulate(
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:
     """What the tank holds at the start."""
-    from kinetics.options import counts_of
-    from mechsim.species import single_cubes
+    from kinetics.support.cli.options import counts_of
+    from mechsim.runs.species import single_cubes
 
     if (cubes is None) == (initial is None):
         raise ValueError("say what the tank holds at the start by either --cubes 60 or --initial monomer=20,dimer=20")

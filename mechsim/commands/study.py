@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.options import echo_json, json_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
     from mechsim.commands.options import Part
-    from mechsim.executors import Executor
+    from mechsim.runs.executors import Executor
 
 
 @click.command()
@@ -54,9 +54,9 @@ def study(
     same points. After Ctrl-C, --collect tells what there is. Exit code 4: some runs were stopped by the guard or given
     up.
     """
-    from mechsim.ensemble import run_all
-    from mechsim.preflight import check_starts
-    from mechsim.store import RunStore
+    from mechsim.runs.ensemble import run_all
+    from mechsim.runs.preflight import check_starts
+    from mechsim.runs.store import RunStore
     from mechsim.studies.cost import predict, trial
     from mechsim.studies.study import Study
     from mechsim.studies.summary import summarise

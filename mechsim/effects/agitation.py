@@ -10,7 +10,7 @@ from mechsim.effects.base import Action, Effect
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class Agitation(Effect):

@@ -12,7 +12,7 @@ from mechsim.kernels.forces import attract
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class Attraction(Effect):

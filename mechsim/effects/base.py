@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kinetics.config import Settings
+from kinetics.support.config import Settings
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 EventKind = Literal["join", "break"]

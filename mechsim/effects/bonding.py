@@ -11,7 +11,7 @@ from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.latches import Encounter, MagnetDelay, Pair
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class Bonding(Effect):

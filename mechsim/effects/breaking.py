@@ -13,7 +13,7 @@ from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.kernels.loads import bond_loads
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 def _pull(load: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from mechsim.effects.base import Action, Effect
 from mechsim.kernels.motion import drag
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 # Centres of the eight sub-cubes, in half edges from the cube's centre: +-1/2 on each axis.
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

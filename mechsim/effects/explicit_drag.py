@@ -11,7 +11,7 @@ from mechsim.kernels.forces import explicit_drag
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 # Of step * mean relaxation rate. The noise multiplies the rate, so speeds run away from 0.93 on (measured), well before
 # 2, the limit at a constant rate.

@@ -11,7 +11,7 @@ from kinetics.assembly import View
 from mechsim.kernels.contact import facing_pairs
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class CompatibleFaces:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
-from kinetics.config import Settings
+from kinetics.support.config import Settings
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 Pair = tuple[int, int, int, int]  # cube, face, cube, face
 Latch = Callable[[Pair], bool]  # asked once a step for every pair within reach

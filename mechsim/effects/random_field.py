@@ -14,7 +14,7 @@ from mechsim.kernels.fluid import flow, renew
 
 if TYPE_CHECKING:
     from mechsim.scene import Scene
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class RandomField(Effect):

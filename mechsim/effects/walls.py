@@ -9,7 +9,7 @@ from pydantic import Field
 from mechsim.effects.base import Action, Effect
 
 if TYPE_CHECKING:
-    from mechsim.world import World
+    from mechsim.world.world import World
 
 
 class Walls(Effect):

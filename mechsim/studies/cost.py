@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetics.network import text_table
-from mechsim.record import book_of
-from mechsim.store import RunStore
+from kinetics.support.tables import text_table
+from mechsim.runs.record import book_of
+from mechsim.runs.store import RunStore
 from mechsim.studies.study import Point, Study
 
 WARM_UP = 0.5  # tu; cubes start at rest, and drag brings them to the fluid's pace within 0.02
@@ -35,7 +35,7 @@ class Trial:
 
 def trial(point: Point, seed: int) -> Trial:
     """Try a point. The speeds depend on the seed alone, the times on the machine."""
-    from mechsim.world import World
+    from mechsim.world.world import World
 
     spec = point.specs(WARM_UP + TRIAL, 1, seed)[0]
     book, _ = book_of(spec.scene.rules)

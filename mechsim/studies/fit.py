@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetics.arrays import Floats
+from kinetics.support.arrays import Floats
 
 STEPS = 100  # of Newton's method; the likelihood is concave, and some ten are enough
 

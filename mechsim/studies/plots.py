@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinetics.plots import colour
+from kinetics.support.plots import colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

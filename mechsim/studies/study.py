@@ -17,10 +17,10 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from kinetics.config import Settings, find, read_toml, validated
-from mechsim.record import RunSpec, book_of
+from kinetics.support.config import Settings, find, read_toml, validated
+from mechsim.runs.record import RunSpec, book_of
+from mechsim.runs.species import single_cubes, species_of
 from mechsim.scene import Scene
-from mechsim.species import single_cubes, species_of
 
 STUDIES = Path(__file__).parent / "shipped"
 NUMBER = "number"  # the one setting that is not the scene's: cubes in the tank

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.arrays import Floats
-from kinetics.tables import columns, csv_text, rounded
-from mechsim.record import RunRecord
-from mechsim.store import write_whole
+from kinetics.support.arrays import Floats
+from kinetics.support.tables import columns, csv_text, rounded
+from mechsim.runs.record import RunRecord
+from mechsim.runs.store import write_whole
 from mechsim.studies.cost import Trial
 from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
 from mechsim.studies.study import Point, Study
@@ -109,7 +109,7 @@ class StudyResult:
 
     def save(self, folder: Path) -> tuple[Path, ...]:
         """The tables as CSV files and the box plots as SVG, named after the study, each whole or not at all."""
-        from kinetics.plots import save
+        from kinetics.support.plots import save
 
         written = []
         for name, rows in self.tables().items():

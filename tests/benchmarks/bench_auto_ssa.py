@@ -14,7 +14,7 @@ from functools import partial
 import click
 import numpy as np
 
-from kinetics.methods.sampling import Candidate, Sampler, stream_key
+from kinetics.sampling.base import Candidate, Sampler, stream_key
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, polymer, ring, tanks_in_a_row
 
@@ -43,7 +43,7 @@ def main() -> None:
 
 def row(name: str, workload: Workload, many: bool) -> float:
     """Print what one network costs; how many times more than the best the choice costs."""
-    from kinetics.methods import Auto, CompositionRejection, Direct, Lockstep, PartialPropensities
+    from kinetics.sampling import Auto, CompositionRejection, Direct, Lockstep, PartialPropensities
 
     network, start, end = workload
     probe = CompositionRejection()

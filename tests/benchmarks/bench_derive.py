@@ -9,7 +9,7 @@ from collections.abc import Callable
 import click
 
 from kinetics.assembly import RuleBook, Senses, Structure, check, derive
-from kinetics.assembly.conditions import Combination
+from kinetics.assembly.rules.conditions import Combination
 from kinetics.assembly.structure import _canonical
 
 

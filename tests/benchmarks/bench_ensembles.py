@@ -13,9 +13,9 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-from mechsim.ensemble import run_all
-from mechsim.executors import Dask, Executor, Processes
-from mechsim.store import RunStore
+from mechsim.runs.ensemble import run_all
+from mechsim.runs.executors import Dask, Executor, Processes
+from mechsim.runs.store import RunStore
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "mechsim"))
 from fake_runs import execute, record_of, specs_of

@@ -15,8 +15,8 @@ from functools import partial
 import click
 import numpy as np
 
-from kinetics.methods.sampling import Sampler, stream_key
 from kinetics.network import Network
+from kinetics.sampling.base import Sampler, stream_key
 from tests.benchmarks.ssa_peers import installed
 from tests.benchmarks.ssa_timing import print_race, race
 from tests.benchmarks.ssa_workloads import polymer, tanks_in_a_row
@@ -44,7 +44,7 @@ def main() -> None:
 
 def compare(network: Network, start: np.ndarray, end: float, ours: Sequence[str], peers: Sequence[str]) -> None:
     """One table."""
-    from kinetics.methods import SAMPLING_METHODS, Auto
+    from kinetics.sampling import SAMPLING_METHODS, Auto
 
     click.echo(f"  auto: {Auto().choose(network).name}")
     methods = {method.name: method() for method in SAMPLING_METHODS}

@@ -12,9 +12,9 @@ from statistics import median
 import numpy as np
 
 from kinetics import Direct
-from kinetics.laws import michaelis_menten
-from kinetics.methods.general import General
 from kinetics.network import Network
+from kinetics.network.laws import michaelis_menten
+from kinetics.sampling import General
 
 BIRTH_DEATH = {"birth": ({}, {"X": 1}), "death": ({"X": 1}, {})}
 SCHLOEGL = {

@@ -15,7 +15,7 @@ from kinetics.assembly import RuleBook
 from mechsim.accuracy.diagram import change_of
 from mechsim.accuracy.trial import WARM_UP, counter, unbound, with_numerics
 from mechsim.scene import Scene
-from mechsim.world import World
+from mechsim.world.world import World
 
 CUBES = 120
 FINEST = 8  # steps of the motion in one of the scene

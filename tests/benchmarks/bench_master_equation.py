@@ -66,8 +66,8 @@ def line_of_four() -> None:
 
 def small_and_stiff() -> None:
     """The dense method: a stiff chain of three states, and large random ones; what a proven bound costs."""
-    from kinetics.methods.certificate import Entries, distance
-    from kinetics.methods.dense import CERTIFIED, estimated_error, exponential_action
+    from kinetics.solving.certificate import Entries, distance
+    from kinetics.solving.dense import CERTIFIED, estimated_error, exponential_action
 
     for n, stiff in ((3, 1e15), (200, 1e6), (500, 1e3), (2000, 1e3)):
         rng = np.random.default_rng(1)

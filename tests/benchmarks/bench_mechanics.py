@@ -17,11 +17,11 @@ from contextlib import contextmanager
 import numpy as np
 import pybullet
 
-from kinetics.network import text_table
-from mechsim.bill import bill
-from mechsim.record import book_of
+from kinetics.support.tables import text_table
+from mechsim.inspection.bill import bill
+from mechsim.runs.record import book_of
 from mechsim.scene import Scene
-from mechsim.world import World
+from mechsim.world.world import World
 
 STRETCH, STRETCHES = 2000, 7  # steps
 STARTS = {

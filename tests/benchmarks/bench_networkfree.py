@@ -16,12 +16,11 @@ from statistics import median
 import click
 
 from kinetics.assembly import RuleBook, Senses, derive
-from kinetics.assembly.conditions import Combination
+from kinetics.assembly.rules.conditions import Combination
 from kinetics.assembly.structure import _canonical
-from kinetics.classrates import ClassRates
-from kinetics.network import text_table
-from kinetics.networkfree import grow
-from kinetics.networkfree_paths import Growths
+from kinetics.networkfree import Growths, grow
+from kinetics.rates import ClassRates
+from kinetics.support.tables import text_table
 
 REPEATS = 5
 STICKY = RuleBook("sticky", ("a",), "a", Senses(faces="one"), combine=(Combination(rule="stick", becomes="a"),))

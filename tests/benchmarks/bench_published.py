@@ -24,7 +24,7 @@ import numpy as np
 
 from kinetics import Auto
 from kinetics.formats import read, write
-from kinetics.network import text_table
+from kinetics.support.tables import text_table
 from tests.benchmarks.bench_large_ssa import final_state
 from tests.benchmarks.published_networks import multistate, receptor
 from tests.benchmarks.ssa_timing import race

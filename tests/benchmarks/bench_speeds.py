@@ -11,10 +11,10 @@ import time
 
 import numpy as np
 
-from kinetics.network import text_table
-from mechsim.record import book_of
+from kinetics.support.tables import text_table
+from mechsim.runs.record import book_of
 from mechsim.scene import Scene
-from mechsim.world import World
+from mechsim.world.world import World
 
 PAPER = {3.0: 0.8, 3.5: 1.0, 4.0: 1.2, 4.5: 1.35, 5.0: 1.5}  # section V-A
 FREE = Scene.load("line4").without("bonding", "breaking")

@@ -31,7 +31,7 @@ WORKLOADS = ((60, 1000, 1000, 1000), (6_000, 20, 640, 20), (60_000, 5, 64, 5))
 def main() -> None:
     """Print the tables."""
     from kinetics import simulate
-    from kinetics.methods import Direct, Lockstep
+    from kinetics.sampling import Direct, Lockstep
 
     click.echo("\n".join(versions()))
     network, start, end = paper_line(60)

@@ -15,7 +15,8 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 
 from kinetics.formats.model import Model
-from kinetics.network import Network, Reaction
+from kinetics.network import Network
+from kinetics.network.network import Reaction
 
 Sites = tuple[str, ...]
 STATES = FREE, PHOSPHORYLATED, BOUND = "Y", "pY", "A"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.terms import Terms
+from kinetics.network.sparse_tables import Terms
 
 Workload = tuple[Network, np.ndarray, float]
 

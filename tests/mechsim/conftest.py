@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.config import validated
+from kinetics.support.config import validated
 from mechsim.scene import Scene
-from mechsim.world import World
+from mechsim.world.world import World
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from kinetics.assembly.compiler.proof import proven
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
 from kinetics.assembly.compiler.search import MOST_LETTERS, Problem, Tables, solutions
 from kinetics.assembly.compiler.target import Target
-from kinetics.assembly.conditions import Senses
+from kinetics.assembly.rules.conditions import Senses
 
 MAX_LETTERS = 8
 TIME_LIMIT = 120.0  # s

@@ -9,8 +9,8 @@ from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, t
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
 from kinetics.assembly.compiler.target import Target
-from kinetics.assembly.conditions import DIRECTIONS, Direction, Senses
-from kinetics.assembly.conditions import Target as Placed
+from kinetics.assembly.rules.conditions import DIRECTIONS, Direction, Senses
+from kinetics.assembly.rules.conditions import Target as Placed
 from kinetics.assembly.structure import Position
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")

@@ -12,7 +12,7 @@ from functools import cache
 from itertools import permutations, product
 from typing import NamedTuple
 
-from kinetics.assembly.conditions import Senses
+from kinetics.assembly.rules.conditions import Senses
 from kinetics.assembly.structure import NORMALS, Position
 
 TOP, SIDE = "f1", "f2"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-from kinetics.assembly.conditions import Direction
+from kinetics.assembly.rules.conditions import Direction
 from kinetics.assembly.structure import Position
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")

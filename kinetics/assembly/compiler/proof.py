@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from string import ascii_lowercase
 from typing import Any
 
-from kinetics.assembly.checker import check
+from kinetics.assembly.checking.checker import check
 from kinetics.assembly.compiler.plan import Channel
 from kinetics.assembly.compiler.search import Problem, Tables
 from kinetics.assembly.compiler.target import PLACEHOLDER
-from kinetics.assembly.conditions import Combination, Dissociation, Internal, Semantics
-from kinetics.assembly.derive import derive
-from kinetics.assembly.rules import RuleBook
+from kinetics.assembly.deriving.derive import derive
+from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal, Semantics
+from kinetics.assembly.rules.rule_book import RuleBook
 
 MERGED = ("partner", "partner_face", "face", "lost", "letter", "roll", "across")  # one-of conditions, in this order
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kinetics.assembly.conditions import Senses
-from kinetics.assembly.rules import RuleBook
+from kinetics.assembly.rules.conditions import Senses
+from kinetics.assembly.rules.rule_book import RuleBook
 
 
 class InfeasibleError(ValueError):

@@ -22,9 +22,9 @@ from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
-from kinetics.assembly.conditions import Semantics, Senses
-from kinetics.assembly.conditions import Target as Placed
-from kinetics.assembly.rules import RuleBook
+from kinetics.assembly.rules.conditions import Semantics, Senses
+from kinetics.assembly.rules.conditions import Target as Placed
+from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
 TIME_LIMIT = 120.0  # s

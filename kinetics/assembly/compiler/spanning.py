@@ -17,8 +17,8 @@ from itertools import permutations
 import numpy as np
 
 from kinetics.assembly.compiler.growth import beside
-from kinetics.assembly.conditions import Combination
 from kinetics.assembly.faces import compose, inverse, roll, turned
+from kinetics.assembly.rules.conditions import Combination
 from kinetics.assembly.structure import Position
 
 FREE = "a"

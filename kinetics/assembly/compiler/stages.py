@@ -22,7 +22,7 @@ from kinetics.assembly.compiler.growth import (
     beside,
     explore_stage,
 )
-from kinetics.assembly.conditions import Senses
+from kinetics.assembly.rules.conditions import Senses
 from kinetics.assembly.structure import Position
 
 LONGEST = 600  # states of a stage; a longer one is cut in two, if it is of more than one orbit

@@ -9,7 +9,7 @@ from typing import Any
 
 from kinetics.assembly.compiler.growth import SIDE
 from kinetics.assembly.compiler.merging import Tables
-from kinetics.assembly.conditions import Combination, Internal, Senses
+from kinetics.assembly.rules.conditions import Combination, Internal, Senses
 
 FREE = "a"
 Multiset = tuple[int, ...]

@@ -10,11 +10,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from kinetics.assembly.compiler.orientation import chosen_tops
-from kinetics.assembly.conditions import Direction, Senses
-from kinetics.assembly.conditions import Target as Placed
 from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.rules.conditions import Direction, Senses
+from kinetics.assembly.rules.conditions import Target as Placed
 from kinetics.assembly.structure import Position, Structure
-from kinetics.config import Settings, find, read_toml, validated
+from kinetics.support.config import Settings, find, read_toml, validated
 
 TARGETS = Path(__file__).parent.parent / "targets"
 MAX_TARGET = 250  # cubes

@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from kinetics.assembly.explore import explore
-from kinetics.assembly.history import random_growth
-from kinetics.assembly.rules import RuleBook
-from kinetics.assembly.ways import squeezes
+from kinetics.assembly.deriving.explore import explore
+from kinetics.assembly.deriving.history import random_growth
+from kinetics.assembly.deriving.ways import squeezes
+from kinetics.assembly.rules.rule_book import RuleBook
 
 MOST_STRUCTURES = 4000
 GROWTHS = 500

@@ -9,7 +9,7 @@ from growing import grown
 
 from kinetics.assembly import RuleBook, Senses, check, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, all_books, compile_book
-from kinetics.assembly.writing import written
+from kinetics.assembly.rules.writing import written
 
 # Fewest letters, that of a free cube among them; all joins that cubes can tell apart, and all breaks.
 FEWEST = {"line4": 4, "line5": 4, "t5": 3, "corner": 4, "plate2x2": 3}

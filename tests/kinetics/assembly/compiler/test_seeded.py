@@ -17,8 +17,8 @@ from kinetics.assembly.compiler.tables import covering, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
-from kinetics.assembly.conditions import Semantics
 from kinetics.assembly.faces import compose, turned
+from kinetics.assembly.rules.conditions import Semantics
 from kinetics.assembly.structure import Structure
 
 COOP = Senses(faces="two", roll=True, touched=True)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure
-from kinetics.assembly.conditions import Combination, Dissociation, Finished, Internal
-from kinetics.assembly.rules import BOOKS
-from kinetics.assembly.writing import WIDTH, written
+from kinetics.assembly.rules.conditions import Combination, Dissociation, Finished, Internal
+from kinetics.assembly.rules.rule_book import BOOKS
+from kinetics.assembly.rules.writing import WIDTH, written
 
 SHIPPED = sorted(path.stem for path in BOOKS.glob("*.toml"))
 

@@ -1,0 +1,1 @@
+"""From paths to rates: exposure, estimates with intervals, diagnostics."""

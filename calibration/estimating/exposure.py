@@ -1,0 +1,115 @@
+"""Events and exposure of every channel: all that a jump path says about the rate constants.
+
+Under mass action the likelihood of a fully observed path is prod_j k_j^events_j exp(-k_j exposure_j), so the two
+arrays counted here are sufficient. Competing channels and censored waits enter through the exposure alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.runs import RESTART, JumpPath
+from kinetics.support.arrays import Floats, Ints, integers, reals
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """What one run, or several pooled, says about the rates of a network.
+
+    events : (R,) firings of each channel
+    exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
+        combinations of reactants by the network's convention. 0 where a channel could never fire.
+    """
+
+    network: Network
+    events: Ints
+    exposure: Floats
+
+    def __post_init__(self) -> None:
+        shape = (len(self.network.channels),)
+        object.__setattr__(self, "events", integers("events", self.events, shape, minimum=0))
+        object.__setattr__(self, "exposure", reals("exposure", self.exposure, shape, minimum=0))
+        impossible = (self.events > 0) & (self.exposure == 0)
+        if impossible.any():
+            names = [self.network.channels[j] for j in np.flatnonzero(impossible)]
+            raise ValueError(
+                f"events of {', '.join(names)} without exposure: the channel was closed or had no reactants; "
+                "check open_channels and the network of the path"
+            )
+
+    def __add__(self, other: Exposure) -> Exposure:
+        if not isinstance(other, Exposure):
+            return NotImplemented
+        require_same(self.network, other.network)
+        return Exposure(self.network, self.events + other.events, self.exposure + other.exposure)
+
+    def __radd__(self, other: object) -> Exposure:
+        return self if other == 0 else NotImplemented  # so that sum() works
+
+
+def require_same(first: Network, second: Network) -> None:
+    """Refuse to pool what was measured on two networks or under two conventions."""
+    if first.fingerprint != second.fingerprint:
+        raise ValueError(
+            f"two networks: channels {list(first.channels)} and {list(second.channels)}; "
+            "pool only runs of one rule book"
+        )
+    if first.combinations != second.combinations or not np.array_equal(first.ways, second.ways):
+        raise ValueError("two conventions: the networks differ in their ways or combinations; derive both anew")
+
+
+def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure:
+    """Events and exposure of one path; waits that the end cut short count in full.
+
+    ages : only what happened at ages a <= t < b, the age being the time since the start or the last restart, in tu
+
+    A restart puts the state back to the initial one and is no event. Channels that were not open (`open_channels`)
+    gather no exposure.
+    """
+    lower, upper = ages
+    if not 0 <= lower < upper:
+        raise ValueError(f"ages = {ages}; expected 0 <= from < to")
+    edges = np.concatenate(([0.0], path.times, [path.end]))
+    restarted = path.channels == RESTART
+    # the moment from which the age of each sojourn counts
+    origin = np.maximum.accumulate(np.concatenate(([0.0], np.where(restarted, path.times, 0.0))))
+    waits = np.minimum(edges[1:], origin + upper) - np.maximum(edges[:-1], origin + lower)
+    network = path.network
+    exposure = network.ways * (np.clip(waits, 0.0, None) @ network.combinations_of(path.states))
+    exposure = np.where(path.open_channels, exposure, 0.0)
+    age = path.times - origin[:-1]
+    fired = path.channels[~restarted & (lower <= age) & (age < upper)]
+    return Exposure(network, np.bincount(fired, minlength=len(network.channels)), exposure)
+
+
+def pooled(exposures: Iterable[Exposure]) -> Exposure:
+    """Sum of the exposures of several runs."""
+    runs = list(exposures)
+    if not runs:
+        raise ValueError("no runs to count; give at least one path")
+    return sum(runs[1:], runs[0])
+
+
+def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:
+    """The runs cut by age at `edges` (tu, rising): does the rate change after a (re)start?"""
+    runs = list(paths)
+    return {f"{a:g}-{b:g} tu": pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
+
+
+def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:
+    """The runs grouped by their initial composition: is the rate constant one constant?"""
+    groups: dict[str, list[Exposure]] = {}
+    for path in paths:
+        groups.setdefault(composition(path), []).append(count(path))
+    return {name: pooled(group) for name, group in groups.items()}
+
+
+def composition(path: JumpPath) -> str:
+    """The initial state in words: `40 monomer, 10 dimer`."""
+    species = path.network.species
+    return ", ".join(f"{n} {species[i]}" for i, n in enumerate(path.initial) if n) or "nothing"

@@ -1,0 +1,178 @@
+"""Rates at each point of a study; and, where points share a scene, first times predicted from the others' rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.estimating.estimate import Calibration, estimate
+from calibration.validating.first_times import FirstTimes, compare_first_times
+from kinetics.network import Network
+from kinetics.predicting.prediction import noise_free_limits
+from kinetics.runs import JumpPath
+from kinetics.sampling import Direct
+from kinetics.support.arrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GROUPS = 499  # draws of the rates behind a p-value
+RUNS = 200  # SSA runs under each draw
+GRID = 201  # times at which these are looked at
+EXACT_STATES = 20_000  # with more of them, SSA runs stand in for the exact law
+
+
+@dataclass(frozen=True, eq=False)
+class PointRuns:
+    """Runs of one point, which end with the first copy of the target or at the study's cap.
+
+    kin : the same for points whose rates must agree, if the tank is well mixed: those of one scene
+    """
+
+    title: str
+    kin: str
+    paths: tuple[JumpPath, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PointRates:
+    """What a point's runs say.
+
+    first : its first times beside the law under the rates of its kin, which these runs are no part of; None: no kin
+    low, high : what the kin's rates leave open of its predicted mean, 95 %, tu
+    rates_from : titles of the kin
+    """
+
+    title: str
+    calibration: Calibration
+    first: FirstTimes | None = None
+    low: float = np.nan
+    high: float = np.nan
+    rates_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RatesByPoint:
+    """Rates of all points of a study. cap : tu at which runs without a target ended"""
+
+    points: tuple[PointRates, ...]
+    species: str
+    cap: float
+    seed: int
+
+    def rates_table(self) -> list[dict[str, Any]]:
+        """One row a point and channel that a run could have fired: events, exposure (tu), rate and limits (1/tu)."""
+        return [
+            {"point": point.title} | {key: row[key] for key in row if key != "note"}
+            for point in self.points
+            for row in point.calibration.table()
+            if row["exposure"] > 0
+        ]
+
+    def first_table(self) -> list[dict[str, Any]]:
+        """One row a point with kin: means of min(first time, cap) in tu, seen with 95 % limits and predicted."""
+        rows = []
+        for point in self.points:
+            if (first := point.first) is not None:
+                at_cap = 1.0 - first.curve[-1]
+                rows.append(
+                    {
+                        "point": point.title,
+                        "runs": first.observed.size,
+                        "none_by_cap": first.censored,
+                        "none_by_cap_predicted": first.observed.size * float(at_cap),
+                        "mean": first.observed_mean,
+                        "low": first.low,
+                        "high": first.high,
+                        "predicted": first.predicted_mean,
+                        "predicted_low": point.low,
+                        "predicted_high": point.high,
+                        "p_value": first.p_value,
+                        "rates_from": "; ".join(point.rates_from),
+                    }
+                )
+        return rows
+
+    def plot(self, ax: Axes, channel: str) -> Axes:
+        """The rate of one channel, point by point, with exact 95 % intervals; returns `ax`."""
+        from calibration import plots
+
+        return plots.rates_by_point(ax, self, channel)
+
+    def plot_first(self, ax: Axes) -> Axes:
+        """Mean first times, seen and predicted, point by point; returns `ax`."""
+        from calibration import plots
+
+        return plots.first_by_point(ax, self)
+
+
+def rates_by_point(points: Sequence[PointRuns], species: str, cap: float, seed: int = 0) -> RatesByPoint:
+    """Rates at each point, and first times predicted from the rates of its kin.
+
+    cap : tu until which every run would have been watched, had it not ended with its first `species`
+
+    A channel that no run of the kin could have fired counts as one that does not happen.
+    """
+    for point in points:
+        if not point.paths:
+            raise ValueError(f"no runs at {point.title}; make them first")
+    exposures = [estimate(point.paths).runs for point in points]
+    found = []
+    for i, (point, own) in enumerate(zip(points, exposures, strict=True)):
+        kin = [j for j, other in enumerate(points) if j != i and other.kin == point.kin]
+        if not kin:
+            found.append(PointRates(point.title, estimate(own)))
+        else:
+            others = estimate(run for j in kin for run in exposures[j])
+            rates, draws = _rates(others, seed)
+            network = others.network.with_rates(rates)
+            first = compare_first_times(
+                network,
+                point.paths,
+                species,
+                seed=seed,
+                rate_draws=draws,
+                max_states=EXACT_STATES,
+                horizon=cap,
+            )
+            low, high = _left_open(network, point.paths[0].initial, species, cap, draws, seed)
+            titles = tuple(points[j].title for j in kin)
+            found.append(PointRates(point.title, estimate(own), first, low, high, titles))
+    return RatesByPoint(tuple(found), species, cap, seed)
+
+
+def most_seen(found: RatesByPoint) -> tuple[str, ...]:
+    """Channels that fired, by the events that all points saw, the most first."""
+    events = np.sum([point.calibration.total.events for point in found.points], axis=0)
+    names = found.points[0].calibration.network.channels
+    return tuple(names[j] for j in np.argsort(-events, kind="stable") if events[j])
+
+
+def _rates(calibration: Calibration, seed: int) -> tuple[Floats, Floats]:
+    """Rates (R,), and draws (groups, R) of their posterior under Jeffreys' prior; 0 without exposure."""
+    measured = [e.is_measured for e in calibration.estimates]
+    rates = np.array([e.rate if e.is_measured else 0.0 for e in calibration.estimates])
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+    draws = np.zeros((GROUPS, rates.size))
+    for j in np.flatnonzero(measured):
+        shape, exposure = calibration.estimates[j].posterior
+        draws[:, j] = rng.gamma(shape, 1.0 / exposure, size=GROUPS)
+    return rates, draws
+
+
+def _left_open(
+    network: Network, initial: Ints, species: str, cap: float, draws: Floats, seed: int
+) -> tuple[float, float]:
+    """Middle 95 % of the mean of min(first time, cap) over draws of the rates, its sampling noise taken out."""
+    index, times = network.index(species), np.linspace(0.0, cap, GRID)
+    stays = network.reactants[:, index] == 0
+    means, noise = np.empty(len(draws)), np.empty(len(draws))
+    for g, drawn in enumerate(draws):
+        runs = Direct().simulate(network.with_rates(drawn * stays), initial, times, RUNS, seed, first_run=g * RUNS)
+        waits = np.trapezoid((runs.counts[:, :, index] < 1).astype(float), times, axis=1)
+        means[g], noise[g] = waits.mean(), waits.var(ddof=1) / RUNS
+    low, high = noise_free_limits(means, noise.mean())
+    return float(low), float(high)

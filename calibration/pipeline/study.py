@@ -1,0 +1,289 @@
+"""The pipeline from a scene to trusted rates: calibration runs, estimates, held-out runs, comparison.
+
+The one module (with its commands) that knows all three rooms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.estimating.diagnostics import Diagnosis, diagnose
+from calibration.estimating.estimate import Calibration, estimate, paper_estimate
+from calibration.validating.crossvalidation import CrossValidation, crossvalidate
+from kinetics.assembly import Derivation
+from kinetics.rates import Rates
+from mechsim.effects import EFFECTS
+from mechsim.runs.ensemble import Outcome, run_all
+from mechsim.runs.executors import Executor
+from mechsim.runs.preflight import check_starts
+from mechsim.runs.record import RunRecord, RunSpec, book_of, kinds, open_channels
+from mechsim.runs.species import single_cubes, some_of, species_of
+from mechsim.runs.store import RunStore
+from mechsim.scene import Scene
+
+LONGEST = 500.0  # tu; longer experiments are cut into runs of equal length, so that workers share them
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Calibration runs of one kind: restarted after every event, from one composition.
+
+    composition : species -> copies
+    joins : False takes what makes joins out of the scene; then only breaks can happen, and nothing else uses up the
+        time
+    """
+
+    composition: dict[str, int]
+    joins: bool
+
+
+def experiments(derivation: Derivation, n_cubes: int) -> list[Experiment]:
+    """What to run so that every channel of a network is seen at `n_cubes` cubes.
+
+    A tank of all species in equal shares of cubes, and for each join one of its reactants. Breaks are rare, so for each
+    species that breaks there is a tank without joins, half of it that species and half the same mixed crowd:
+    collisions break bonds, and a tank of few large structures has fewer of them than the assembly passes through.
+    """
+    network = derivation.network
+    sizes = {name: len(structure) for name, structure in derivation.structures.items()}
+    free = str(species_of(derivation, derivation.book.monomer()))
+    crowd = dict.fromkeys(network.species, 1.0)
+
+    def mixture(shares: dict[str, float]) -> dict[str, int]:
+        """Cubes in these shares among the species; what is left over becomes free cubes."""
+        whole = sum(shares.values())
+        counts = {name: int(n_cubes * share / whole / sizes[name]) for name, share in shares.items()}
+        counts[free] = counts.get(free, 0) + n_cubes - sum(sizes[name] * n for name, n in counts.items())
+        return {name: n for name, n in counts.items() if n}
+
+    wanted = [Experiment(mixture(crowd), True)]
+    for reactants, kind in zip(network.reactants, kinds(derivation), strict=True):
+        before = [network.species[s] for s in np.flatnonzero(reactants)]
+        if kind == "join":
+            wanted.append(Experiment(mixture(dict.fromkeys(before, 1.0)), True))
+        else:
+            source = {before[0]: 1.0 + len(crowd)}
+            wanted.append(Experiment(mixture(crowd | source), False))
+    return list({repr(experiment): experiment for experiment in wanted}.values())
+
+
+def calibration_specs(scene: Scene, n_cubes: int, join_time: float, break_time: float, seed: int) -> list[RunSpec]:
+    """Runs of all experiments: `join_time` tu for each with joins, `break_time` tu for each without."""
+    for name, value in (("join time", join_time), ("break time", break_time)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} = {value}; expected a finite number of tu above 0")
+    book, derivation = book_of(scene.rules)
+    network = derivation.network
+    if book.seed() is not None:
+        raise ValueError(
+            f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its {len(network.channels)} "
+            "channels are not measured one by one; simulate its growth instead"
+        )
+    for kind in dict.fromkeys(kinds(derivation)):
+        if not scene.openers(kind):
+            able = [effect.model_fields["effect"].default for effect in EFFECTS if kind in effect.opens]
+            raise ValueError(
+                f"scene {scene.name} lists no effect that makes {kind}s happen ({', '.join(able)}); calibration "
+                f"measures every channel of book {scene.rules}"
+            )
+    planned = [
+        (e, scene if e.joins else scene.without(*scene.openers("join"))) for e in experiments(derivation, n_cubes)
+    ]
+    measured = np.zeros(len(network.channels), bool)
+    for experiment, setting in planned:
+        at_start = network.combinations_of(network.state(experiment.composition)) > 0
+        measured |= at_start & open_channels(setting, derivation)
+    if not measured.all():
+        names = [name for name, seen in zip(network.channels, measured, strict=True) if not seen]
+        raise ValueError(f"cubes = {n_cubes}: too few to start runs from the reactants of {some_of(names)}; take more")
+    specs = []
+    for experiment, setting in planned:
+        total = join_time if experiment.joins else break_time
+        runs = math.ceil(total / LONGEST)
+        specs += [
+            RunSpec(setting, experiment.composition, total / runs, seed, run, restart=True) for run in range(runs)
+        ]
+    return specs
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationStudy:
+    """Calibration runs and what they show. Runs that the guard stopped are left out, and counted."""
+
+    scene: Scene
+    outcome: Outcome
+    settings: dict[str, Any]
+
+    @cached_property
+    def sound(self) -> list[RunRecord]:
+        """Runs that reached their end; ValueError where none did."""
+        sound = [record for record in self.outcome.records if record.completed]
+        if not sound:
+            raise ValueError(f"no calibration run reached its end; the first of them: {self.problems[0]}")
+        return sound
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """Pooled events and exposures of all channels."""
+        return estimate(record.path for record in self.sound)
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Are waits exponential, and rates the same in all runs?"""
+        return diagnose([record.path for record in self.sound])
+
+    @cached_property
+    def paper_rates(self) -> dict[str, float]:
+        """The paper's own estimator on the same runs."""
+        return paper_estimate([record.path for record in self.sound])
+
+    @property
+    def cpu_seconds(self) -> float:
+        """Of all runs."""
+        return sum(record.cost["cpu_seconds"] for record in self.outcome.records)
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were stopped by the guard or given up, in words."""
+        stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
+        return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
+
+    @cached_property
+    def rates(self) -> Rates:
+        """The estimates with their evidence, ready to be saved."""
+        paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
+        evidence = {
+            "scene": self.scene.name,
+            "scene_hash": self.scene.fingerprint,
+            "rules": self.scene.rules,
+            "rules_hash": book_of(self.scene.rules)[0].fingerprint,
+            **self.settings,
+            "runs": len(self.sound),
+            "runs_left_out": len(self.problems),
+            "runs_digest": self.outcome.digest,
+            "cpu_seconds": round(self.cpu_seconds, 1),
+            "versions": {name: version(name) for name in ("wellmixed", "pybullet", "numpy")},
+            "doubtful_tests": self.diagnosis.doubtful,
+            "paper_estimator": paper,
+        }
+        return self.calibration.rates(evidence)
+
+
+def run_calibration(
+    scene: Scene,
+    runs_folder: str | Path,
+    *,
+    cubes: int = 60,
+    join_time: float = 1000.0,
+    break_time: float = 4000.0,
+    seed: int = 1,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> CalibrationStudy:
+    """Make the missing calibration runs and read the others. Times are tu per experiment (see
+    `calibration_specs`)."""
+    specs = calibration_specs(scene, cubes, join_time, break_time, seed)
+    settings = {"cubes": cubes, "join_time": join_time, "break_time": break_time, "seed": seed}
+    return CalibrationStudy(scene, _run(specs, runs_folder, workers, progress), settings)
+
+
+def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
+    """ValueError for rates of another network, or calibrated with the same seed: those runs would share their random
+    numbers with the calibration."""
+    rates.apply(book_of(scene.rules)[1].network)
+    if rates.evidence.get("seed") == seed:
+        raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationStudy:
+    """Held-out runs beside their prediction, one comparison a system size."""
+
+    rates: Rates
+    outcome: Outcome
+    comparisons: tuple[CrossValidation, ...]
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were stopped by the guard or given up, in words."""
+        stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
+        return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
+
+    def summary(self) -> list[dict[str, Any]]:
+        """One row a size."""
+        return [comparison.summary() for comparison in self.comparisons]
+
+
+def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> list[RunSpec]:
+    """Assembly from single cubes, `runs` runs at each size."""
+    if runs < 2:
+        raise ValueError(f"runs = {runs}; a mean with an interval needs at least 2")
+    if not sizes or min(sizes) < 1:
+        raise ValueError(f"cubes = {list(sizes)}; expected one or more sizes of at least 1")
+    derivation = book_of(scene.rules)[1]
+    starts = [single_cubes(derivation, n) for n in dict.fromkeys(sizes)]
+    return [RunSpec(scene, start, duration, seed, run) for start in starts for run in range(runs)]
+
+
+def run_validation(
+    scene: Scene,
+    rates: Rates,
+    runs_folder: str | Path,
+    *,
+    sizes: Sequence[int] = (60, 80, 120),
+    runs: int = 10,
+    duration: float = 2000.0,
+    points: int = 41,
+    seed: int = 2,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> ValidationStudy:
+    """Make the missing held-out runs and compare them with the prediction at `points` times from 0 to `duration`.
+
+    ValueError for rates that do not pass `check_held_out`.
+    """
+    check_held_out(scene, rates, seed)
+    book, derivation = book_of(scene.rules)
+    outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
+    target = species_of(derivation, book.target)
+    comparisons = []
+    for n in dict.fromkeys(sizes):
+        records = [r for r in outcome.records if r.spec.n_cubes == n and r.completed]
+        if len(records) < 2:
+            raise ValueError(f"fewer than two of the runs with {n} cubes reached their end: nothing to compare")
+        comparisons.append(
+            crossvalidate(
+                derivation.network,
+                rates,
+                [record.path for record in records],
+                np.linspace(0.0, duration, points),
+                target=target,
+                label=f"{n} cubes",
+                seed=seed,
+                mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
+            )
+        )
+    return ValidationStudy(rates, outcome, tuple(comparisons))
+
+
+def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
+    """One run from single cubes with its first and last poses, for a picture."""
+    (spec,) = validation_specs(scene, [cubes], 2, duration, seed)[:1]
+    outcome = _run([replace(spec, poses=duration)], runs_folder, workers=1, progress=False)
+    if not outcome.records:
+        raise ValueError(f"{spec.title}: given up: {outcome.quarantined[0].reasons[-1]}")
+    return outcome.records[0]
+
+
+def _run(specs: list[RunSpec], runs_folder: str | Path, workers: int | Executor, progress: bool | None) -> Outcome:
+    """Make what is missing and read the others; a mistake in the specs is found before the folder is made."""
+    check_starts(specs)
+    return run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)

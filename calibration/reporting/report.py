@@ -1,0 +1,204 @@
+"""A report in one HTML file: text, tables, charts and where it all comes from. It loads nothing from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import math
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from kinetics.support.tables import Rows, csv_text
+
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem;
+       margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ddd; }
+figure { margin: 1.5rem 0; } figure > div { overflow-x: auto; } img { max-width: 100%; height: auto; }
+figcaption { color: #444; font-size: 0.9rem; margin: 0.3rem 0; }
+table { border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.25rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #888; }
+table.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
+"""
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading within the report."""
+
+    text: str
+
+    def html(self) -> str:
+        """The heading as HTML."""
+        return f"<h2>{html.escape(self.text)}</h2>"
+
+
+@dataclass(frozen=True)
+class Text:
+    """Plain text; an empty line begins a new paragraph."""
+
+    text: str
+
+    def html(self) -> str:
+        """The paragraphs as HTML."""
+        paragraphs = re.split(r"\n\s*\n", self.text.strip())
+        return "\n".join(f"<p>{html.escape(paragraph)}</p>" for paragraph in paragraphs)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of one kind. Named ones are written as CSV too where that is asked for.
+
+    rows : mappings from column to number or text; the columns are those of the first row
+    """
+
+    caption: str
+    rows: Rows
+    name: str = ""
+
+    def html(self) -> str:
+        """The table as HTML, numbers to four figures."""
+        return f"<figure><figcaption>{html.escape(self.caption)}</figcaption>{_html_table(self.rows)}</figure>"
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure and the data behind it.
+
+    draw : called with the axes, or with a list of `panels` axes where there are several
+    rows, name : the data; picture and data are written under this name where that is asked for
+    """
+
+    caption: str
+    draw: Callable[[Any], Any]
+    panels: int = 1
+    rows: Rows = ()
+    name: str = ""
+
+    def html(self) -> str:
+        """The figure as HTML, its picture within it as SVG."""
+        caption = html.escape(self.caption)
+        picture = base64.b64encode(self.svg).decode()
+        source = f"data:image/svg+xml;base64,{picture}"
+        return f'<figure><img alt="{caption}" src="{source}"><figcaption>{caption}</figcaption></figure>'
+
+    @cached_property
+    def svg(self) -> bytes:
+        """The picture; the same drawing gives the same bytes."""
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+
+        columns = self.panels if self.panels <= 3 else 2
+        lines = math.ceil(self.panels / columns)
+        size = (6.4, 4.2) if self.panels == 1 else (max(10.0, 4.2 * columns), 3.6 * lines)
+        # the hash salt and the missing date keep the file the same from one run to the next
+        with mpl.rc_context({"svg.hashsalt": "wellmixed", "font.size": 9.0}):
+            figure = Figure(figsize=size, layout="constrained")
+            axes = [figure.add_subplot(lines, columns, i + 1) for i in range(self.panels)]
+            self.draw(axes[0] if self.panels == 1 else axes)
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format="svg", metadata={"Date": None})
+        return buffer.getvalue()
+
+
+Part = Heading | Text | Table | Chart
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was done, found and made of it, in one file.
+
+    provenance : seeds, hashes, versions, costs: names to numbers, text, lists or nested mappings
+    """
+
+    title: str
+    parts: Sequence[Part]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.parts if isinstance(part, Table | Chart) and part.name]
+        for name in names:
+            if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+                raise ValueError(f"part name {name!r}; expected letters, digits, - and _, for it names a file")
+            if names.count(name) > 1:
+                raise ValueError(f"two parts are named {name!r}; their CSV files would overwrite each other")
+
+    def html(self) -> str:
+        """The whole page."""
+        body = "\n".join(part.html() for part in self.parts)
+        facts = [{"what": key, "value": value} for key, value in _flattened(self.provenance)]
+        origin = f"<h2>Provenance</h2>\n{_html_table(facts, 'facts', head=False)}" if facts else ""
+        title = html.escape(self.title)
+        return (
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f"<title>{title}</title>\n<style>{STYLE}</style></head>\n"
+            f"<body>\n<h1>{title}</h1>\n{body}\n{origin}\n</body></html>\n"
+        )
+
+    def write(self, path: str | Path, data: bool = False) -> list[Path]:
+        """Write the page; with `data` beside it, named parts as `<page>_<name>.csv`, and charts as `.svg` too.
+
+        Returns the paths written, the page last: every picture is drawn before anything is written.
+        """
+        page = Path(path)
+        contents = {page: self.html().encode()}
+        named = [part for part in self.parts if isinstance(part, Table | Chart) and part.name] if data else []
+        for part in named:
+            stem = f"{page.stem}_{part.name}"
+            if part.rows:
+                contents[page.with_name(f"{stem}.csv")] = csv_text(part.rows).encode()
+            if isinstance(part, Chart):
+                contents[page.with_name(f"{stem}.svg")] = part.svg
+        for target in sorted(contents, key=lambda written: written == page):
+            temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+            try:
+                temporary.write_bytes(contents[target])
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
+        return sorted(contents, key=lambda written: written == page)
+
+
+def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
+    if not rows:
+        return "<p>No rows.</p>"
+    columns = list(rows[0])
+    titles = "".join(f"<th>{html.escape(str(column))}</th>" for column in columns)
+    lines = [
+        "<tr>" + "".join(f"<td>{html.escape(_shown(row.get(column)))}</td>" for column in columns) + "</tr>"
+        for row in rows
+    ]
+    first = f"<tr>{titles}</tr>\n" if head else ""
+    return f'<div><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
+
+
+def _shown(value: Any) -> str:
+    """A cell for a reader: four figures, a dash where there is nothing."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "∞" if value == math.inf else f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_shown(item) for item in value)
+    return str(value)
+
+
+def _flattened(facts: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
+    """Nested mappings as dotted names."""
+    flat = []
+    for key, value in facts.items():
+        name = f"{above}{key}"
+        flat += _flattened(value, f"{name}.") if isinstance(value, Mapping) else [(name, value)]
+    return flat

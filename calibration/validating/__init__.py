@@ -1,0 +1,1 @@
+"""Prediction held against mechanics that the rates never saw."""

@@ -1,0 +1,269 @@
+"""Time to the first copy of a species: observed in runs, and by the law of first passage, exact where it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.runs import JumpPath
+from kinetics.sampling import Direct
+from kinetics.solving.states import MAX_STATES, TooManyStatesError
+from kinetics.support.arrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DRAWS = 9999  # of the null distribution of the test; the smallest p-value is 1 / (DRAWS + 1)
+CURVE = 401  # points of the predicted curve, from 0 to the horizon
+SAMPLES = 10_000  # SSA runs that stand in for the exact law; the error of their curve is 0.005 at most
+PIECE = 1000  # of them at a time, so that they do not fill the memory
+
+
+@dataclass(frozen=True, eq=False)
+class FirstTimes:
+    """First times seen in runs beside those predicted; all times in tu.
+
+    observed : (n,) first times, nan where none was seen by the horizon (censored)
+    horizon : every run was watched at least so long; later first times count as censored
+    observed_mean, low, high : mean of min(time, horizon) with its Student t interval over the runs
+    predicted_mean : mean of min(time, horizon), to stand beside it; predicted_error : its standard error by sampling, 0
+        where it is exact
+    mean, sd : exact, without a horizon; nan where the law is sampled
+    curve_times, curve : distribution function
+    samples : number of SSA runs that stand in for the exact law; 0 where it is exact
+    distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the chance of one as large
+    """
+
+    species: str
+    observed: Floats
+    horizon: float
+    observed_mean: float
+    low: float
+    high: float
+    predicted_mean: float
+    predicted_error: float
+    mean: float
+    sd: float
+    curve_times: Floats
+    curve: Floats
+    samples: int
+    distance: float
+    p_value: float
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the predicted law is free of sampling error."""
+        return self.samples == 0
+
+    @property
+    def curve_error(self) -> float:
+        """Largest standard error of the curve by sampling; 0 where it is exact."""
+        return 0.0 if self.is_exact else float(np.sqrt(self.curve * (1 - self.curve) / self.samples).max())
+
+    @property
+    def censored(self) -> int:
+        """Runs without a copy by the horizon."""
+        return int(np.isnan(self.observed).sum())
+
+    def plot(self, ax: Axes) -> Axes:
+        """Share of runs with a copy, with its 95 % band, beside the predicted curve; returns `ax`."""
+        from calibration import plots
+
+        return plots.first_times(ax, self)
+
+
+def compare_first_times(
+    network: Network,
+    paths: Sequence[JumpPath],
+    species: str,
+    level: float = 0.95,
+    seed: int = 0,
+    rate_draws: Floats | None = None,
+    first_run: int = 0,
+    max_states: int = MAX_STATES,
+    horizon: float | None = None,
+) -> FirstTimes:
+    """First times of `paths` against the law of `network` (with rate constants) from the same initial state.
+
+    rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
+    first_run : number of the first simulated run, see `Direct.simulate`
+    max_states : with more states on the way than these, the law is that of 10,000 SSA runs
+    horizon : tu until which all runs would have been watched, had they not ended with their first copy. None: they did
+        not, and all were watched as long as the shortest
+
+    Runs still waiting at the horizon are not thrown away: they enter both means as `horizon`, and the test compares the
+    curves only up to there, with the null distribution drawn under the same censoring.
+    """
+    if paths[0].initial[network.index(species)]:
+        raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")
+    times = np.array([path.first_time(species) for path in paths])
+    watched = np.array([path.end for path in paths])
+    if horizon is None:
+        horizon = float(watched.min())
+    elif (short := np.isnan(times) & (watched < horizon)).any():
+        raise ValueError(f"horizon = {horizon:g}, but a run without a copy ends at {watched[short].min():g} tu")
+    times[times > horizon] = np.nan
+    cut = np.nan_to_num(times, nan=horizon)
+    grid = np.linspace(0.0, horizon, CURVE)
+    law = _law(network, paths[0].initial, species, grid, seed, first_run, max_states)
+    curve = law.curve
+    levels = np.where(np.isfinite(times), law.cdf(cut), np.inf)
+    null = None
+    if rate_draws is not None:
+        cells = np.unique(np.append(np.interp(np.linspace(0.0, curve[-1], CURVE), curve, grid), horizon))
+        bounds = np.append(law.cdf(cells), np.inf)
+        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run + law.samples)
+    distance, p_value = censored_ks_test(levels, curve[-1], null, seed)
+    low, high = student_interval(cut, level)
+    return FirstTimes(
+        species=species,
+        observed=times,
+        horizon=horizon,
+        observed_mean=float(cut.mean()),
+        low=max(float(low), 0.0),  # a wait is not negative, whatever the t interval of few runs says
+        high=float(high),
+        predicted_mean=float(np.trapezoid(1 - curve, grid)),
+        predicted_error=law.mean_error,
+        mean=law.mean,
+        sd=law.sd,
+        curve_times=grid,
+        curve=curve,
+        samples=law.samples,
+        distance=distance,
+        p_value=p_value,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """Law of a first passage: its distribution function, and the same on a grid up to the horizon.
+
+    mean, sd : without a horizon; nan where unknown
+    mean_error : standard error of the mean of min(time, horizon); samples : runs behind it, 0 where it is exact
+    """
+
+    cdf: Callable[[Floats], Floats]
+    curve: Floats
+    mean: float
+    sd: float
+    mean_error: float = 0.0
+    samples: int = 0
+
+
+def _law(
+    network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
+) -> _Law:
+    """The exact law, or that of SSA runs where the states are too many."""
+    from kinetics.passage import first_passage
+
+    try:
+        exact = first_passage(network, initial, species, max_states=max_states)
+        return _Law(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
+    except TooManyStatesError:
+        pass
+    index = network.index(species)
+    lasting = network.with_rates(network.known_rates * (network.reactants[:, index] == 0))
+    waiting = np.concatenate(
+        [
+            Direct().simulate(lasting, initial, grid, PIECE, seed, first_run=first_run + begin).counts[:, :, index] < 1
+            for begin in range(0, SAMPLES, PIECE)
+        ]
+    )
+    curve = 1.0 - waiting.mean(axis=0)
+    waits = np.trapezoid(waiting.astype(float), grid, axis=1)
+    return _Law(
+        cdf=lambda times: np.interp(times, grid, curve),
+        curve=curve,
+        mean=float("nan"),
+        sd=float("nan"),
+        mean_error=float(waits.std(ddof=1) / np.sqrt(SAMPLES)),
+        samples=SAMPLES,
+    )
+
+
+def _drawn_levels(
+    network: Network,
+    paths: Sequence[JumpPath],
+    species: str,
+    rate_draws: Floats,
+    cells: tuple[Floats, Floats],
+    seed: int,
+    first_run: int,
+) -> Floats:
+    """Levels (groups, n) of simulated first times under each draw of the rates, on the point rates' law.
+
+    cells : times (C,) at which the runs are looked at, and the law's levels (C + 1,) there, the last one inf
+
+    A run's level is drawn evenly from the cell in which its first copy came: exact where the draw is the point rates.
+    """
+    times, bounds = cells
+    index, n = network.index(species), len(paths)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    # With nothing that uses up the species, it is there at a time if and only if it has come by then.
+    stays = network.reactants[:, index] == 0
+    levels = np.empty((len(rate_draws), n))
+    for g, drawn in enumerate(rate_draws):
+        runs = Direct().simulate(
+            network.with_rates(drawn * stays),
+            paths[0].initial,
+            times,
+            runs=n,
+            seed=seed,
+            threads=1,
+            first_run=first_run + g * n,
+        )
+        cell = (runs.counts[:, :, index] < 1).sum(axis=1)
+        lower = bounds[np.maximum(cell - 1, 0)]
+        upper = bounds[cell]
+        levels[g] = np.where(np.isfinite(upper), lower + rng.random(n) * (upper - np.minimum(lower, upper)), np.inf)
+    return levels
+
+
+def censored_ks_test(
+    levels: Floats, limit: float, null_levels: Floats | None = None, seed: int = 0
+) -> tuple[float, float]:
+    """Kolmogorov-Smirnov test of n times whose law is known, seen only while its distribution function is <= limit.
+
+    levels : (n,) distribution function at the times, inf for those not seen: uniform before the censoring
+    null_levels : (groups, n) levels of simulated times; None: uniforms, which is the law itself
+
+    Returns the distance and its p-value among samples censored in the same way.
+    """
+    n = levels.size
+    distance = _distances(levels[None, :], limit)[0]
+    if null_levels is None:
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
+        chunk = max(1, 10**6 // n)  # rows at a time, so that many runs do not fill the memory
+        sizes = [min(chunk, DRAWS - begin) for begin in range(0, DRAWS, chunk)]
+        null = np.concatenate([_distances(rng.random((size, n)), limit) for size in sizes])
+    else:
+        null = _distances(null_levels, limit)
+    return float(distance), float((1 + np.count_nonzero(null >= distance - 1e-12)) / (null.size + 1))
+
+
+def _distances(levels: Floats, limit: float) -> Floats:
+    """Largest distance (draws,) on [0, limit] between the empirical curves of `levels` (draws, n) and the diagonal."""
+    n = levels.shape[1]
+    x = np.sort(levels, axis=1)
+    step = np.arange(n + 1) / n
+    # at each level seen the curve steps up; beyond the last one the diagonal goes on to the limit
+    above = np.where(x <= limit, step[1:] - x, 0.0).max(axis=1)
+    below = (np.minimum(x, limit) - step[:-1]).max(axis=1)
+    return np.maximum(above, below)
+
+
+def student_interval(values: Floats | Ints, level: float = 0.95) -> tuple[Floats, Floats]:
+    """Interval of the mean over the first axis by Student's t; nan for a single run."""
+    from scipy.special import stdtrit
+
+    runs = len(values)
+    if runs == 1:
+        unknown = np.full(np.shape(values)[1:], np.nan)
+        return unknown, unknown
+    mean = np.mean(values, axis=0)
+    half = stdtrit(runs - 1, (1 + level) / 2) * np.std(values, axis=0, ddof=1) / np.sqrt(runs)
+    return mean - half, mean + half

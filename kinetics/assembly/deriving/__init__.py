@@ -1,0 +1,1 @@
+"""From a rule book to every structure, every reaction, and the reaction network."""

@@ -1,0 +1,1 @@
+"""Pictures of structures, rules, networks and counterexamples."""

@@ -1,0 +1,1 @@
+"""Rule books: what a cube reads, whether two may bond, and what comes of it."""

@@ -1,0 +1,257 @@
+"""Rules as lists of conditions: when a rule fits a cube, and when two rules contradict each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from kinetics.assembly.faces import turned
+from kinetics.assembly.structure import Structure
+from kinetics.support.config import Settings
+
+Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
+DIRECTIONS: tuple[Direction, ...] = ("x", "-x", "y", "-y", "z", "-z")  # as faces are numbered
+
+
+def _as_list(value: Any) -> Any:
+    """A single letter or face may be written without brackets."""
+    return (value,) if isinstance(value, str) else value
+
+
+def _as_multiset(value: Any) -> Any:
+    value = _as_list(value)
+    is_letters = isinstance(value, list | tuple) and all(isinstance(v, str) for v in value)
+    return tuple(sorted(value)) if is_letters else value
+
+
+def _as_rolls(value: Any) -> Any:
+    """Angles may be written as numbers."""
+    values = value if isinstance(value, list | tuple) else (value,)
+    is_plain = all(isinstance(v, str | int) and not isinstance(v, bool) for v in values)
+    return tuple(map(str, values)) if is_plain else value
+
+
+OneOf = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_list)]  # None: any
+Multiset = Annotated[tuple[str, ...] | None, BeforeValidator(_as_multiset)]  # None: any
+Rolls = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_rolls)]
+EXACT = ("neighbours", "touched")  # multisets that must be met exactly; all others but `has` are one-of
+
+
+class Senses(Settings):
+    """What a cube can sense. Letters of its own and of bonded cubes are always known to it.
+
+    faces : the face scheme: `one` (all alike), `two` (f1: top and bottom, f2: the sides) or `six` (f1 to f6)
+    roll : the twist at which another cube docks
+    across : the letter of the cube at the face opposite the docking one
+    touched : the letters of all cubes that it touches once docked, not the partner's alone
+    """
+
+    faces: str
+    roll: bool = False
+    across: bool = False
+    touched: bool = False
+
+
+class Rule(Settings):
+    """What all rules share. A condition that is left out holds always.
+
+    rule : its name, for people
+    letter : the cube's own letter, one of these
+    neighbours : the letters of the cubes bonded to it, exactly these in any order; for a cube that is
+        about to bond or that loses a bond, without the partner
+    has : the letters of cubes bonded to it, at least these
+    becomes : its letter afterwards
+    """
+
+    rule: str
+    letter: OneOf = None
+    neighbours: Multiset = None
+    has: Multiset = None
+    becomes: str
+
+    @property
+    def conditions(self) -> dict[str, tuple[str, ...] | None]:
+        """Condition -> what it admits; None admits everything."""
+        skip = {"rule", "becomes"}
+        return {name: getattr(self, name) for name in type(self).model_fields if name not in skip}
+
+
+class Combination(Rule):
+    """A bond forms: face types and the partner's letter are read as well.
+
+    The other conditions need the sense of that name (see Senses).
+    roll : the twist between the two cubes, one of these
+    across : the letter of the cube at the face opposite the docking one, one of these; "" is for none there
+    touched : the letters of all cubes of the other structure that this one touches once docked, the partner's
+        among them; exactly these in any order
+    """
+
+    face: OneOf = None
+    partner: OneOf = None
+    partner_face: OneOf = None
+    roll: Rolls = None
+    across: OneOf = None
+    touched: Multiset = None
+
+
+class Dissociation(Rule):
+    """A bond breaks: `lost` is the letter of the cube that goes."""
+
+    lost: OneOf = None
+
+
+class Internal(Rule):
+    """A change without an event of the cube's own: it follows its neighbours."""
+
+
+class Finished(Settings):
+    """A cube with this letter and this neighbour accepts no more cubes (the paper's dark LEDs)."""
+
+    letter: str
+    neighbour: str
+
+
+class Semantics(Settings):
+    """What the paper's tables leave open.
+
+    gate : a bond forms when both cubes have a rule for it, or when any one has (the other keeps its letter)
+    conflict : of several rules that fit, the first in the file or the most specific one counts; or
+        such rules are an error
+    update : both cubes read before either writes, or the first-named cube writes before the other reads
+    bonds : whether bonds break or hold for ever
+    finished : cubes that accept no more
+    """
+
+    gate: Literal["mutual", "any"] = "mutual"
+    conflict: Literal["first", "most-specific", "error"] = "error"
+    update: Literal["synchronous", "sequential"] = "synchronous"
+    bonds: Literal["break", "hold"] = "break"
+    finished: tuple[Finished, ...] = ()
+
+
+class Target(Settings):
+    """The finished structure: cubes at these places.
+
+    tops : where each cube's own top (f1 of scheme `two`) looks; upright if left out
+    fronts : where its own +x side looks, for schemes that can tell
+    """
+
+    cubes: tuple[tuple[int, int, int], ...]
+    letters: tuple[str, ...]
+    tops: tuple[Direction, ...] | None = None
+    fronts: tuple[Direction, ...] | None = None
+
+    def structure(self) -> Structure:
+        """The same as a structure."""
+        n = len(self.cubes)
+        for name, given in (("tops", self.tops), ("fronts", self.fronts)):
+            if given is not None and len(given) != n:
+                raise ValueError(f"target.{name} has {len(given)} directions for {n} cubes; give one for each cube")
+        tops = self.tops or ("z",) * n
+        fronts: tuple[str | None, ...] = self.fronts or (None,) * n
+        turns = tuple(_turn(top, front) for top, front in zip(tops, fronts, strict=True))
+        return Structure(self.cubes, turns, self.letters)
+
+
+def _turn(top: str, front: str | None) -> int:
+    """The first rotation that makes a cube's top, and its front where given, look where they should."""
+    for rotation, directions in enumerate(turned.tolist()):
+        if DIRECTIONS[directions[4]] == top and front in {None, DIRECTIONS[directions[0]]}:
+            return rotation
+    raise ValueError(f"target: a cube's top looks to {top!r} and its front to {front!r}; they must be at right angles")
+
+
+class BookFile(Settings):
+    """A rule book as it is written down.
+
+    initial : the letter of a free cube
+    seed : the letter of the one cube from which the assembly grows, if it needs one
+    """
+
+    letters: tuple[str, ...]
+    initial: str
+    seed: str | None = None
+    senses: Senses
+    target: Target | None = None
+    semantics: Semantics = Semantics()
+    combine: tuple[Combination, ...] = ()
+    dissociate: tuple[Dissociation, ...] = ()
+    internal: tuple[Internal, ...] = ()
+
+
+def first_that_fits(rules: Sequence[Rule], reading: dict[str, Any]) -> Rule | None:
+    """The first rule that fits a cube's reading (condition -> what it reads; None: not known yet, may be anything)."""
+    for rule in rules:
+        if _fits(rule, reading):
+            return rule
+    return None
+
+
+def _fits(rule: Rule, reading: dict[str, Any]) -> bool:
+    for name, admitted in rule.conditions.items():
+        if admitted is None:
+            continue
+        if name == "has":
+            if not _holds(reading["neighbours"], admitted):
+                return False
+            continue
+        value = reading[name]
+        if value is not None and ((value != admitted) if name in EXACT else (value not in admitted)):
+            return False
+    return True
+
+
+def in_order(rules: tuple[Rule, ...], conflict: str) -> tuple[Rule, ...]:
+    """The rules in the order in which they are tried; contradictory ones are refused."""
+    if conflict == "first":
+        return rules
+    for number, rule in enumerate(rules):
+        for other in rules[:number]:
+            if rule.becomes == other.becomes or not _overlap(rule, other):
+                continue
+            if conflict == "error" or _within(rule, other) == _within(other, rule):
+                raise ValueError(
+                    f"rules {other.rule} and {rule.rule} contradict each other: both fit the same cube, one "
+                    f"makes it {other.becomes!r}, the other {rule.becomes!r}; add a condition to one of them, or set "
+                    "semantics.conflict (most-specific needs one rule to fit only where the other does)"
+                )
+    if conflict == "most-specific":  # a rule lies within more rules than any of those that it lies within
+        return tuple(sorted(rules, key=lambda rule: -sum(_within(rule, other) for other in rules)))
+    return rules
+
+
+def _overlap(a: Rule, b: Rule) -> bool:
+    """Whether some cube fits both rules."""
+    theirs = b.conditions
+    for name, mine in a.conditions.items():
+        other = theirs[name]
+        if mine is not None and other is not None and name != "has":
+            apart = mine != other if name in EXACT else set(mine).isdisjoint(other)
+            if apart:
+                return False
+    around = a.neighbours if a.neighbours is not None else b.neighbours
+    return around is None or all(_holds(around, rule.has or ()) for rule in (a, b))
+
+
+def _within(inner: Rule, outer: Rule) -> bool:
+    """Whether every cube that fits `inner` fits `outer` too."""
+    mine = inner.conditions
+    for name, theirs in outer.conditions.items():
+        own = mine[name]
+        if theirs is None:
+            continue
+        if name == "has":
+            around = inner.has if inner.neighbours is None else inner.neighbours
+            if not _holds(around or (), theirs):
+                return False
+        elif own is None or ((own != theirs) if name in EXACT else not set(own) <= set(theirs)):
+            return False
+    return True
+
+
+def _holds(letters: Sequence[str], some: Sequence[str]) -> bool:
+    """Whether a multiset holds another one."""
+    return Counter(some) <= Counter(letters)

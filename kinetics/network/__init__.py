@@ -1,0 +1,5 @@
+"""Reaction networks and their rate laws."""
+
+from kinetics.network.network import Network
+
+__all__ = ["Network"]

@@ -1,0 +1,103 @@
+"""Events: counts that are set when a condition becomes true, such as a dose at a time or a feed at a low count."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import cast
+
+from kinetics.network.laws.expression import Expression
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens at once, without chance, each time a condition turns from false to true.
+
+    name : of the event
+    when : the condition over counts, parameters and t: "t >= 50", "S < 10 and P > 0"
+    assign : species -> its new count, an expression over the counts just before; it must come out whole and >= 0
+    parameters : name -> value, for both; a parsed expression brings its own
+    priority : of events at the same moment the highest comes first, then the first listed
+    was_true : the condition's value before time 0; where it was true already, the event waits for the next time
+    from_trigger : the new counts follow from those at the moment the condition turned true, not from those that
+        other events of that moment left behind
+
+    An event whose moment has come happens even where another event of that moment undoes its condition. These are the
+    events of SBML Level 3 without delays: initialValue, persistent, useValuesFromTriggerTime.
+    """
+
+    name: str
+    when: str | Expression
+    assign: Mapping[str, str | float | Expression]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    priority: float = 0.0
+    was_true: bool = True
+    from_trigger: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"{self.name!r} is no name of an event; expected text")
+        if not isinstance(self.assign, Mapping):
+            raise ValueError(f"event {self.name!r} assigns {self.assign!r}; expected {{species: new count}}")
+        if not self.assign:
+            raise ValueError(f"event {self.name!r} changes nothing; give it new counts, such as {{'S': 'S + 10'}}")
+        if not math.isfinite(self.priority):
+            raise ValueError(f"event {self.name!r} has priority {self.priority}; expected a finite number")
+        object.__setattr__(self, "when", self._parsed(self.when))
+        object.__setattr__(self, "assign", {name: self._parsed(value) for name, value in self.assign.items()})
+        if not self.condition.is_condition:
+            came = self.condition.text
+            raise ValueError(f"event {self.name!r}: {came!r} is no condition; expected one such as 't >= 50'")
+
+    @classmethod
+    def every(
+        cls,
+        period: float,
+        assign: Mapping[str, str | float | Expression],
+        start: float | None = None,
+        name: str = "dose",
+        **rest: object,
+    ) -> Event:
+        """An event at `start`, by default after one period, and again after each further `period`, tu.
+
+        Its times are right to the rounding of the clock.
+        """
+        first = float(period if start is None else start)
+        if not (math.isfinite(period) and period > 0 and math.isfinite(first) and first >= 0):
+            raise ValueError(f"event {name!r}: every {period} tu from {first}; expected a time above 0, from >= 0")
+        period = float(period)
+        since = f"(t - {first!r})" if first else "t"
+        when = f"t >= {first!r} and {since} / {period!r} % 1 < 0.5"
+        return cls(name, when, assign, was_true=False, **rest)  # type: ignore[arg-type]
+
+    @property
+    def condition(self) -> Expression:
+        """The condition, parsed."""
+        return cast(Expression, self.when)
+
+    @property
+    def new_counts(self) -> dict[str, Expression]:
+        """Species -> its new count, parsed."""
+        return cast(dict[str, Expression], self.assign)
+
+    def check_names(self, species: Mapping[str, int]) -> None:
+        """A ValueError where it speaks of what there is not."""
+        self.condition.check_names(f"event {self.name!r}", species)
+        for name, value in self.new_counts.items():
+            if name not in species:
+                raise ValueError(f"event {self.name!r} sets {name!r}; the species are {', '.join(species)}")
+            value.check_names(f"event {self.name!r}", species)
+
+    def __str__(self) -> str:
+        sets = ", ".join(f"{name} = {value}" for name, value in self.new_counts.items())
+        rank = f", priority {self.priority:g}" if self.priority else ""
+        return f"{self.name}: when {self.condition}: {sets}{rank}"
+
+    def _parsed(self, given: str | float | Expression) -> Expression:
+        if isinstance(given, Expression):
+            return given
+        try:
+            return Expression(given if isinstance(given, str) else repr(float(given)), self.parameters)
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"event {self.name!r}: {error}") from None

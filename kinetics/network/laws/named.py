@@ -1,0 +1,107 @@
+"""The usual rate laws by name. Each makes an `Expression`; to add one, write its function and put it into `LAWS`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+
+from kinetics.network.laws.expression import Expression, quoted
+
+
+def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
+    """k times the sets of reactants: k * A * (A - 1) / 2 for two of A.
+
+    As an expression it costs more an event than a rate constant does; it is there to be built upon.
+    """
+    return Expression(f"k{_combinations(reactants)}", {"k": _positive("k", k)})
+
+
+def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None = None) -> Expression:
+    """vmax * S / (K + S); with an enzyme, vmax is per copy of it. K in copies (Michaelis & Menten 1913)."""
+    s = quoted(substrate)
+    front = "vmax * " if enzyme is None else f"vmax * {quoted(enzyme)} * "
+    return Expression(f"{front}{s} / (K + {s})", {"vmax": _positive("vmax", vmax), "K": _above_0("K", K)})
+
+
+def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
+    """basal + vmax * A**n / (K**n + A**n): activation with half its effect at K copies (Hill 1910)."""
+    a = quoted(activator)
+    return Expression(f"basal + vmax * {a} ** n / (K ** n + {a} ** n)", _hill(vmax, K, n, basal))
+
+
+def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
+    """basal + vmax / (1 + (R / K)**n): repression with half its effect at K copies."""
+    return Expression(f"basal + vmax / (1 + ({quoted(repressor)} / K) ** n)", _hill(vmax, K, n, basal))
+
+
+def steps_in_count(species: str, counts: Sequence[int], rates: Sequence[float]) -> Expression:
+    """rates[0] below counts[0] copies, rates[1] from there on below counts[1], and so on; one rate more than counts."""
+    return _steps(quoted(species), "counts", counts, rates)
+
+
+def steps_in_time(times: Sequence[float], rates: Sequence[float], reactants: Mapping[str, int]) -> Expression:
+    """Mass action whose rate constant is rates[0] before times[0] tu, then rates[1], and so on; one rate more."""
+    stepped = _steps("t", "times", times, rates)
+    return Expression(f"{stepped.text}{_combinations(reactants)}")
+
+
+def periodic(k: float, amplitude: float, period: float, reactants: Mapping[str, int], peak: float = 0.0) -> Expression:
+    """Mass action whose rate constant is k * (1 + amplitude * cos(2 pi (t - peak) / period)); amplitude up to 1."""
+    if not 0 <= amplitude <= 1:
+        raise ValueError(f"amplitude = {amplitude}; expected between 0 and 1, so that the rate never is below 0")
+    values = {"k": _positive("k", k), "amplitude": amplitude, "period": _above_0("period", period), "peak": peak}
+    wave = "k * (1 + amplitude * cos(2 * pi * (t - peak) / period))"
+    return Expression(f"{wave}{_combinations(reactants)}", values)
+
+
+LAWS: tuple[Callable[..., Expression], ...] = (
+    mass_action,
+    michaelis_menten,
+    hill,
+    hill_repression,
+    steps_in_count,
+    steps_in_time,
+    periodic,
+)
+
+
+def _combinations(reactants: Mapping[str, int]) -> str:
+    """Factors after a rate: sets of like copies."""
+    factors = []
+    for species, copies in reactants.items():
+        if not isinstance(copies, int) or copies < 1:
+            raise ValueError(f"{copies!r} copies of {species!r}; expected a whole number of at least 1")
+        name = quoted(species)
+        factors += [name, *(f"({name} - {i})" for i in range(1, copies))]
+    parts = math.prod(math.factorial(copies) for copies in reactants.values())
+    return "".join(f" * {factor}" for factor in factors) + (f" / {parts}" if parts > 1 else "")
+
+
+def _steps(of: str, what: str, places: Sequence[float], rates: Sequence[float]) -> Expression:
+    if len(rates) != len(places) + 1 or not places:
+        raise ValueError(
+            f"{len(places)} {what} and {len(rates)} rates; expected one rate more, and at least one of them"
+        )
+    if not all(one < other for one, other in pairwise(places)):
+        raise ValueError(f"{what} must rise; {list(places)} came")
+    values = [_positive("rates", rate) for rate in rates]
+    pieces = [f"{value!r}, {of} < {float(place)!r}" for value, place in zip(values, places, strict=False)]
+    return Expression(f"piecewise({', '.join(pieces)}, {values[-1]!r})")
+
+
+def _hill(vmax: float, K: float, n: float, basal: float) -> dict[str, float]:
+    values = {"vmax": _positive("vmax", vmax), "K": _above_0("K", K), "n": _above_0("n", n)}
+    return values | {"basal": _positive("basal", basal)}
+
+
+def _positive(name: str, value: float) -> float:
+    if not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"{name} = {value}; expected a finite number of at least 0")
+    return float(value)
+
+
+def _above_0(name: str, value: float) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{name} = {value}; expected a finite number above 0")
+    return float(value)

@@ -1,0 +1,308 @@
+"""What happened in runs of a rule book without a network: every event, and what grew in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
+from kinetics.assembly.rules.rule_book import RuleBook
+from kinetics.assembly.structure import Placement, Structure
+from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NOTHING = -1  # in `before` and `after` of an event that takes or makes one structure only
+FEW_SIZES = 6  # up to which each size is shown by itself
+MOST_CLASSES = 7  # of sizes; with the target as many as there are colours
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Every event of one run.
+
+    structures : (S,) canonical, first those at time 0, then as they were met
+    initial : (S,) counts at time 0
+    times : (E,) tu, rising
+    before, after : (E, 2) indices of the structures that an event took and made, or NOTHING
+    end : time in tu until which was watched
+    draws : pairs of faces and bonds that were drawn; those that made no event are what thinning costs
+    """
+
+    book: RuleBook
+    structures: tuple[Structure, ...]
+    initial: Ints
+    times: Floats
+    before: Ints
+    after: Ints
+    end: float
+    draws: int
+
+    def __post_init__(self) -> None:
+        n, events = len(self.structures), len(self.times)
+        object.__setattr__(self, "initial", integers("initial", self.initial, (n,), 0))
+        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
+        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
+        for name in ("before", "after"):
+            indices = integers(name, getattr(self, name), (events, 2), NOTHING)
+            if indices.size and indices.max() >= n:
+                raise ValueError(f"{name} holds {indices.max()}; there are only {n} structures")
+            object.__setattr__(self, name, indices)
+        if events and self.times[-1] > self.end:
+            raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
+        sizes = np.append(self.sizes, 0)  # NOTHING = -1 picks the last
+        wrong = np.flatnonzero(sizes[self.before].sum(axis=1) != sizes[self.after].sum(axis=1))
+        if wrong.size:
+            raise ValueError(f"event {wrong[0]} at {self.times[wrong[0]]:g} does not conserve cubes")
+        self._check_counts()
+
+    def _check_counts(self) -> None:
+        """No structure is ever taken that is not there."""
+        events, sides, changes = self._changes
+        order = np.lexsort((events, sides))
+        sides, changes = sides[order], changes[order]
+        total = np.cumsum(changes)
+        first = np.flatnonzero(np.diff(sides, prepend=NOTHING - 1))
+        offset = np.repeat((total - changes)[first], np.diff(first, append=sides.size))
+        # What an event takes comes before what it makes, so that this is the least there ever was.
+        short = np.flatnonzero(self.initial[sides] + total - offset < 0)
+        if short.size:
+            raise ValueError(f"an event takes {self.structures[sides[short[0]]]}, of which there is none")
+
+    @cached_property
+    def _changes(self) -> tuple[Ints, Ints, Ints]:
+        """Event, structure and change (+1 or -1) of all that was taken and made, event by event, taken first."""
+        four = np.concatenate([self.before, self.after], axis=1)
+        events, columns = np.nonzero(four != NOTHING)
+        return events, four[events, columns], np.where(columns < 2, -1, 1)
+
+    @cached_property
+    def sizes(self) -> Ints:
+        """Cubes (S,) of each structure."""
+        return read_only(np.array([len(structure) for structure in self.structures], dtype=np.int64))
+
+    @property
+    def n_cubes(self) -> int:
+        """Cubes in the tank."""
+        return int(self.initial @ self.sizes)
+
+    def index(self, structure: Structure) -> int | None:
+        """Index of a structure, turned and placed in any way; None where it was never met."""
+        return self._index.get(structure.canonical(self.book.scheme))
+
+    @cached_property
+    def _index(self) -> dict[Structure, int]:
+        return {structure: index for index, structure in enumerate(self.structures)}
+
+    def count(self, structure: Structure, times: ArrayLike) -> Ints:
+        """Copies (T,) of a structure at times (T,), tu; at an event's own time, those after it."""
+        grid, index = self._grid(times), self.index(structure)
+        if index is None:
+            return np.zeros(grid.size, dtype=np.int64)
+        events, sides, changes = self._changes
+        mine = sides == index
+        copies = np.append(0, np.cumsum(changes[mine])) + self.initial[index]
+        return copies[np.searchsorted(self.times[events[mine]], grid, side="right")]
+
+    def by_size(self, times: ArrayLike, most: int | None = None) -> Ints:
+        """Structures (T, most + 1) of 0, 1, 2, ... cubes at times (T,), tu; `most` is by default the largest met."""
+        grid = self._grid(times)
+        table = np.zeros((grid.size + 1, max(int(self.sizes.max()), most or 0) + 1), dtype=np.int64)
+        np.add.at(table[0], self.sizes, self.initial)
+        events, sides, changes = self._changes
+        np.add.at(table, (np.searchsorted(grid, self.times[events]), self.sizes[sides]), changes)
+        return np.cumsum(table, axis=0)[: grid.size]
+
+    def at(self, time: float) -> dict[Structure, int]:
+        """What the tank holds at a time, tu: structure -> copies, the smallest first."""
+        (asked,) = self._grid([time])
+        events, sides, changes = self._changes
+        until = sides[: np.searchsorted(self.times[events], asked, side="right")]
+        counts = self.initial.copy()
+        np.add.at(counts, until, changes[: until.size])
+        held = sorted(np.flatnonzero(counts).tolist(), key=lambda s: (self.sizes[s], s))
+        return {self.structures[s]: int(counts[s]) for s in held}
+
+    def first_time(self, structure: Structure) -> float:
+        """Time in tu at which there first was such a structure; nan if not by `end`."""
+        index = self.index(structure)
+        if index is None:
+            return float("nan")
+        if self.initial[index]:
+            return 0.0
+        return float(self.times[np.flatnonzero((self.after == index).any(axis=1))[0]])
+
+    def milestones(self, n: int) -> Floats:
+        """At most n times, tu, at which the largest structure outgrew all before, the start and the last among them."""
+        made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
+        record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
+        outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
+        return outgrown[np.unique(np.linspace(0, outgrown.size - 1, n).round().astype(int))]
+
+    def frames(self, times: ArrayLike) -> list[Structure]:
+        """The largest structure at each of the times, tu, turned so that what stays keeps its place."""
+        shown: list[Structure] = []
+        for time in self._grid(times):
+            largest = list(self.at(float(time)))[-1]
+            shown.append(aligned(largest, shown[-1], self.book.scheme) if shown else largest)
+        return shown
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row an event: time in tu, the structures it took and those it made, in words."""
+        import pandas as pd
+
+        names = [*map(str, self.structures), ""]  # NOTHING picks the last
+        sides = {
+            name: [" + ".join(filter(None, (names[s] for s in pair))) for pair in side.tolist()]
+            for name, side in (("before", self.before), ("after", self.after))
+        }
+        return pd.DataFrame({"time": self.times, **sides})
+
+    def _grid(self, times: ArrayLike) -> Floats:
+        grid = rising_times(times)
+        if grid.size and grid[-1] > self.end:
+            raise ValueError(f"the run was watched until {self.end:g}; {grid[-1]:g} was asked for")
+        return grid
+
+
+def aligned(structure: Structure, to: Structure, scheme: str) -> Structure:
+    """The structure, turned and moved so that as many cubes as can be lie as they do in another one."""
+    reduced = scheme_of(scheme).reduced
+    theirs, looks = np.array(to.positions), reduced[list(to.rotations)]
+    best, most = Placement(0, (0, 0, 0)), -1
+    for rotation in range(24):
+        mine = np.array(structure.positions) @ ROTATIONS[rotation].T
+        alike = reduced[compose[rotation, list(structure.rotations)]][:, None] == looks
+        shifts, votes = np.unique((theirs - mine[:, None])[alike], axis=0, return_counts=True)
+        if votes.size and votes.max() > most:
+            most = int(votes.max())
+            x, y, z = shifts[votes.argmax()].tolist()
+            best = Placement(rotation, (x, y, z))
+    return structure.moved(best)
+
+
+@dataclass(frozen=True, eq=False)
+class Growths:
+    """Independent runs of one tank.
+
+    interrupted : whether more runs were asked for
+    """
+
+    runs: tuple[Growth, ...]
+    interrupted: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.runs:
+            raise ValueError("no run is there; expected at least one")
+        tanks = {(run.n_cubes, run.end) for run in self.runs}
+        if len(tanks) > 1:
+            raise ValueError(f"the runs have different (cubes, ends): {sorted(tanks)}; expected runs of one tank")
+
+    @property
+    def book(self) -> RuleBook:
+        """The rules of all runs."""
+        return self.runs[0].book
+
+    @property
+    def target(self) -> Structure | None:
+        """The finished structure, if the book names one."""
+        return self.book.target
+
+    @property
+    def most(self) -> int:
+        """Cubes of the largest structure that was met."""
+        return max(int(run.sizes.max()) for run in self.runs)
+
+    def by_size(self, times: ArrayLike) -> Ints:
+        """Structures (runs, T, M + 1) of 0, 1, 2, ..., M cubes at times (T,), tu; M is the largest met in any run."""
+        return np.stack([run.by_size(times, self.most) for run in self.runs])
+
+    def count(self, structure: Structure, times: ArrayLike) -> Ints:
+        """Copies (runs, T) of a structure at times (T,), tu."""
+        return np.stack([run.count(structure, times) for run in self.runs])
+
+    def largest(self, times: ArrayLike) -> Ints:
+        """Cubes (runs, T) of the largest structure at times (T,), tu."""
+        present = self.by_size(times)[..., ::-1] > 0
+        return self.most - np.argmax(present, axis=-1)
+
+    def first_times(self, structure: Structure) -> Floats:
+        """Times (runs,) in tu at which there first was such a structure; nan where not by the end."""
+        return np.array([run.first_time(structure) for run in self.runs])
+
+    def final(self) -> dict[Structure, float]:
+        """What the runs end with: structure -> mean copies a run, those that hold most cubes first."""
+        totals: dict[Structure, int] = {}
+        for run in self.runs:
+            for structure, copies in run.at(run.end).items():
+                totals[structure] = totals.get(structure, 0) + copies
+        order = sorted(totals, key=lambda s: (-totals[s] * len(s), len(s), str(s)))
+        return {structure: totals[structure] / len(self.runs) for structure in order}
+
+    def classes(self) -> list[tuple[int, int]]:
+        """Ranges of sizes, (smallest, largest): each size by itself where they are few, else growing by a factor."""
+        most = self.most
+        if most <= FEW_SIZES:
+            return [(size, size) for size in range(1, most + 1)]
+        factor = 2
+        while factor**MOST_CLASSES <= most:
+            factor *= 2
+        edges = [factor**power for power in range(MOST_CLASSES) if factor**power <= most]
+        return [(low, min(factor * low - 1, most)) for low in edges]
+
+    def series(self, times: ArrayLike) -> dict[str, Ints]:
+        """Copies (runs, T) by class of sizes, copies of the target, and the cubes of the largest structure."""
+        table = self.by_size(times)
+        found = {_class_name(*ends): table[:, :, ends[0] : ends[1] + 1].sum(axis=2) for ends in self.classes()}
+        if self.target is not None:
+            found["target"] = self.count(self.target, times)
+        return found | {"largest": self.largest(times)}
+
+    def to_dataframe(self, times: ArrayLike) -> pd.DataFrame:
+        """One row a run and time: run, time in tu, and the series."""
+        import pandas as pd
+
+        grid = rising_times(times)
+        table = {"run": np.repeat(np.arange(len(self.runs)), grid.size), "time": np.tile(grid, len(self.runs))}
+        return pd.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
+
+    def plot(self, ax: Any, times: ArrayLike) -> Any:
+        """Mean and the band of the middle 95 % of runs; returns `ax`.
+
+        By class of sizes, and the target; where growth starts from one seed, the cubes of the largest structure.
+        """
+        from kinetics.support import plots
+
+        shown = self.series(times)
+        largest = shown.pop("largest")
+        target = shown.pop("target", None)
+        if target is not None and not any(np.array_equal(target, values) for values in shown.values()):
+            shown["target"] = target  # else it is all there is of its size, and would hide that curve
+        seeded = self.book.seed_letter is not None
+        curves: Sequence[Ints] = [largest] if seeded else list(shown.values())
+        names = ["largest structure"] if seeded else list(shown)
+        middle, low, high = (
+            np.stack([reduce_runs(values) for values in curves], axis=1)
+            for reduce_runs in (lambda v: v.mean(axis=0), lambda v: _quantile(v, 0.025), lambda v: _quantile(v, 0.975))
+        )
+        plots.bands(ax, rising_times(times), middle, low, high, names)
+        if seeded:
+            ax.set_ylabel("cubes (mean, middle 95 %)")
+        return ax
+
+
+def _class_name(low: int, high: int) -> str:
+    if low == high:
+        return "1 cube" if low == 1 else f"{low} cubes"
+    return f"{low} to {high} cubes"
+
+
+def _quantile(values: Ints, q: float) -> Floats:
+    """Smallest counts (T,) with at least a share q of the runs at or below them."""
+    return np.quantile(values.astype(float), q, axis=0, method="inverted_cdf")

@@ -1,0 +1,173 @@
+"""Assembly by rules without a network: exact, however many structures a book can make.
+
+The tank holds structures, those that look alike counted together. Faces are grouped by what they show and by the size
+of their structure. A pair of groups that the book may let bond has one rate constant k, so that the rate of all joins
+is at most the sum of k x pairs of faces. Events come at that rate; each draws a pair of faces and one of the four
+twists, and nothing happens where both lie on one structure, cubes would overlap or the book refuses. Thinned so, each
+join goes at k / 4 a pair of faces and twist, as in the derived network. Bonds outside loops break at their constants.
+
+Rejection of such null events is what NFsim and DYNSTOC do for rules without space: Yang, Monine, Faeder & Hlavacek,
+Phys. Rev. E 78, 031910 (2008); Sneddon, Faeder & Emonet, Nat. Methods 8, 177 (2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from math import isfinite, log1p
+
+import numpy as np
+
+from kinetics.assembly.rules.rule_book import RuleBook
+from kinetics.assembly.structure import Structure
+from kinetics.networkfree.growth import NOTHING, Growth, Growths
+from kinetics.networkfree.tank import Event, Known, Rate, Tank
+from kinetics.rates import ClassRates
+from kinetics.sampling.base import StalledClockError, whole_number
+from kinetics.support.arrays import rising_times
+
+BLOCK = 4096  # random numbers drawn at once
+PROGRESS_EVERY = 500  # draws
+
+
+def grow(
+    book: RuleBook,
+    rates: ClassRates | Rate,
+    initial: int | Mapping[Structure, int],
+    end: float,
+    runs: int = 1,
+    seed: int = 0,
+    progress: Callable[[int, float], None] | None = None,
+) -> Growths:
+    """Grow structures by a book's rules, `runs` times, from time 0 until `end`, tu.
+
+    rates : class rates, or a function of a rate class; constants in 1/tu, like structures counted as s (s - 1) / 2
+    initial : so many free cubes, and the seed besides where the book needs one; or copies of any structures
+    progress : told the runs finished and the time that the present one has come to
+    One seed gives one result; runs of different numbers are independent. Ctrl-C ends the work once a run is finished:
+    those that are, are returned.
+    """
+    horizon = float(rising_times([end])[0])
+    start = _checked(book, initial) if isinstance(initial, Mapping) else free_cubes(book, initial)
+    known = Known(book, _rate_of(rates, book))
+    finished: list[Growth] = []
+    interrupted = False
+    try:
+        for run in range(whole_number("runs", runs, 1)):
+            grown = _run(known, start, horizon, seed, run, progress)
+            finished.append(grown)
+    except KeyboardInterrupt:
+        if not finished:
+            raise
+        interrupted = True
+    return Growths(tuple(finished), interrupted)
+
+
+def free_cubes(book: RuleBook, cubes: int) -> dict[Structure, int]:
+    """A tank of free cubes, and the seed besides where the book needs one."""
+    start = {book.monomer(): whole_number("cubes", cubes, 1)}
+    seed = book.seed()
+    return start if seed is None else start | {seed: 1}
+
+
+def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> Rate:
+    """The constant of a class, from rates that are made for this way of counting and these faces."""
+    if not isinstance(rates, ClassRates):
+        if not callable(rates):
+            raise ValueError(f"rates = {rates!r}; expected ClassRates, or a function of a rate class")
+        return rates
+    if rates.convention.combinations != "distinct":
+        raise ValueError(
+            f"these class rates count pairs as {rates.convention.combinations!r}; without a network they must be for "
+            '"distinct" pairs, s (s - 1) / 2 of like structures'
+        )
+    if rates.faces not in (None, book.scheme):
+        raise ValueError(
+            f"these class rates are for faces = {rates.faces!r}; book {book.name!r} has {book.scheme!r}, whose face "
+            "types mean something else"
+        )
+    return rates.rate
+
+
+def _checked(book: RuleBook, initial: Mapping[Structure, int]) -> dict[Structure, int]:
+    """Copies of canonical structures."""
+    start: dict[Structure, int] = {}
+    for structure, copies in initial.items():
+        unknown = set(structure.letters) - set(book.letters)
+        if unknown:
+            raise ValueError(
+                f"initial holds {structure}; book {book.name!r} has no letter {min(unknown)!r}, but "
+                f"{', '.join(book.letters)}"
+            )
+        canonical = book.settle(structure).canonical(book.scheme)
+        start[canonical] = start.get(canonical, 0) + whole_number(f"copies of {structure}", copies, 0)
+    held = {structure: copies for structure, copies in start.items() if copies}
+    if not held:
+        raise ValueError("initial holds no structure at all; give at least one cube")
+    if book.seed_letter is not None and list(held) == [book.monomer().canonical(book.scheme)]:
+        raise ValueError(f"initial holds free cubes alone; book {book.name!r} grows from a seed, so add book.seed()")
+    return held
+
+
+def _uniforms(seed: int, run: int) -> Iterator[float]:
+    """The random numbers of a run, in [0, 1)."""
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
+    while True:
+        yield from generator.random(BLOCK).tolist()
+
+
+def _run(
+    known: Known,
+    initial: Mapping[Structure, int],
+    end: float,
+    seed: int,
+    run: int,
+    progress: Callable[[int, float], None] | None,
+) -> Growth:
+    """One run, and what happened in it."""
+    tank = Tank(known, initial)
+    numbers: dict[Structure, int] = {kind.structure: number for number, kind in enumerate(tank.counts)}
+    counts = list(tank.counts.values())
+    times: list[float] = []
+    sides: list[list[int]] = []
+    draws = 0
+    with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are told of in words
+        for time, event in _draws(tank, _uniforms(whole_number("seed", seed, 0), run).__next__, end, run):
+            draws += 1
+            if progress is not None and draws % PROGRESS_EVERY == 0:
+                progress(run, time)
+            if event is None:
+                continue
+            times.append(time)
+            for kinds in event:
+                indices = [numbers.setdefault(kind.structure, len(numbers)) for kind in kinds]
+                sides.append(indices if len(indices) == 2 else [*indices, NOTHING])
+    table = np.array(sides, dtype=np.int64).reshape(-1, 2, 2)
+    structures = tuple(Structure.unchecked(s.positions, s.rotations, s.letters) for s in numbers)
+    initial_counts = np.array(counts + [0] * (len(numbers) - len(counts)))
+    return Growth(known.book, structures, initial_counts, np.array(times), table[:, 0], table[:, 1], end, draws)
+
+
+def _draws(tank: Tank, draw: Callable[[], float], end: float, run: int) -> Iterator[tuple[float, Event | None]]:
+    """When something is drawn, and the event that comes of it, if any; the tank is then as after the event."""
+    time = 0.0
+    drawn, break_rate = tank.rates()
+    while True:
+        total = drawn[-1] / 2 + break_rate
+        if total == 0:
+            return
+        if not isfinite(total):
+            raise ValueError(f"run {run}: the rate of all events goes beyond 1e308; the rate constants are too large")
+        wait = -log1p(-draw()) / total
+        if time + wait == time and wait > 0:
+            raise StalledClockError(
+                f"run {run}: events came so quickly that the clock stood still at {time:g}; the rate constants are "
+                "too large for the duration asked for"
+            )
+        time += wait
+        if time > end:
+            return
+        event = tank.part(draw, break_rate) if draw() * total < break_rate else tank.join(drawn, draw)
+        if event is not None:
+            tank.happens(event)
+            drawn, break_rate = tank.rates()
+        yield time, event

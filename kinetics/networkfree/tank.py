@@ -1,0 +1,264 @@
+"""A tank of structures in which any pair of faces may be drawn to bond, and any bond to break.
+
+Structures that look alike are counted together, and faces are grouped by what they show and by the size of their
+structure, so that all pairs of faces from two groups have one rate constant.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Mapping
+from itertools import accumulate
+from math import isfinite
+
+import numpy as np
+
+from kinetics.assembly.deriving.ways import RateClass
+from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.rules.rule_book import RuleBook, View
+from kinetics.assembly.structure import Structure, placements
+from kinetics.support.arrays import Floats
+
+Rate = Callable[[RateClass], float]  # rate constant of a class, 1/tu
+Group = tuple[int, View]  # cubes of the structure, what its face shows
+MAX_REMEMBERED = 50_000  # outcomes, and structures, kept for when they come again
+
+
+class Kind:
+    """Structures that look alike: the faces they show, group by group, and the bonds that may break."""
+
+    __slots__ = ("bond_rates", "bonds", "break_rate", "faces", "structure")
+
+    def __init__(self, known: Known, structure: Structure):
+        self.structure = structure
+        self.faces: dict[Group, list[tuple[int, int]]] = {}  # (cube, face) that show it
+        self.bonds: list[tuple[int, int]] = []
+        book, size = known.book, len(structure)
+        for cube, face in structure.open_faces():
+            view = book.view(structure, cube, face)
+            if view is not None:
+                self.faces.setdefault((size, view), []).append((cube, face))
+        rates = []
+        if book.semantics.bonds == "break":
+            for bond, (near, far) in bridges(structure):
+                faces = [structure.face_towards(c, structure.positions[d]) for c, d in (bond, bond[::-1])]
+                constant = known.constant("break", (near, known.types[faces[0]]), (far, known.types[faces[1]]))
+                if constant:
+                    self.bonds.append(bond)
+                    rates.append(constant)
+        self.bond_rates = list(accumulate(rates))
+        self.break_rate = self.bond_rates[-1] if rates else 0.0
+
+
+Event = tuple[tuple[Kind, ...], tuple[Kind, ...]]  # taken, made
+
+
+class Known:
+    """What has come up so far: kinds, rate constants, outcomes of joins. Runs share it without seeing each other."""
+
+    def __init__(self, book: RuleBook, rate: Rate):
+        self.book, self.rate = book, rate
+        self.types = scheme_of(book.scheme).types
+        self.kinds: dict[Structure, Kind] = {}
+        self.joins: dict[object, Kind | None] = {}
+        self.breaks: dict[object, tuple[Kind, Kind]] = {}
+        self.constants: dict[RateClass, float] = {}
+        self.strengths: dict[tuple[Group, Group], float] = {}
+
+    def kind(self, structure: Structure) -> Kind:
+        """The kind of a structure."""
+        canonical = structure.canonical(self.book.scheme)
+        found = self.kinds.get(canonical)
+        if found is None:
+            found = self.kinds[canonical] = Kind(self, canonical)
+        return found
+
+    def constant(self, event: str, first: tuple[int, str], second: tuple[int, str]) -> float:
+        """Rate constant, 1/tu, of an event of two sides, each its number of cubes and its face type."""
+        (n, face), (m, other) = sorted((first, second))
+        rate_class = RateClass(event, (n, m), (face, other))
+        if rate_class not in self.constants:
+            value = self.rate(rate_class)
+            if not (isinstance(value, int | float | np.number) and isfinite(value) and value >= 0):
+                raise ValueError(f"the rate of class `{rate_class}` is {value!r}; expected a number >= 0, in 1/tu")
+            self.constants[rate_class] = float(value)
+        return self.constants[rate_class]
+
+    def strength(self, a: Group, b: Group) -> float:
+        """Rate constant, 1/tu, of a pair of faces; 0 where the book lets them bond at no twist and place."""
+        found = self.strengths.get((a, b))
+        if found is None:
+            (n, view), (m, other) = a, b
+            allowed = self.book.allows(view, other)
+            found = self.constant("join", (n, view.face), (m, other.face)) if allowed else 0.0
+            self.strengths[a, b] = self.strengths[b, a] = found
+        return found
+
+    def joined(self, a: Kind, i: int, face_i: int, b: Kind, j: int, face_j: int, twist: int) -> Kind | None:
+        """What a face of a and one of b make at one of the four twists; None for nothing."""
+        key = (a, i, face_i, b, j, face_j, twist)
+        if key not in self.joins:
+            placement = placements(a.structure, i, face_i, b.structure, j, face_j)[twist]
+            made = self.book.join(a.structure, i, b.structure, j, placement)
+            self.joins[key] = None if made is None else self.kind(made)
+        return self.joins[key]
+
+    def parted(self, kind: Kind, i: int, j: int) -> tuple[Kind, Kind]:
+        """What is left when the bond of cubes i and j breaks; i writes first where the book tells an order."""
+        key = (kind, i, j)
+        if key not in self.breaks:
+            (_, first), (_, second) = self.book.break_bond(kind.structure, i, j)
+            self.breaks[key] = self.kind(first), self.kind(second)
+        return self.breaks[key]
+
+    def forget(self, all_but: Mapping[Kind, int]) -> None:
+        """Keep memory bounded where hardly a structure comes twice."""
+        if max(len(self.joins), len(self.breaks), len(self.kinds)) > MAX_REMEMBERED:
+            self.joins.clear()
+            self.breaks.clear()
+            self.strengths.clear()
+            self.kinds = {kind.structure: kind for kind in all_but}
+
+
+class Tank:
+    """The structures of one run, and how fast their faces and bonds act.
+
+    Each group of faces has a slot: n faces, the kinds that show it, and its strength towards every other slot. Slots
+    of groups that are gone are used again.
+    """
+
+    def __init__(self, known: Known, initial: Mapping[Structure, int]):
+        self.known = known
+        self.counts: dict[Kind, int] = {}
+        self.slots: dict[Group, int] = {}
+        self.free: list[int] = []
+        self.members: list[dict[Kind, list[tuple[int, int]]]] = []
+        self.n = np.zeros(0)
+        self.strengths = np.zeros((0, 0))
+        for structure, copies in initial.items():
+            self.add(known.kind(structure), copies)
+
+    def add(self, kind: Kind, copies: int) -> None:
+        """Put copies in, or take them out where negative."""
+        count = self.counts.get(kind, 0) + copies
+        if count:
+            self.counts[kind] = count
+        else:
+            self.counts.pop(kind, None)
+        for group, faces in kind.faces.items():
+            slot = self.slots.get(group)
+            if slot is None:
+                slot = self.opened(group)
+            self.n[slot] += copies * len(faces)
+            if count:
+                self.members[slot][kind] = faces
+            else:
+                self.members[slot].pop(kind, None)
+                if not self.members[slot]:
+                    self.close(group)
+
+    def opened(self, group: Group) -> int:
+        """A slot for a group that was not there."""
+        if not self.free:
+            old, new = len(self.n), 2 * len(self.n) + 8
+            self.n = np.append(self.n, np.zeros(new - old))
+            larger = np.zeros((new, new))
+            larger[:old, :old] = self.strengths
+            self.strengths = larger
+            self.members.extend({} for _ in range(old, new))
+            self.free.extend(range(new - 1, old - 1, -1))
+        slot = self.slots[group] = self.free.pop()
+        for other, place in self.slots.items():
+            self.strengths[slot, place] = self.strengths[place, slot] = self.known.strength(group, other)
+        return slot
+
+    def close(self, group: Group) -> None:
+        """Free the slot of a group that is gone."""
+        slot = self.slots.pop(group)
+        self.strengths[slot] = self.strengths[:, slot] = 0.0
+        self.free.append(slot)
+
+    def happens(self, event: Event) -> None:
+        """Take out what an event takes, put in what it makes."""
+        for kinds, copies in zip(event, (-1, 1), strict=True):
+            for kind in kinds:
+                self.add(kind, copies)
+        self.known.forget(self.counts)
+
+    def rates(self) -> tuple[Floats, float]:
+        """Rates at which pairs of faces are drawn, summed up slot by slot, each pair in both orders; and of breaks."""
+        drawn = np.cumsum(self.n * (self.strengths @ self.n))
+        return drawn, sum(copies * kind.break_rate for kind, copies in self.counts.items())
+
+    def face(self, slot: int, uniform: float) -> tuple[Kind, int, int, int]:
+        """One of a slot's faces, all as likely: kind, number of the copy, cube, face."""
+        left = int(uniform * self.n[slot])
+        for kind, faces in self.members[slot].items():
+            held = self.counts[kind] * len(faces)
+            if left < held:
+                copy, place = divmod(left, len(faces))
+                return kind, copy, *faces[place]
+            left -= held
+        raise AssertionError("a slot holds fewer faces than it counts")
+
+    def join(self, drawn: Floats, draw: Callable[[], float]) -> Event | None:
+        """Draw a pair of faces and a twist: kinds before and after, or None where nothing comes of it."""
+        slot = int(np.searchsorted(drawn, draw() * drawn[-1], side="right"))
+        towards = np.cumsum(self.strengths[slot] * self.n)
+        other = int(np.searchsorted(towards, draw() * towards[-1], side="right"))
+        a, copy_a, i, face_i = self.face(slot, draw())
+        b, copy_b, j, face_j = self.face(other, draw())
+        twist = int(4 * draw())
+        if a is b and copy_a == copy_b:
+            return None
+        # Both orders are as likely, and the first writes first; otherwise the smaller is put into the larger's lattice.
+        if self.known.book.semantics.update == "synchronous" and len(a.structure) < len(b.structure):
+            a, i, face_i, b, j, face_j = b, j, face_j, a, i, face_i
+        made = self.known.joined(a, i, face_i, b, j, face_j, twist)
+        return None if made is None else ((a, b), (made,))
+
+    def part(self, draw: Callable[[], float], total: float) -> Event:
+        """Draw a bond that breaks: kinds before and after."""
+        left = draw() * total
+        breaking = [kind for kind in self.counts if kind.break_rate]
+        kind = breaking[-1]  # where rounding leaves none
+        for candidate in breaking:
+            left -= self.counts[candidate] * candidate.break_rate
+            if left < 0:
+                kind = candidate
+                break
+        bond = kind.bonds[bisect_right(kind.bond_rates, draw() * kind.break_rate)]
+        if self.known.book.semantics.update == "sequential" and draw() < 0.5:  # either cube may write first
+            bond = bond[::-1]
+        return (kind,), self.known.parted(kind, *bond)
+
+
+def bridges(structure: Structure) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """The bonds (i, j) that hold two parts together, with the numbers of cubes on i's and on j's side.
+
+    One walk through all bonds (Tarjan 1974): a bond is in a loop where a later cube reaches back past it.
+    """
+    n = len(structure)
+    entered, reaches, beyond = [-1] * n, [0] * n, [1] * n
+    found = []
+    entered[0], clock = 0, 1
+    way = [(0, -1, iter(structure.neighbours(0)))]
+    while way:
+        cube, before, neighbours = way[-1]
+        for other in neighbours:
+            if other == before:
+                continue
+            if entered[other] < 0:
+                entered[other] = reaches[other] = clock
+                clock += 1
+                way.append((other, cube, iter(structure.neighbours(other))))
+                break
+            reaches[cube] = min(reaches[cube], entered[other])
+        else:
+            way.pop()
+            if way:
+                reaches[before] = min(reaches[before], reaches[cube])
+                beyond[before] += beyond[cube]
+                if reaches[cube] > entered[before]:
+                    found.append(((before, cube), (n - beyond[cube], beyond[cube])))
+    return found

@@ -1,0 +1,256 @@
+"""First passage: the time until there first are so many copies of a species."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.network import Network
+from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error, totals
+from kinetics.sampling.base import whole_number
+from kinetics.solving import reachable
+from kinetics.solving.poisson import ROUNDOFF
+from kinetics.solving.states import MAX_STATES
+from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
+from kinetics.support.arrays import Floats, Ints, reals
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
+NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """Law of the first passage time from one state, tu.
+
+    target : what is waited for, in words
+    mean, sd : of the time; mean inf and sd nan where the target may never be reached
+    probability : of ever reaching the target
+    error : relative error of mean and probability: a bound, or where the states are too many to eliminate an estimate
+    sd_error : likewise of sd
+    n_states : states on the way
+    chain : the uniformised chain on the way; its last state is the target
+    """
+
+    target: str
+    mean: float
+    sd: float
+    probability: float
+    error: float
+    sd_error: float
+    n_states: int
+    chain: DiscreteChain = field(repr=False)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the target is reached sooner or later from wherever the chain may go."""
+        return bool(np.isfinite(self.mean))
+
+    @cached_property
+    def _absorption(self) -> Absorption:
+        return Absorption(self.chain)
+
+    def cdf(self, times: ArrayLike) -> Floats:
+        """Probability (...) that the target has been reached by `times` (...), tu."""
+        return self._law(times)[0]
+
+    def survival(self, times: ArrayLike) -> Floats:
+        """Probability (...) that it has not; summed on its own, so right also where it is tiny."""
+        return self._law(times)[1]
+
+    def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the cdf (...) lies: truncation and every rounding, those of the rates included."""
+        value, _, error = self._law(times)
+        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+
+    def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the survival (...) lies."""
+        _, value, error = self._law(times)
+        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+
+    def _law(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        asked = np.asarray(times, dtype=float)
+        flat = reals("times", asked.ravel(), (None,), minimum=0)
+        self._check_steps(flat.max(initial=0.0))
+        found = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 3)
+        absorbed, alive, error = found.T.reshape(3, *asked.shape)
+        return absorbed, alive, error
+
+    def _check_steps(self, time: float) -> None:
+        steps = self.chain.steps_until(time, TOLERANCE)
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"the distribution of the time until {self.target} needs {steps:.3g} steps at {time:g} tu, at most "
+                f"{MAX_STEPS}; mean and sd are exact without them, and a time much longer than the single waits is "
+                f"nearly exponential"
+            )
+
+    def quantile(self, q: ArrayLike) -> Floats:
+        """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
+        asked = _probabilities(q)
+        return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
+
+    def quantile_bounds(self, q: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the quantiles (...) lie; above, inf where q is as good as never reached."""
+        asked = _probabilities(q)
+        pairs = np.array([self._quantile_bounds(float(one)) for one in asked.ravel()]).reshape(-1, 2)
+        return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
+
+    def _quantile_bounds(self, q: float) -> tuple[float, float]:
+        """Quantiles of a little less and a little more: by as much as the cdf may be wrong up to twice the time."""
+        middle = self._quantile(q)
+        if middle == 0.0:
+            return 0.0, 0.0
+        if middle == np.inf:
+            # Reached with just about this probability, or never.
+            if q > self.probability * (1.0 + self.error):
+                return np.inf, np.inf
+            low = self._quantile(max(self.probability * (1.0 - self.error) - NEARLY, 0.0))
+            return low if float(self._law(low)[2]) <= NEARLY else 0.0, np.inf
+        error = float(self._law(2.0 * middle)[2])
+        low, high = self._quantile(max(q - error, 0.0)), self._quantile(q + error)
+        return low, high if high <= 2.0 * middle else np.inf
+
+    def _quantile(self, q: float) -> float:
+        """Inverts the cdf by bisection, down to the last bit."""
+        if self.cdf(0.0) >= q:
+            return 0.0
+        if q >= self.probability:
+            return float("inf")
+        late = 1.0 / self.chain.rate
+        while self.cdf(late) < q:
+            late *= 2.0
+        early = 0.0
+        while True:
+            middle = 0.5 * (early + late)
+            if not early < middle < late:
+                return late
+            early, late = (middle, late) if self.cdf(middle) < q else (early, middle)
+
+    def __str__(self) -> str:
+        if self.is_certain:
+            return f"time until {self.target}: mean {self.mean:.4g} tu, sd {self.sd:.4g} tu"
+        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
+
+    def plot(self, ax: Any) -> Any:
+        """Distribution function up to the 99 % quantile, with the mean; returns `ax`."""
+        from kinetics.support import plots
+
+        last = self._quantile(0.99 * self.probability) or 1.0
+        times = np.linspace(0.0, last, 201)
+        return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
+
+
+def _probabilities(q: ArrayLike) -> Floats:
+    asked = np.asarray(q, dtype=float)
+    if np.any(~((asked >= 0) & (asked < 1))):
+        raise ValueError(f"q = {asked}; expected probabilities from 0 to below 1")
+    return asked
+
+
+def first_passage(
+    network: Network,
+    initial: ArrayLike,
+    species: str,
+    copies: int = 1,
+    max_states: int = MAX_STATES,
+) -> Passage:
+    """Time from `initial` until there first are at least `copies` of a species.
+
+    Mean and variance from linear equations on the states before the target (Norris 1997, ch. 3), the distribution by
+    uniformisation. Where the chain may miss the target for good, the mean is inf and `probability` below 1.
+    """
+    index = network.index(species)
+    wanted = whole_number("copies", copies, 0)
+    target = f"{wanted} {species}"
+    space = reachable(network, initial, stop=lambda states: states[:, index] >= wanted, max_states=max_states)
+    lumped = _lump(space.generator(), space.is_stopped)
+    chain = DiscreteChain.of(lumped)
+    n = lumped.shape[0] - 1
+    if space.is_stopped[0]:
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain)
+    leads_there = _leads_to_last(lumped)
+    if not leads_there[0]:
+        return Passage(target, np.inf, np.nan, 0.0, 0.0, np.nan, n, chain)
+    way = np.flatnonzero(leads_there)
+    jumps = lumped[way][:, way].tocoo()
+    off = jumps.row != jumps.col
+    rows, columns, rates = jumps.row[off], jumps.col[off], jumps.data[off]
+    hits = lumped[way][:, [n]].toarray().ravel()
+    losses = np.asarray(lumped[way][:, np.flatnonzero(~leads_there)].sum(axis=1)).ravel()
+    chances = equations(rows, columns, rates, hits + losses)
+    if not leads_there.all():
+        reached = _checked(chances, chances.solve(hits))
+        error = relative_error(chances, reached, 0)
+        return Passage(target, np.inf, np.nan, float(reached[0]), error, np.nan, n, chain)
+    mean = _checked(chances, chances.solve(np.ones(n)))
+    error = relative_error(chances, mean, 0)
+    variance, slack = _variance(chances, rows, columns, rates, hits, mean)
+    # Half the relative error of the variance, and that of a root.
+    sd_error = 0.5 * (relative_error(chances, variance, 0) + slack) + ROUNDOFF
+    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, error, sd_error, n, chain)
+
+
+def _variance(
+    chain: Elimination | SparseFactors, rows: Ints, columns: Ints, rates: Floats, hits: Floats, mean: Floats
+) -> tuple[Floats, float]:
+    """Variances (n,) of the time from each state, and what the errors of the means bring to the first, relative.
+
+    That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
+    a square means are subtracted: what that may be wrong by is added up by the same equations.
+    """
+    exits = totals(rows, rates, mean.size) + hits
+    onward = mean - 1.0 / exits
+    gaps = mean[columns] - onward[rows]
+    spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
+    variance = chain.solve(1.0 / exits + spread)
+    each = chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
+    wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
+    doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
+    doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
+    terms = 16 + int(np.bincount(rows, minlength=1).max())
+    return variance, 1.01 * (float(chain.solve(doubt)[0] / variance[0]) + terms * ROUNDOFF)
+
+
+def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:
+    """The solution, where its entries are numbers and the first is known to three digits."""
+    if not np.isfinite(solution).all():
+        raise ValueError(
+            "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
+        )
+    if not relative_error(chain, solution, 0) < 1e-3:
+        raise ValueError(
+            f"the target is too remote: with {solution.size} states on the way, too many to eliminate, it cannot be "
+            f"solved for to three digits; start nearer to the target, or from fewer copies"
+        )
+    return solution
+
+
+def _lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:
+    """The generator with all stopped states as one last state; the initial state, unless stopped, stays first."""
+    from scipy.sparse import csr_array
+
+    n = int((~is_stopped).sum())
+    place = np.where(is_stopped, n, np.cumsum(~is_stopped) - 1)
+    entries = generator.tocoo()
+    moving = ~is_stopped[entries.row]
+    rows, columns = place[entries.row[moving]], place[entries.col[moving]]
+    return csr_array((entries.data[moving], (rows, columns)), shape=(n + 1, n + 1))
+
+
+def _leads_to_last(generator: csr_array) -> NDArray[np.bool_]:
+    """Which states (n,) before the last one have some way to it."""
+    from scipy.sparse.csgraph import breadth_first_order
+
+    n = generator.shape[0] - 1
+    backwards: Any = abs(generator).T.tocsr()
+    found = breadth_first_order(backwards, n, return_predecessors=False)
+    leads = np.zeros(n + 1, dtype=bool)
+    leads[found] = True
+    return leads[:n]

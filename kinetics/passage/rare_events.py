@@ -1,0 +1,248 @@
+"""Rare events where the states cannot be listed: splitting by how likely the event still is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.network import Network
+from kinetics.passage.level_chain import Bins, Progress, Watch
+from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import Floats, Ints, rising_times
+
+Level = Callable[[Ints], NDArray[np.float64]]
+Value = Callable[[Floats, Floats], NDArray[np.float64]]  # of levels (n,) and clocks (n,)
+
+SHARE = 0.2  # of the runs of the pilot that define the next stage
+MAX_STAGES = 1000
+MAX_EVENTS = 1_000_000  # of the longest run
+PILOT = 1000  # runs at each stage, at least
+OLDER = 0.01  # weight of what was learnt from runs that did not have to hurry
+REPLICATES = 20  # independent estimates, whose scatter gives the interval
+STUDENT = 2.093024054408263  # 97.5 % quantile at 19 degrees of freedom
+TRUSTED = 0.1  # relative standard error
+
+
+@dataclass(frozen=True)
+class RareEvent:
+    """Probability that a level is reached by a time.
+
+    probability, standard_error : unbiased estimate, and its error by chance, from independent replicates
+    low, high : 95 % interval: by Student's law where the replicates agree (`is_trusted`); else only a lower limit, by
+        Markov's inequality, which holds for any unbiased estimate that is not negative
+    chances : of the event, roughly, at which runs were split; the last one, 1, is the event itself
+    runs : begun at each stage, over all replicates
+    """
+
+    probability: float
+    standard_error: float
+    low: float
+    high: float
+    chances: tuple[float, ...]
+    runs: int
+    seed: int
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the replicates agree well enough, to a tenth or better, for the interval to hold."""
+        return self.probability > 0.0 and self.standard_error <= TRUSTED * self.probability
+
+    def __str__(self) -> str:
+        text = (
+            f"{self.probability:.4g} [{self.low:.4g}, {self.high:.4g}] by {len(self.chances)} stages of "
+            f"{self.runs} runs (seed {self.seed})"
+        )
+        return text if self.is_trusted else f"{text}; the replicates scatter too widely: give more runs"
+
+
+def rare_event(
+    network: Network,
+    initial: ArrayLike,
+    level: Level,
+    threshold: float,
+    end: float,
+    runs: int = 20_000,
+    seed: int = 0,
+) -> RareEvent:
+    """Probability that `level` reaches `threshold` by `end`, tu.
+
+    level : of states (n, S), values (n,) that rise on the way to the event, as in lambda states: states[:, 0]
+    runs : begun at each stage
+
+    Splitting (Kahn & Harris 1951): each next stage is reached by a share of the runs that start where earlier ones
+    entered the stage before, and the probability is the product of the shares. Stages are chances of the event given
+    level and time left, from a chain on the levels learnt in a pilot; so a run that is late must be further to enter,
+    and events that have to hurry all the way are found as well as those that come sooner or later. All is fixed before
+    the estimate, which keeps it unbiased (Amrein & Kuensch 2011), whatever the level.
+
+    The interval holds where the level tells how far a run has come: runs that enter a stage in different states must
+    go on with similar chances. Where the event comes almost only by a way that few enter at first, and that the level
+    does not show (a hidden switch), the replicates may all miss it and agree on too small a number: `low` still holds,
+    `high` does not. Where the states can be listed, `first_passage` and `splitting` are exact.
+    """
+    horizon = float(rising_times([end])[0])
+    start = network.state(initial)
+    n = whole_number("runs", runs, 10 * REPLICATES) // REPLICATES
+    network.known_rates  # noqa: B018
+    sequences = np.random.SeedSequence(whole_number("seed", seed, 0)).spawn(REPLICATES + 1)
+    begin = np.atleast_1d(np.asarray(level(start[None, :]), dtype=float))
+    if begin.shape != (1,):
+        raise ValueError(f"level gives shape {begin.shape} for one state; expected one value a state, (1,)")
+    if begin[0] >= threshold:
+        return RareEvent(1.0, 0.0, 1.0, 1.0, (1.0,), n * REPLICATES, seed)
+    if horizon == 0.0:
+        return RareEvent(0.0, 0.0, 0.0, 0.0, (1.0,), n * REPLICATES, seed)
+    pilot, *others = (_Runner(network, level, horizon, np.random.default_rng(each)) for each in sequences)
+    progress, chances = _learn(pilot, start, threshold, max(n, PILOT))
+    estimates = np.array([_estimate(runner, start, progress, chances, n) for runner in others])
+    mean, error = float(estimates.mean()), float(estimates.std(ddof=1) / REPLICATES**0.5)
+    if 0.0 < error <= TRUSTED * mean:
+        low, high = max(mean - STUDENT * error, 0.0), min(mean + STUDENT * error, 1.0)
+    else:
+        low, high = 0.05 * mean, 1.0
+    return RareEvent(mean, error, low, high, chances, n * REPLICATES, seed)
+
+
+def _learn(runner: _Runner, start: Ints, threshold: float, n: int) -> tuple[Progress, tuple[float, ...]]:
+    """How likely the event is from where, and the chances at which to split.
+
+    First from runs that climb the levels with all the time at each; then from runs that had to make it by the end.
+    """
+    ladder, levels = _pilot(runner, start, _level_alone, threshold, n, has_all_time=True)
+    watch = Watch(Bins(levels, threshold))
+    states = np.tile(start, (n, 1))
+    for goal in ladder:
+        found = runner.run(states, np.zeros(n), _level_alone, goal, watch)
+        hits = np.flatnonzero(found.tops >= goal)
+        if not hits.size:
+            break
+        states = found.states[runner.rng.choice(hits, n)]
+    later = Watch(watch.bins)
+    _pilot(runner, start, Progress(watch, runner.end), 1.0, n, watch=later)
+    later.times += OLDER * watch.times
+    later.jumps += OLDER * watch.jumps
+    progress = Progress(later, runner.end)
+    return progress, _pilot(runner, start, progress, 1.0, n)[0]
+
+
+def _level_alone(levels: Floats, _: Floats) -> Floats:
+    return levels
+
+
+def _pilot(
+    runner: _Runner,
+    start: Ints,
+    value: Value,
+    threshold: float,
+    n: int,
+    has_all_time: bool = False,
+    watch: Watch | None = None,
+) -> tuple[tuple[float, ...], Floats]:
+    """Values that about a fifth of the runs reach from the one before, and the levels that were seen.
+
+    has_all_time : at each stage the clock is put back to 0
+    """
+    states, clocks = np.tile(start, (n, 1)), np.zeros(n)
+    goals: list[float] = []
+    seen = [runner.levels(states[:1])]
+    reached = float(value(seen[0], clocks[:1])[0])
+    while reached < threshold:
+        first = runner.run(states, clocks, value, threshold, watch, seen)
+        goal = min(float(np.quantile(first.tops, 1.0 - SHARE, method="higher")), threshold)
+        if goal <= reached:  # few go further; the next value that any reached
+            goal = float(first.tops[first.tops > reached].min(initial=np.inf))
+        if goal == np.inf or len(goals) == MAX_STAGES:
+            raise ValueError(
+                f"no way to the event: the pilot came to level {np.concatenate(seen).max():g} and no further; "
+                f"give more runs, a later time, or a level that rises step by step on the way to the event"
+            )
+        entered = runner.run(states, clocks, value, goal)
+        hits = np.flatnonzero(entered.tops >= goal)
+        if hits.size:
+            chosen = runner.rng.choice(hits, n)
+            states, clocks = entered.states[chosen], np.zeros(n) if has_all_time else entered.clocks[chosen]
+            reached = goal
+            goals.append(goal)
+    return tuple(goals), np.unique(np.concatenate(seen))
+
+
+def _estimate(runner: _Runner, start: Ints, value: Value, goals: tuple[float, ...], n: int) -> float:
+    """Product of the shares that reach each stage, runs starting evenly where earlier ones entered the one before."""
+    states, clocks, probability = np.tile(start, (n, 1)), np.zeros(n), 1.0
+    for goal in goals:
+        found = runner.run(states, clocks, value, goal)
+        hits = np.flatnonzero(found.tops >= goal)
+        probability *= hits.size / n
+        if not hits.size:
+            break
+        chosen = runner.rng.choice(hits, n)
+        states, clocks = found.states[chosen], found.clocks[chosen]
+    return probability
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """States (n, S) and clocks (n,) where the runs stopped, and the highest values (n,) they saw."""
+
+    states: Ints
+    clocks: Floats
+    tops: Floats
+
+
+@dataclass(frozen=True)
+class _Runner:
+    """Direct method for many runs side by side."""
+
+    network: Network
+    level: Level
+    end: float
+    rng: np.random.Generator
+
+    def levels(self, states: Ints) -> Floats:
+        """Levels (n,) of states (n, S)."""
+        return np.asarray(self.level(states), dtype=float)
+
+    def run(
+        self,
+        states: Ints,
+        clocks: Floats,
+        value: Value,
+        goal: float,
+        watch: Watch | None = None,
+        seen: list[Floats] | None = None,
+    ) -> _Runs:
+        """From states (n, S) at clocks (n,), each run until its value reaches the goal, or the end.
+
+        watch, seen : note jumps between levels, and the levels themselves
+        """
+        states, clocks = states.copy(), clocks.copy()
+        changes = self.network.stoichiometry
+        levels = self.levels(states)
+        tops = value(levels, clocks).copy()
+        going = np.flatnonzero(tops < goal)
+        for _ in range(MAX_EVENTS):
+            if not going.size:
+                return _Runs(states, clocks, tops)
+            ladder = np.cumsum(self.network.propensities(states[going]), axis=1)
+            total = ladder[:, -1]
+            waits = np.full(going.size, np.inf)
+            np.divide(self.rng.exponential(size=going.size), total, out=waits, where=total > 0)
+            spent = np.minimum(waits, self.end - clocks[going])
+            clocks[going] += waits
+            before = levels[going]
+            fires = np.flatnonzero(clocks[going] <= self.end)
+            going, ladder, total = going[fires], ladder[fires], total[fires]
+            marks = self.rng.random(going.size) * total
+            chosen = np.minimum((ladder <= marks[:, None]).sum(axis=1), ladder.shape[1] - 1)
+            states[going] += changes[chosen]
+            levels[going] = self.levels(states[going])
+            if watch is not None:
+                watch.note(before, spent, fires, levels[going])
+            if seen is not None:
+                seen.append(np.unique(levels[going]))
+            tops[going] = np.maximum(tops[going], value(levels[going], clocks[going]))
+            going = going[tops[going] < goal]
+        raise ValueError(f"a run has over {MAX_EVENTS} events until {self.end:g} tu; ask for an earlier time")

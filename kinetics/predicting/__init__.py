@@ -1,0 +1,5 @@
+"""Predictions that carry the uncertainty of the rates."""
+
+from kinetics.predicting.prediction import Prediction, predict
+
+__all__ = ["Prediction", "predict"]

@@ -1,0 +1,92 @@
+"""Sums of counts in the place of all counts: some species of many, or the observables of a network file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.network.sparse_tables import Terms
+from kinetics.runs import Ensemble
+from kinetics.solving import Distribution, StateSpace
+from kinetics.support.arrays import Ints, integers, rising_times
+
+if TYPE_CHECKING:
+    from kinetics.sampling import SamplingMethod
+
+BLOCK_BYTES = 2**26  # of all counts that are there at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """Whole weights (S, V) that make V named sums of the counts of S species."""
+
+    names: tuple[str, ...]
+    weights: Ints
+
+    @classmethod
+    def of(cls, network: Network, sums: Mapping[str, Mapping[str, float]]) -> Watch:
+        """The sums that are given by the weights of species; a ValueError where one is no whole number >= 0."""
+        weights = np.zeros((len(network.species), len(sums)))
+        for v, (name, terms) in enumerate(sums.items()):
+            for species, weight in terms.items():
+                if weight < 0 or weight != int(weight):
+                    raise ValueError(f"{name!r} counts {species!r} {weight:g} times; expected a whole number >= 0")
+                weights[network.index(species), v] = weight
+        return cls(tuple(sums), integers("weights", weights, (None, None), minimum=0))
+
+    @cached_property
+    def network(self) -> Network:
+        """The names as a network's species, without a reaction: results are told by it."""
+        none = Terms.of_entries((0, len(self.names)), [], [], [])
+        return Network.from_terms(self.names, (), none, none, np.ones(0), np.ones(0))
+
+    def sampling(self, method: SamplingMethod, model: Network) -> WatchedSampling:
+        """A method that samples `model` and gives the sums."""
+        return WatchedSampling(self, method, model)
+
+    def of_distribution(self, found: Distribution) -> Distribution:
+        """The distribution of the sums."""
+        sums = found.space.states @ self.weights
+        _, first, which = np.unique(sums, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)  # row 0 is the initial state
+        place = np.argsort(order)[which.ravel()]
+        merged = np.zeros((found.times.size, order.size))
+        np.add.at(merged.T, place, found.probabilities.T)
+        space = StateSpace(self.network, sums[first[order]], np.zeros(order.size, dtype=bool))
+        return replace(found, space=space, probabilities=merged)
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedSampling:
+    """A sampling method whose runs are told by the sums alone; all counts are there for a block of runs at a time."""
+
+    watch: Watch
+    method: SamplingMethod
+    model: Network
+    name: ClassVar[str] = "watched"
+
+    def simulate(
+        self,
+        network: Network,
+        initial: ArrayLike,
+        times: ArrayLike,
+        runs: int = 1000,
+        seed: int = 0,
+        threads: int | None = None,
+        first_run: int = 0,
+    ) -> Ensemble:
+        """The sums of the runs that the method gives from `initial` (S,); `network` is that of the sums."""
+        grid = rising_times(times)
+        block = max(1, BLOCK_BYTES // (8 * max(1, grid.size) * len(self.model.species)))
+        parts = []
+        for begin in range(0, runs, block):
+            many = min(block, runs - begin)
+            part = self.method.simulate(self.model, initial, grid, many, seed, threads, first_run=first_run + begin)
+            parts.append(part.counts @ self.watch.weights)
+        return Ensemble(network, grid, np.concatenate(parts))

@@ -1,0 +1,241 @@
+"""Predictions that carry the uncertainty of their rates."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.passage import Passage, first_passage
+from kinetics.predicting.observables import Watch
+from kinetics.rates import Rates
+from kinetics.runs import EnsembleStatistics
+from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling.base import whole_number
+from kinetics.solving import Distribution, SolvingMethod, solve
+from kinetics.support.arrays import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RUNS_PER_DRAW = 100
+LIMITS = (0.025, 0.975)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Counts of every species over time, with what is known of their precision. Arrays are (T, S).
+
+    mean, sd : mean, and spread of a single run about it (intrinsic noise), at the rates' point values
+    low, high : 95 % interval of the mean from the rates' own uncertainty; None where the rates carry no evidence
+    standard_error : Monte-Carlo error of the mean; 0 for a method that does not sample
+    error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
+    notes : what a reader must know about the interval
+    is_complete : whether all runs and draws were made; fewer were where someone interrupted
+    result : the statistics of the runs, or the Distribution, behind mean and sd
+    """
+
+    network: Network
+    times: Floats
+    mean: Floats
+    sd: Floats
+    low: Floats | None
+    high: Floats | None
+    standard_error: Floats
+    error: float
+    notes: tuple[str, ...]
+    result: EnsembleStatistics | Distribution
+    method: str
+    cpu_seconds: float
+    is_complete: bool = True
+
+    @property
+    def runs(self) -> int | None:
+        """Runs behind mean and sd; None for a method that does not sample."""
+        return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a time and species."""
+        import pandas as pd
+
+        names = self.network.species
+        columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
+        if self.low is not None and self.high is not None:
+            columns |= {"low": self.low, "high": self.high}
+        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
+        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+
+    def plot(self, ax: Any) -> Any:
+        """Means, the band of the middle 95 % of runs, and dashed the interval of the mean; returns `ax`."""
+        from kinetics.support import plots
+
+        self.result.plot(ax)
+        if self.low is not None and self.high is not None:
+            plots.intervals(ax, self.times, self.low, self.high)
+        return ax
+
+
+def predict(
+    network: Network,
+    rates: Rates | None,
+    initial: ArrayLike,
+    times: ArrayLike,
+    method: SamplingMethod | SolvingMethod | None = None,
+    runs: int = 1000,
+    seed: int = 0,
+    draws: int = 200,
+    threads: int | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
+) -> Prediction:
+    """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
+
+    rates : None for the network's own, taken as known: there is no interval then
+    method : Auto() unless another is given
+    runs : of a sampling method
+    draws : rate sets drawn from `rates.sample` for the interval
+    progress : told how far the work is
+    watch : sums of counts to be told of in the place of all counts
+
+    Runs are not kept, only their statistics, so memory does not grow with them. After Ctrl-C the prediction is of the
+    runs and draws made so far, if any, and its notes say so.
+
+    The interval always comes from sampling, by `Auto`: each draw's mean over `RUNS_PER_DRAW` runs, then the 2.5 % and
+    97.5 % quantiles of these means, drawn together by the share of their variance that is Monte-Carlo noise (known
+    from the runs). So it shows what the rates leave open, and nothing else. Approximate: quantiles of `draws` values.
+    """
+    began = time.process_time()
+    model = network if rates is None else rates.apply(network)
+    method = Auto() if method is None else method
+    shown = model if watch is None else watch.network
+    result: EnsembleStatistics | Distribution
+    if isinstance(method, SamplingMethod):
+        sampling = method if watch is None else watch.sampling(method, model)
+        result = simulate_statistics(
+            shown, sampling, initial, times, runs, seed, threads,
+            covariances=False, progress=lambda done: progress(f"{done} of {runs} runs"),
+        )  # fmt: skip
+        standard_error, error = result.standard_error(), 0.0
+        unfinished = "" if result.is_complete else f"interrupted: {result.runs} of {runs} runs were made, no interval"
+    else:
+        solved = solve(model, method, initial, times)
+        result = solved if watch is None else watch.of_distribution(solved)
+        standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
+        unfinished = ""
+    low = high = None
+    if rates is not None and not _is_bare(rates) and not unfinished:
+        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, progress, watch)
+        if len(means) < draws:
+            unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
+        if len(means) > 1:
+            low, high = noise_free_limits(np.array(means), np.mean(noise, axis=0))
+    return Prediction(
+        shown,
+        result.times,
+        result.mean(),
+        result.sd(),
+        low,
+        high,
+        standard_error,
+        error,
+        (*evidence_notes(rates), *filter(None, [unfinished, _rounding(result)])),
+        result,
+        method.name,
+        time.process_time() - began,
+        not unfinished,
+    )
+
+
+def predict_passage(
+    network: Network,
+    rates: Rates | None,
+    initial: ArrayLike,
+    species: str,
+    copies: int = 1,
+    seed: int = 0,
+    draws: int = 100,
+) -> tuple[Passage, tuple[float, float] | None]:
+    """First passage at the rates' point values, and the 95 % interval of its mean that the rates' uncertainty leaves.
+
+    Each draw of the rates is solved exactly. The interval is None where the rates carry no evidence.
+    """
+    model = network if rates is None else rates.apply(network)
+    passage = first_passage(model, initial, species, copies)
+    if rates is None or _is_bare(rates):
+        return passage, None
+    means = [first_passage(drawn, initial, species, copies).mean for drawn in _drawn(model, rates, seed, draws)]
+    # No interpolation between a finite mean and an infinite one.
+    low, high = np.quantile(means, LIMITS, method="inverted_cdf")
+    return passage, (float(low), float(high))
+
+
+def evidence_notes(rates: Rates | None) -> tuple[str, ...]:
+    """What a reader must know about the interval of a prediction from `rates`."""
+    if rates is None:
+        return ("no interval: the network's own rates are taken as known",)
+    bare = rates.without_evidence()
+    if _is_bare(rates):
+        return ("no interval: these rates come without evidence (events and exposure)",)
+    if bare:
+        return (f"the interval leaves out {', '.join(bare)}: taken as known, because without evidence",)
+    return ()
+
+
+def _is_bare(rates: Rates) -> bool:
+    return len(rates.without_evidence()) == len(rates.channels)
+
+
+def _drawn(model: Network, rates: Rates, seed: int, draws: int) -> list[Network]:
+    """The model under each draw of its rate constants."""
+    # A stream of its own: spawned, so that it shares nothing with the runs of the same seed.
+    sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1,))
+    table = rates.sample(np.random.default_rng(sequence), whole_number("draws", draws, 2))
+    order = [list(rates.channels).index(name) for name in model.channels]
+    return [model.with_rates(constants) for constants in table[:, order]]
+
+
+def _draw_means(
+    model: Network,
+    rates: Rates,
+    initial: ArrayLike,
+    times: ArrayLike,
+    runs: int,
+    seed: int,
+    draws: int,
+    threads: int | None,
+    progress: Callable[[str], None],
+    watch: Watch | None,
+) -> tuple[list[Floats], list[Floats]]:
+    """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
+    found: list[tuple[Floats, Floats]] = []
+    try:
+        for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
+            # Numbers beyond those of the prediction's own runs, so that all runs are independent.
+            first_run = runs + d * RUNS_PER_DRAW
+            sampling, shown = (Auto(), drawn) if watch is None else (watch.sampling(Auto(), drawn), watch.network)
+            sample = sampling.simulate(shown, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
+            found.append((sample.mean(), sample.standard_error() ** 2))
+            progress(f"{d + 1} of {draws} draws of the rates")
+    except KeyboardInterrupt:
+        pass
+    return [mean for mean, _ in found], [error for _, error in found]
+
+
+def _rounding(result: EnsembleStatistics | Distribution) -> str:
+    """How well the limits of the middle 95 % of runs are known, where that is not exactly."""
+    off = int(result.quantile_error().max()) if isinstance(result, EnsembleStatistics) else 0
+    return f"the middle 95 % of the runs is known to {off} copies" if off else ""
+
+
+def noise_free_limits(means: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """2.5 % and 97.5 % quantiles (T, S) of the means (draws, T, S), freed of a noise of variance (T, S)."""
+    centre = means.mean(axis=0)
+    spread = means.var(axis=0, ddof=1)
+    share = np.divide(spread - noise, spread, out=np.zeros_like(spread), where=spread > noise)
+    low, high = np.quantile(means, LIMITS, axis=0)
+    return centre + np.sqrt(share) * (low - centre), centre + np.sqrt(share) * (high - centre)

@@ -1,0 +1,119 @@
+"""What a prediction starts from: a network, its rates, and what the tank holds at time 0."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kinetics.network import Network
+from kinetics.support.arrays import Ints
+from kinetics.support.cli.options import counts_of
+
+if TYPE_CHECKING:
+    from kinetics.formats import Model
+    from kinetics.predicting.observables import Watch
+    from kinetics.rates import Rates
+
+MOST_SHOWN = 30  # species that are shown without being asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A network with the counts (S,) at time 0.
+
+    rates : to be applied to it; None where the network has its own, as one from a file has
+    observables : name -> weight of each species that counts in the sum
+    """
+
+    network: Network
+    state: Ints
+    rates: Rates | None = None
+    observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def convention(self) -> dict[str, Any]:
+        """How a propensity is put together, as a rates file tells it."""
+        from kinetics.rates import Convention
+
+        if self.rates is not None:
+            return self.rates.convention.model_dump()
+        return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
+
+    @property
+    def model(self) -> Model:
+        """What a network file of it holds."""
+        from kinetics.formats import Model
+
+        network = self.network if self.rates is None else self.rates.apply(self.network)
+        return Model(network, self.state, self.observables)
+
+    def watch(self, names: tuple[str, ...]) -> Watch | None:
+        """What to show: species and observables by their names, and by default all species, unless they are many."""
+        from kinetics.predicting.observables import Watch
+
+        if not names and len(self.network.species) <= MOST_SHOWN:
+            return None
+        sums: dict[str, Mapping[str, float]] = {}
+        for name in names or self.observables:
+            if name not in self.network.species and name not in self.observables:
+                near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
+                hint = f"; did you mean {' or '.join(near)}?" if near else ""
+                raise ValueError(f"--show {name}: neither a species nor an observable{hint}")
+            sums[name] = self.observables.get(name, {name: 1.0})
+        if not sums:
+            raise ValueError(f"{len(self.network.species)} species; name those to be shown, as in --show A --show B")
+        return Watch.of(self.network, sums)
+
+
+def start(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+    """The start that the arguments of `predict` and `passage` ask for.
+
+    source : a rule book, whose network needs rates and counts; or a network file, which has both
+    """
+    if is_network_file(source):
+        return _from_file(source, rates_name, cubes, initial)
+    from kinetics.rates import Rates
+
+    if rates_name is None:
+        raise ValueError("a rule book has no rates; name some, as in --rates table3")
+    if (cubes is None) == (initial is None):
+        raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
+    rates = Rates.load(rates_name)
+    network, monomer = network_of_book(source)
+    counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
+    return Start(network, network.state(counts), rates)
+
+
+def network_of_book(name: str) -> tuple[Network, str]:
+    """The network that a book gives, and the name of its single cube."""
+    from kinetics.assembly import RuleBook, derive
+
+    book = RuleBook.load(name)
+    derivation = derive(book)
+    return derivation.network, derivation.network.species[derivation.species_of(book.monomer())]
+
+
+def is_network_file(source: str) -> bool:
+    """Does the name end as a network file's does? A book ends in .toml, or in nothing."""
+    suffix = Path(source).suffix.lower()
+    if suffix in ("", ".toml"):
+        return False  # a book needs no readers of files
+    from kinetics.formats import SUFFIXES
+
+    return suffix in SUFFIXES
+
+
+def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+    from kinetics.formats import read
+
+    for option, value in (("--rates", rates_name), ("--cubes", cubes)):
+        if value is not None:
+            raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
+    model = read(source)
+    counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
+    if initial is not None:
+        counts |= counts_of(initial)
+    return Start(model.network, model.network.state(counts), observables=model.observables)

@@ -1,0 +1,271 @@
+"""Rate constants by rate class, so that one measurement serves every book whose ways are of that class.
+
+The ways of a channel are sorted by what happens, the face types and the sizes of the two sides (`RateClass`). A file
+gives constants from the particular to the general, and the most particular one that fits counts:
+
+    "join 1 f1 + 2 f1"   event, sizes and faces
+    "join f1 + f1"       event and faces, whatever the sizes
+    "join"               event alone
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from kinetics.network import Network
+from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
+from kinetics.support.config import Settings, read_toml, validated, write_toml
+
+if TYPE_CHECKING:
+    from kinetics.assembly import Derivation, RateClass
+
+DISTINCT = Convention(combinations="distinct")
+LEVEL = 0.95
+_KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(\w+) \+ (?:(\d+) )?(\w+))?")
+
+
+class ClassRate(MeasuredRate):
+    """Rate constant of one class. A number of events that is not whole says what the evidence is worth where classes
+    that differ were taken together.
+    """
+
+
+class ClassRates(Settings):
+    """Rate constants by class, with fallbacks from the particular to the general.
+
+    classes : key -> ClassRate; a key is a class as it is printed, or that without sizes, or the event alone
+    faces : the face scheme that the face types belong to; None: whichever
+    evidence : free table: where the rates come from
+    """
+
+    convention: Convention = DISTINCT
+    faces: str | None = None
+    classes: dict[str, ClassRate] = Field(min_length=1)
+    evidence: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("classes")
+    @classmethod
+    def _with_plain_keys(cls, classes: Mapping[str, ClassRate]) -> dict[str, ClassRate]:
+        """Keys with the smaller side first, as classes are printed."""
+        found: dict[str, ClassRate] = {}
+        for written, entry in classes.items():
+            key = _plain(written)
+            if key in found:
+                raise ValueError(f"{key!r} is there twice, once written as {written!r}; keep one of them")
+            found[key] = entry
+        return found
+
+    @classmethod
+    def load(cls, path: str | Path) -> ClassRates:
+        """Read a TOML file with a table `classes`."""
+        source = Path(path)
+        if not source.is_file():
+            raise ValueError(f"class rates file {source} does not exist; give the path of a TOML file")
+        return validated(cls, read_toml(source), source)
+
+    @classmethod
+    def fitting(cls, name_or_path: str | Path, derivations: Iterable[Derivation]) -> ClassRates:
+        """A file of class rates, or the rates of a network, shipped or from a file, told by its book's classes.
+
+        derivations : among which the network is looked for; they are made one by one until one fits
+        """
+        path = Path(name_or_path)
+        if path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path):
+            return cls.load(path)
+        rates = Rates.load(name_or_path)
+        tried = []
+        for derivation in derivations:
+            try:
+                return cls.of_rates(derivation, rates)
+            except ValueError as error:
+                tried.append(f"{derivation.book.name}: {error}")
+        raise ValueError(
+            f"the rates {name_or_path} belong to the network of a book that is not here; name that book, or give rates "
+            f"by class. Tried {'; '.join(tried) or 'none'}"
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write as TOML, whole or not at all."""
+        write_toml(self.model_dump(exclude_none=True), Path(path))
+
+    @classmethod
+    def uniform(cls, join: float, break_: float = 0.0) -> ClassRates:
+        """One rate constant for every join and one for every break, 1/tu; 0: it never happens."""
+        return validated(cls, {"classes": {"join": {"rate": join}, "break": {"rate": break_}}}, "uniform rates")
+
+    @classmethod
+    def of_rates(cls, derivation: Derivation, rates: Rates) -> ClassRates:
+        """The constants of all classes of a network, from the rates of its channels.
+
+        Channels of one class are pooled: events over exposure, or without evidence the mean weighted by their ways.
+        Ways that the file counts in another way than geometry does are put into the constant, so that propensities
+        stay as they are. A channel whose ways are of several classes tells each of them its own rate; it is asked
+        only where no other channel is of that class alone.
+
+        For every pair of faces an entry without sizes is added. Its evidence is worth no more events than the scatter
+        of the sizes' rates allows (as many as a gamma law of that relative variance has), so that a draw from it
+        covers sizes that were not measured.
+        """
+        model = rates.apply(derivation.network)
+        alone: dict[RateClass, list[_Told]] = defaultdict(list)
+        shared: dict[RateClass, list[_Told]] = defaultdict(list)
+        for name, ways in zip(model.channels, derivation.events.values(), strict=True):
+            for rate_class, n in ways.items():
+                told = _Told.by(rates.channels[name], n, sum(ways.values()))
+                (alone if len(ways) == 1 else shared)[rate_class].append(told)
+        by_class = {c: _pooled(alone.get(c) or shared[c]) for c in derivation.rate_classes}
+        general: dict[str, list[ClassRate]] = defaultdict(list)
+        for rate_class, entry in by_class.items():
+            general[_keys(rate_class)[1]].append(entry)
+        return cls(
+            convention=rates.convention,
+            faces=derivation.book.scheme,
+            classes={str(c): entry for c, entry in by_class.items()}
+            | {key: _over_sizes(entries) for key, entries in general.items()},
+            evidence=rates.evidence,
+        )
+
+    def key(self, rate_class: RateClass) -> str:
+        """Which entry a class takes its constant from; a ValueError names the class that has none."""
+        keys = _keys(rate_class)
+        for key in keys:
+            if key in self.classes:
+                return key
+        raise ValueError(
+            f"no rate for class {keys[0]!r}; add it, or one of the more general {', '.join(map(repr, keys[1:]))}; "
+            f"there are {', '.join(map(repr, self.classes))}"
+        )
+
+    def rate(self, rate_class: RateClass) -> float:
+        """Rate constant of a class, 1/tu per way and combination."""
+        return self.classes[self.key(rate_class)].rate
+
+    def apply(self, derivation: Derivation) -> Network:
+        """The derived network with rates: a channel's is the mean over its classes, weighted by their ways."""
+        if self.faces not in (None, derivation.book.scheme):
+            raise ValueError(
+                f"these class rates are for faces = {self.faces!r}; book {derivation.book.name!r} has "
+                f"{derivation.book.scheme!r}, whose face types mean something else"
+            )
+        bare = derivation.network
+        constants = {rate_class: self.rate(rate_class) for rate_class in derivation.rate_classes}
+        totals = [sum(n * constants[c] for c, n in ways.items()) for ways in derivation.events.values()]
+        return Network(
+            bare.species,
+            bare.channels,
+            bare.reactants,
+            bare.stoichiometry,
+            bare.ways,
+            np.divide(totals, bare.ways),
+            self.convention.combinations,
+            bare.conserved,
+        )
+
+    def draws(self, rng: np.random.Generator, n: int) -> list[ClassRates]:
+        """n sets of rates; within a set, all channels that share an entry move together.
+
+        Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
+        """
+        table = np.empty((n, len(self.classes)))
+        for column, entry in zip(table.T, self.classes.values(), strict=True):
+            if entry.events is None or entry.exposure is None:
+                column[:] = entry.rate
+            else:
+                column[:] = rng.gamma(entry.events + 0.5, 1.0 / entry.exposure, size=n)
+        return [
+            self.model_copy(
+                update={"classes": {key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)}}
+            )
+            for row in table.tolist()
+        ]
+
+    def without_evidence(self, classes: Iterable[RateClass]) -> list[str]:
+        """Keys that these classes use and whose rate comes without events and exposure."""
+        used = dict.fromkeys(map(self.key, classes))
+        return [key for key in used if self.classes[key].exposure is None]
+
+
+class _Told(NamedTuple):
+    """What one channel tells of a class, its ways counted by geometry."""
+
+    ways: float
+    entry: ClassRate
+
+    @classmethod
+    def by(cls, channel: ChannelRate, ways: float, all_ways: float) -> _Told:
+        """By a channel of which `ways` of `all_ways` are of the class; evidence is shared out by ways."""
+        scale, share = channel.ways / all_ways, ways / all_ways
+        entry = ClassRate(
+            rate=channel.rate * scale,
+            low=None if channel.low is None else channel.low * scale,
+            high=None if channel.high is None else channel.high * scale,
+            events=None if channel.events is None else channel.events * share,
+            exposure=None if channel.exposure is None else channel.exposure * share / scale,
+        )
+        return cls(ways, entry)
+
+
+def _pooled(told: list[_Told]) -> ClassRate:
+    """All that tell of a class as one."""
+    entries = [entry for _, entry in told]
+    if len(entries) == 1:
+        return entries[0]
+    if all(entry.exposure is not None for entry in entries):
+        events, exposure = _sums(entries)
+        return _measured(events / exposure, events, exposure)
+    weights = [ways for ways, _ in told]
+    return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
+
+
+def _sums(entries: list[ClassRate]) -> tuple[float, float]:
+    """All events and all exposure."""
+    return sum(entry.events or 0.0 for entry in entries), sum(entry.exposure or 0.0 for entry in entries)
+
+
+def _over_sizes(entries: list[ClassRate]) -> ClassRate:
+    """One entry for several sizes, its evidence cut down to what their scatter leaves of it."""
+    rates = np.array([entry.rate for entry in entries])
+    if any(entry.exposure is None for entry in entries):
+        return ClassRate(rate=float(rates.mean()))
+    events, exposure = _sums(entries)
+    rate = events / exposure
+    scatter = float(rates.var(ddof=1)) if len(entries) > 1 else 0.0
+    if scatter > 0 and rate**2 / scatter < events:
+        events, exposure = rate**2 / scatter, rate / scatter
+    return _measured(rate, events, exposure)
+
+
+def _measured(rate: float, events: float, exposure: float) -> ClassRate:
+    """With the exact interval (Garwood 1936)."""
+    from scipy.special import gammaincinv
+
+    tail = (1 - LEVEL) / 2
+    low = float(gammaincinv(events, tail)) / exposure if events else 0.0
+    high = float(gammaincinv(events + 1, 1 - tail)) / exposure
+    return ClassRate(rate=rate, low=low, high=high, events=events, exposure=exposure)
+
+
+def _keys(rate_class: RateClass) -> tuple[str, str, str]:
+    """Keys of a class from the particular to the general."""
+    return str(rate_class), f"{rate_class.event} {' + '.join(sorted(rate_class.faces))}", rate_class.event
+
+
+def _plain(key: str) -> str:
+    """A key as classes are printed: the smaller side first."""
+    match = _KEY.fullmatch(" ".join(key.split()))
+    if match is None or (match[2] is None) != (match[4] is None):
+        raise ValueError(f"{key!r} is no rate class; expected one as in 'join 1 f1 + 2 f1', 'join f1 + f1' or 'join'")
+    event, n, first, m, second = match.groups()
+    if first is None:
+        return event
+    if n is None:
+        return f"{event} {' + '.join(sorted((first, second)))}"
+    sides = sorted(((int(n), first), (int(m), second)))
+    return f"{event} {' + '.join(f'{size} {face}' for size, face in sides)}"

@@ -1,0 +1,132 @@
+"""A set of rates with the convention it was made in and the evidence behind it; TOML in and out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+from kinetics.support.config import Settings, find, read_toml, validated, write_toml
+
+SHIPPED = Path(__file__).parent / "tables"
+
+
+class Convention(Settings):
+    """How a propensity is put together from the numbers of a rates file. Nothing is folded in silently."""
+
+    propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
+    combinations: Literal["distinct", "ordered", "product"]
+    time_unit: Literal["tu"] = "tu"
+
+
+class MeasuredRate(Settings):
+    """A rate constant, 1/tu per way and combination, with what is known of it.
+
+    low, high : 95 % interval of the rate
+    events, exposure : firings n, and the integral of ways * combinations over the time watched, tu
+    """
+
+    rate: float = Field(ge=0)
+    low: float | None = Field(default=None, ge=0)
+    high: float | None = Field(default=None, ge=0)
+    events: float | None = Field(default=None, ge=0)
+    exposure: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.low is None) != (self.high is None):
+            raise ValueError("low and high come together")
+        if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
+            raise ValueError(f"expected low <= rate <= high; {self.low}, {self.rate}, {self.high} came")
+        if (self.events is None) != (self.exposure is None):
+            raise ValueError("events and exposure come together")
+        return self
+
+
+class ChannelRate(MeasuredRate):
+    """Rate constant of one channel.
+
+    ways : number of ways N of one combination of reactants
+    """
+
+    events: int | None = Field(default=None, ge=0)
+    ways: float = Field(gt=0)
+
+
+class Rates(Settings):
+    """Rates of all channels of one network.
+
+    channels : channel name -> ChannelRate
+    network : fingerprint of the network they were measured for, where it was recorded
+    evidence : free table: where the rates come from (scene, seeds, cost, versions, notes)
+    """
+
+    convention: Convention
+    channels: dict[str, ChannelRate] = Field(min_length=1)
+    network: str | None = None
+    evidence: dict[str, Any] = Field(default_factory=dict)
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Rates:
+        """A shipped table (`table3`, `table3_geometric`, `table3_literal`) or a file of your own."""
+        path = find(name_or_path, SHIPPED, "rates")
+        return validated(cls, read_toml(path), path)
+
+    def save(self, path: str | Path) -> None:
+        """Write as TOML: whole or not at all, so that an older file stays until the new one is safely there."""
+        write_toml(self.model_dump(exclude_none=True), Path(path))
+
+    def apply(self, network: Network) -> Network:
+        """`network` with this file's rates, ways and combinations.
+
+        A ValueError where the channels are not the same ones (in whatever order), or the fingerprints differ.
+        """
+        missing = [name for name in network.channels if name not in self.channels]
+        extra = [name for name in self.channels if name not in network.channels]
+        if missing or extra:
+            parts = [
+                f"{what} {', '.join(names[:8])}{f' and {len(names) - 8} more' if len(names) > 8 else ''}"
+                for what, names in (("missing", missing), ("not in the network:", extra))
+                if names
+            ]
+            raise ValueError(f"these rates are for another network ({'; '.join(parts)})")
+        if self.network not in (None, network.fingerprint):
+            raise ValueError(
+                f"these rates are for another network: its channels have the same names, but its fingerprint is "
+                f"{self.network[:12]}, not {network.fingerprint[:12]}"
+            )
+        ordered = [self.channels[name] for name in network.channels]
+        return Network(
+            network.species,
+            network.channels,
+            network.reactants,
+            network.stoichiometry,
+            np.array([channel.ways for channel in ordered]),
+            np.array([channel.rate for channel in ordered]),
+            self.convention.combinations,
+            network.conserved,
+            network.laws,
+            network.events,
+            network.at_zero,
+        )
+
+    def without_evidence(self) -> list[str]:
+        """Channels whose rate comes without events and exposure, so without a known uncertainty."""
+        return [name for name, channel in self.channels.items() if channel.exposure is None]
+
+    def sample(self, rng: np.random.Generator, n: int) -> Floats:
+        """(n, R) rate constants, in the order of `channels`.
+
+        Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
+        """
+        draws = np.empty((n, len(self.channels)))
+        for column, channel in zip(draws.T, self.channels.values(), strict=True):
+            if channel.events is None or channel.exposure is None:
+                column[:] = channel.rate
+            else:
+                column[:] = rng.gamma(channel.events + 0.5, 1.0 / channel.exposure, size=n)
+        return draws

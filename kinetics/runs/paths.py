@@ -1,0 +1,252 @@
+"""What happened: jump paths with every event, and ensembles of counts on a grid of times.
+
+Simulated and mechanical runs give the same records, so that whoever reads one need not know where it came from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.network import Network
+from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
+RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
+
+
+@dataclass(frozen=True, eq=False)
+class JumpPath:
+    """Every event of one run, in order.
+
+    initial : (S,) counts at time 0, and again after each restart
+    times : (E,) in tu, never falling: what happens within one mechanics step shares its time
+    channels : (E,) index of the channel that fired, or RESTART
+    end : time in tu at which watching stopped; a wait that it cuts off is right-censored
+    open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
+    """
+
+    network: Network
+    initial: Ints
+    times: Floats
+    channels: Ints
+    end: float
+    open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
+
+    def __post_init__(self) -> None:
+        n_channels = len(self.network.channels)
+        object.__setattr__(self, "initial", self.network.state(self.initial))
+        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
+        object.__setattr__(self, "channels", integers("channels", self.channels, self.times.shape, RESTART))
+        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
+        if self.channels.size and self.channels.max() >= n_channels:
+            raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
+        if self.times.size and self.times[-1] > self.end:
+            raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
+        given = np.ones(n_channels, dtype=bool) if self.open_channels is None else self.open_channels
+        is_open = np.array(given)
+        if is_open.shape != (n_channels,) or is_open.dtype != bool:
+            raise ValueError(f"open_channels must be {n_channels} truth values, one a channel")
+        object.__setattr__(self, "open_channels", read_only(is_open))
+        self._check_events(is_open)
+
+    def _check_events(self, is_open: NDArray[np.bool_]) -> None:
+        """Every event must be possible: its channel open, its reactants there."""
+        fired = np.flatnonzero(self.channels != RESTART)
+        channels = self.channels[fired]
+        closed = np.flatnonzero(~is_open[channels])
+        if closed.size:
+            raise ValueError(f"channel {self.network.channels[channels[closed[0]]]!r} fired but is not open")
+        needs = self.network.reactant_terms
+        owners, entries = needs.entries_of(channels)
+        events, species, needed = fired[owners], needs.columns[entries], needs.copies[entries]
+        there = self._counts_before(events, species)
+        short = np.flatnonzero(there < needed)
+        if short.size:
+            first = short[0]
+            raise ValueError(
+                f"event {events[first]} ({self.network.channels[self.channels[events[first]]]} at "
+                f"{self.times[events[first]]:g}) needs {needed[first]} of {self.network.species[species[first]]!r}; "
+                f"there are {there[first]}"
+            )
+
+    def _counts_before(self, events: NDArray[np.intp], species: Ints) -> Ints:
+        """Counts (n,) of one species each, just before one event each."""
+        if self._is_small:
+            return self.states[events, species]
+        # All that ever changes, and the questions after it, in order of stretch between restarts, species and event.
+        fired = np.flatnonzero(self.channels != RESTART)
+        owners, entries = self.network.change_terms.entries_of(self.channels[fired])
+        gains = self.network.change_terms.copies[entries]
+        when = np.concatenate([fired[owners] + 1, events])  # an event counts from the next row on
+        who = np.concatenate([self.network.change_terms.columns[entries], species])
+        gained = np.concatenate([gains, np.zeros_like(species)])
+        is_question = np.repeat([False, True], [gains.size, species.size])
+        stretch = self._last_restart[np.concatenate([fired[owners], events])]
+        order = np.lexsort((is_question, when, who, stretch))
+        total = np.cumsum(gained[order])
+        is_first = np.append(True, (np.diff(stretch[order]) != 0) | (np.diff(who[order]) != 0))[: order.size]
+        before = (total - gained[order])[is_first][np.cumsum(is_first) - 1]
+        counts = np.empty(order.size, dtype=np.int64)
+        counts[order] = total - before
+        return self.initial[species] + counts[gains.size :]
+
+    @property
+    def _is_small(self) -> bool:
+        return (self.channels.size + 1) * len(self.network.species) <= MAX_STATES
+
+    @cached_property
+    def _last_restart(self) -> Ints:
+        """Row (E + 1,) of `states` at which each stretch between restarts begins."""
+        restarts = np.flatnonzero(self.channels == RESTART) + 1
+        last = np.zeros(self.channels.size + 1, dtype=np.int64)
+        last[restarts] = restarts
+        return np.maximum.accumulate(last)  # row 0, without any gain, where there was none yet
+
+    @cached_property
+    def states(self) -> Ints:
+        """Counts (E + 1, S): the initial ones, then those after each event or restart."""
+        if not self._is_small:
+            raise ValueError(
+                f"{self.channels.size} events of {len(self.network.species)} species make a table of over "
+                f"{MAX_STATES} counts; ask for the counts `at` some times instead"
+            )
+        changes = np.zeros((self.channels.size + 1, len(self.network.species)), dtype=np.int64)
+        is_event = self.channels != RESTART
+        changes[1:][is_event] = self.network.stoichiometry[self.channels[is_event]]
+        total = np.cumsum(changes, axis=0)
+        return read_only(self.initial + total - total[self._last_restart])  # a restart takes back all gained up to it
+
+    def at(self, times: ArrayLike) -> Ints:
+        """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
+        asked = reals("times", times, (None,), minimum=0)
+        if asked.size and asked.max() > self.end:
+            raise ValueError(f"the run was watched until {self.end:g}; {asked.max():g} was asked for")
+        rows = np.searchsorted(self.times, asked, side="right")
+        if self._is_small:
+            return self.states[rows]
+        change = self.network.change_terms
+        counts = np.tile(self.initial, (rows.size, 1))
+        for state, row in zip(counts, rows, strict=True):
+            fired = np.bincount(self.channels[self._last_restart[row] : row], minlength=len(self.network.channels))
+            np.add.at(state, change.columns, change.copies * fired[change.rows])
+        return counts
+
+    def first_time(self, species: str, copies: int = 1) -> float:
+        """Time in tu at which there first were `copies` of a species; nan if not by `end`."""
+        rows = np.arange(self.channels.size + 1)
+        counts = self._counts_before(rows, np.full(rows.size, self.network.index(species)))
+        seen = np.flatnonzero(counts >= copies)
+        if not seen.size:
+            return float("nan")
+        return 0.0 if seen[0] == 0 else float(self.times[seen[0] - 1])
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a moment: time in tu, what happened ("start", a channel, "restart", "end"), counts after it."""
+        import pandas as pd
+
+        names = (*self.network.channels, "restart")  # RESTART = -1 picks the last
+        happened = ["start", *(names[channel] for channel in self.channels), "end"]
+        counts = np.vstack([self.states, self.states[-1:]])
+        table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
+        return pd.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
+
+    def plot(self, ax: Any) -> Any:
+        """Counts of every species against time, as steps; returns `ax`."""
+        from kinetics.support import plots
+
+        times = np.concatenate([[0.0], self.times, [self.end]])
+        return plots.steps(ax, times, np.vstack([self.states, self.states[-1:]]), self.network.species)
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Counts of many independent runs on one grid of times.
+
+    times : (T,) in tu, rising
+    counts : (runs, T, S) int64
+    """
+
+    network: Network
+    times: Floats
+    counts: Ints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", rising_times(self.times))
+        counts = np.asarray(self.counts)
+        expected = (self.times.size, len(self.network.species))
+        if counts.ndim != 3 or counts.shape[1:] != expected or counts.shape[0] == 0:
+            raise ValueError(f"counts have shape {counts.shape}; expected (runs, {expected[0]}, {expected[1]})")
+        if counts.dtype != np.int64 or counts.min(initial=0) < 0:
+            raise ValueError(f"counts must be int64 and not negative; {counts.dtype} came")
+        # A view, so that closing it for writing costs no copy of what may be gigabytes.
+        object.__setattr__(self, "counts", read_only(counts.view()))
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return self.counts.shape[0]
+
+    def mean(self) -> Floats:
+        """Mean counts (T, S)."""
+        return self.counts.mean(axis=0)
+
+    def sd(self) -> Floats:
+        """Standard deviation (T, S) among the runs, with runs - 1; nan for a single run."""
+        if self.runs == 1:
+            return np.full(self.counts.shape[1:], np.nan)
+        return self.counts.std(axis=0, ddof=1)
+
+    def variance(self) -> Floats:
+        """Variance (T, S) among the runs, with runs - 1; nan for a single run."""
+        return self.sd() ** 2
+
+    def standard_error(self) -> Floats:
+        """Standard error (T, S) of the mean."""
+        return self.sd() / np.sqrt(self.runs)
+
+    def covariance(self) -> Floats:
+        """Covariances (T, S, S) of the species at each time, with runs - 1; nan for a single run."""
+        if self.runs == 1:
+            return np.full((*self.counts.shape[1:], self.counts.shape[2]), np.nan)
+        means = self.mean()
+        tables = []
+        for t, mean in enumerate(means):  # one time after the other: deviations of all would double the memory
+            off = self.counts[:, t] - mean
+            tables.append(off.T @ off / (self.runs - 1))
+        return np.array(tables)
+
+    def marginal(self, species: str) -> Floats:
+        """Shares (T, M + 1) of the runs with 0, 1, ..., M copies of one species."""
+        columns = self.counts[:, :, self.network.index(species)].T
+        top = int(columns.max())
+        return np.array([np.bincount(column, minlength=top + 1) for column in columns]) / self.runs
+
+    def quantile(self, q: float) -> Floats:
+        """Smallest counts (T, S) with at least a share q of the runs at or below them."""
+        if not 0 <= q <= 1:
+            raise ValueError(f"q = {q}; expected a probability")
+        return np.quantile(self.counts.astype(float), q, axis=0, method="inverted_cdf")
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a run and time: run, time in tu, counts."""
+        import pandas as pd
+
+        runs = np.repeat(np.arange(self.runs), self.times.size)
+        table = {"run": runs, "time": np.tile(self.times, self.runs)}
+        columns = self.counts.reshape(-1, len(self.network.species)).T
+        return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+
+    def plot(self, ax: Any) -> Any:
+        """Means with the band that holds the middle 95 % of runs; returns `ax`."""
+        from kinetics.support import plots
+
+        low, high = self.quantile(0.025), self.quantile(0.975)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)

@@ -1,0 +1,315 @@
+"""Statistics of ensembles that need no more memory for a million runs than for ten.
+
+All that is kept are whole numbers: histograms, sums, sums of products, in integers that cannot overflow. So the
+statistics of a set of runs do not depend on the blocks in which they came, on their order, or on who made them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.network import Network
+from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.memory import check_memory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Bins of a histogram, one for each time and species. No power of two: histograms so many bytes apart would push each
+# other out of the cache.
+MOST_BINS, FEWEST_BINS = 4088, 63
+HISTOGRAM_BYTES = 2**28  # of all histograms, as long as there are more than the fewest bins
+MOST_COVARIED = 32  # species up to which all pairs are kept; their number grows with the square
+LARGEST_SQUARE = 2**62
+Exact = NDArray[np.object_]  # whole numbers without limit
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleStatistics:
+    """What is known of the counts of many independent runs on one grid of times, without the runs.
+
+    times : (T,) tu, rising
+    runs, asked : made, and asked for; fewer were made where someone interrupted
+    low, high : (T, S) smallest and largest counts seen
+    shift, origin, histogram : runs (T, S, bins) in bins of 2**shift counts (T, S); the first is number `origin`. Bins
+        are one count wide where the range allows: then nothing is rounded
+    sums : (T, S), products : (T, P), exact integers: of the counts, and of the counts of each pair of species
+    pairs : (2, P) the species of the pairs
+    """
+
+    network: Network
+    times: Floats
+    runs: int
+    asked: int
+    low: Ints
+    high: Ints
+    shift: Ints
+    origin: Ints
+    histogram: Ints
+    sums: Exact
+    products: Exact
+    pairs: NDArray[np.intp]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all runs that were asked for were made."""
+        return self.runs == self.asked
+
+    def mean(self) -> Floats:
+        """Mean counts (T, S), rounded once."""
+        return (self.sums / self.runs).astype(float)
+
+    def variance(self) -> Floats:
+        """Variance (T, S) among the runs, with runs - 1, rounded once; nan for a single run."""
+        return self._covariances(np.flatnonzero(self.pairs[0] == self.pairs[1]))
+
+    def sd(self) -> Floats:
+        """Standard deviation (T, S) among the runs, with runs - 1; nan for a single run."""
+        return np.sqrt(self.variance())
+
+    def standard_error(self) -> Floats:
+        """Standard error (T, S) of the mean."""
+        return self.sd() / np.sqrt(self.runs)
+
+    def covariance(self) -> Floats:
+        """Covariances (T, S, S) of the species at each time, with runs - 1, rounded once; nan for a single run."""
+        n_species = len(self.network.species)
+        first, second = self.pairs
+        if first.size < n_species * (n_species + 1) // 2:
+            raise ValueError(
+                f"the network has {n_species} species; covariances are kept by themselves for up to {MOST_COVARIED}: "
+                "ask for them when the runs are made, by covariances=True"
+            )
+        table = np.empty((self.times.size, n_species, n_species))
+        table[:, first, second] = table[:, second, first] = self._covariances(np.arange(first.size))
+        return table
+
+    def _covariances(self, asked: NDArray[np.intp]) -> Floats:
+        """(T, K) of some of the pairs that are kept."""
+        if self.runs == 1:
+            return np.full((self.times.size, asked.size), np.nan)
+        first, second = self.pairs[:, asked]
+        numerator = self.runs * self.products[:, asked] - self.sums[:, first] * self.sums[:, second]
+        return (numerator / (self.runs * (self.runs - 1))).astype(float)
+
+    def quantile(self, q: float) -> Floats:
+        """Smallest counts (T, S) with at least a share q of the runs at or below them, within `quantile_error`."""
+        if not 0 <= q <= 1:
+            raise ValueError(f"q = {q}; expected a probability")
+        rank = max(1, int(np.ceil(q * self.runs)))
+        n_used = int(((self.high >> self.shift) - self.origin).max()) + 1
+        bins = self.origin + (self.histogram[:, :, :n_used].cumsum(axis=2) < rank).sum(axis=2)
+        middle = (bins << self.shift) + ((1 << self.shift) - 1) // 2
+        return np.clip(middle, self.low, self.high).astype(float)
+
+    def quantile_error(self) -> Ints:
+        """By how many counts (T, S) a quantile may be off: 0 where bins are one count wide, else half their width."""
+        return (1 << self.shift) // 2
+
+    def marginal(self, species: str) -> Floats:
+        """Shares (T, M + 1) of the runs with 0, 1, ..., M copies of one species."""
+        s = self.network.index(species)
+        if self.shift[:, s].any():
+            raise ValueError(
+                f"counts of {species!r} spread from {self.low[:, s].min()} to {self.high[:, s].max()}; they were "
+                f"gathered in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
+            )
+        table = np.zeros((self.times.size, int(self.high[:, s].max()) + 1))
+        for row, first, tally in zip(table, self.origin[:, s], self.histogram[:, s], strict=True):
+            seen = np.flatnonzero(tally)
+            row[first + seen] = tally[seen] / self.runs
+        return table
+
+    def marginal_at(self, species: str, time: float, level: float = 0.95) -> Marginal:
+        """How the counts of one species were distributed at one of the times, with intervals of its probabilities."""
+        from scipy.special import betaincinv
+
+        if not 0 < level < 1:
+            raise ValueError(f"level = {level}; expected a probability below 1")
+        s, here = self.network.index(species), np.flatnonzero(self.times == time)
+        if not here.size:
+            raise ValueError(f"time = {time:g}; expected one of the {self.times.size} times of the runs")
+        t = int(here[0])
+        width = 1 << int(self.shift[t, s])
+        last = int(self.high[t, s] >> self.shift[t, s]) - int(self.origin[t, s])
+        found = self.histogram[t, s, : last + 1]
+        first = (self.origin[t, s] + np.arange(last + 1)) * width
+        # Clopper & Pearson (1934): exact, if wide.
+        tail = (1 - level) / 2
+        low, high = np.zeros(found.size), np.ones(found.size)
+        some, rest = found > 0, found < self.runs
+        low[some] = betaincinv(found[some], self.runs - found[some] + 1, tail)
+        high[rest] = betaincinv(found[rest] + 1, self.runs - found[rest], 1 - tail)
+        return Marginal(species, float(time), first, width, found / self.runs, low, high, level)
+
+    def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
+        """Of the runs of both, which must be other runs of the same network at the same times."""
+        if self.network.fingerprint != other.network.fingerprint:
+            raise ValueError("these are statistics of different networks; merge those of one")
+        if not np.array_equal(self.times, other.times):
+            raise ValueError("these are statistics at different times; merge those of one grid")
+        if self.pairs.shape != other.pairs.shape:
+            raise ValueError("covariances were asked for in only one of these; ask for them in both or in neither")
+        tally = Tally(self.network, self.times, self.pairs)
+        tally.add_statistics(self)
+        tally.add_statistics(other)
+        return tally.statistics(self.asked + other.asked)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a time and species."""
+        import pandas as pd
+
+        names = self.network.species
+        figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
+        figures |= {f"q{q:g}": self.quantile(q) for q in (0.025, 0.5, 0.975)}
+        figures["quantile_error"] = self.quantile_error()
+        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
+        return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+
+    def plot(self, ax: Any) -> Any:
+        """Means with the band that holds the middle 95 % of runs; returns `ax`."""
+        from kinetics.support import plots
+
+        low, high = self.quantile(0.025), self.quantile(0.975)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)
+
+
+@dataclass(frozen=True, eq=False)
+class Marginal:
+    """Counts of one species at one time, in K bins.
+
+    time : tu
+    first, width : (K,) smallest count of each bin, and how many counts it holds
+    share, low, high : (K,) of the runs, and the interval of the probability; each holds at `level` by itself
+    """
+
+    species: str
+    time: float
+    first: Ints
+    width: int
+    share: Floats
+    low: Floats
+    high: Floats
+    level: float
+
+    def plot(self, ax: Any) -> Any:
+        """Shares with their intervals; returns `ax`."""
+        from kinetics.support import plots
+
+        middle = self.first + (self.width - 1) / 2
+        spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
+        ax.errorbar(middle, self.share, spread, fmt="o", ms=3, capsize=2, color=plots.colour(0), label=self.species)
+        ax.set_xlabel(f"copies of {self.species} at {self.time:g} tu")
+        ax.set_ylabel(f"share of runs ({100 * self.level:g} % intervals)" if self.width == 1 else "share of runs a bin")
+        return ax
+
+
+class Tally:
+    """Statistics in the making."""
+
+    def __init__(self, network: Network, times: ArrayLike, pairs: NDArray[np.intp]) -> None:
+        self.network, self.times, self.pairs, self.runs = network, rising_times(times), pairs, 0
+        shape = self.times.size, len(network.species)
+        n_bins = bins_for(*shape)
+        needed = 8.0 * shape[0] * (shape[1] * (n_bins + 6) + 6 * pairs.shape[1])
+        check_memory(f"statistics of {shape[1]} species at {shape[0]} times", needed, "ask for fewer times")
+        self.low, self.high = np.full(shape, np.iinfo(np.int64).max), np.zeros(shape, dtype=np.int64)
+        self.shift, self.origin = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+        self.histogram = np.zeros((*shape, n_bins), dtype=np.int64)
+        self.sums: Exact = np.zeros(shape, dtype=object)
+        self.products: Exact = np.zeros((shape[0], pairs.shape[1]), dtype=object)
+
+    def add(self, counts: Ints) -> None:
+        """Take in the counts (runs, T, S) of more runs."""
+        from kinetics.kernels import statistics
+
+        if not len(counts):
+            return
+        counts = np.ascontiguousarray(counts)
+        statistics.extend_range(counts, self.low, self.high)
+        self._widen()
+        statistics.tally(counts, self.shift, self.origin, self.histogram)
+        reference, runs = counts[0], len(counts)
+        sums, products = self._deviations(counts, reference)
+        # Back from deviations to the counts themselves, so that what is kept does not depend on the reference.
+        (first, second), base = self.pairs, reference.astype(object)
+        a, b = base[:, first], base[:, second]
+        self.products += products + a * sums[:, second] + b * sums[:, first] + runs * a * b
+        self.sums += sums + runs * base
+        self.runs += runs
+
+    def _deviations(self, counts: Ints, reference: Ints) -> tuple[Exact, Exact]:
+        """Exact sums of the deviations (T, S) and of their products (T, P)."""
+        from kinetics.kernels import statistics
+
+        furthest = max(int((self.high - reference).max()), int((reference - self.low).max()), 1)
+        at_a_time = LARGEST_SQUARE // furthest**2
+        first, second = self.pairs
+        if at_a_time == 0:  # one square alone passes 2**63
+            off = counts.astype(object) - reference
+            return off.sum(axis=0), (off[:, :, first] * off[:, :, second]).sum(axis=0)
+        sums, products = np.zeros_like(self.sums), np.zeros_like(self.products)
+        for begin in range(0, len(counts), at_a_time):
+            part = counts[begin : begin + at_a_time]
+            part_sums, part_products = np.zeros(sums.shape, np.int64), np.zeros(products.shape, np.int64)
+            if np.array_equal(first, second):
+                statistics.add_squares(part, reference, part_sums, part_products)
+            else:
+                statistics.add_products(part, reference, first, second, part_sums, part_products)
+            sums += part_sums
+            products += part_products
+        return sums, products
+
+    def _widen(self) -> None:
+        """Make the histograms hold low to high."""
+        from kinetics.kernels import statistics
+
+        shift, origin = np.empty_like(self.shift), np.empty_like(self.origin)
+        statistics.fit_bins(self.low, self.high, self.histogram.shape[2], shift, origin)
+        statistics.rebin(self.histogram, self.shift, self.origin, shift, origin)
+        self.shift, self.origin = shift, origin
+
+    def add_statistics(self, other: EnsembleStatistics) -> None:
+        """Take in runs whose statistics are known."""
+        from kinetics.kernels import statistics
+
+        self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        self._widen()
+        statistics.pour(other.histogram, other.shift, other.origin, self.histogram, self.shift, self.origin)
+        self.sums += other.sums
+        self.products += other.products
+        self.runs += other.runs
+
+    def statistics(self, asked: int) -> EnsembleStatistics:
+        """Of the runs taken in; nothing more can be added afterwards."""
+        if not self.runs:
+            raise ValueError("no runs were taken in; there is nothing to tell of them")
+        arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
+        return EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
+
+
+def bins_for(n_times: int, n_species: int) -> int:
+    """Bins of each histogram: as many as the memory for all of them allows."""
+    n_bins = MOST_BINS
+    while n_bins > FEWEST_BINS and 8 * n_bins * n_times * n_species > HISTOGRAM_BYTES:
+        n_bins //= 2
+    return n_bins
+
+
+def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.intp]:
+    """Pairs (2, P) of species whose products are kept: all, or each species with itself only."""
+    if n_species <= MOST_COVARIED if covariances is None else covariances:
+        return np.array(np.triu_indices(n_species))
+    return np.tile(np.arange(n_species), (2, 1))
+
+
+def statistics_of(network: Network, times: ArrayLike, counts: ArrayLike) -> EnsembleStatistics:
+    """Statistics of counts (runs, T, S) at `times` (T,), tu, from anywhere: the mechanics, say."""
+    tally = Tally(network, times, kept_pairs(len(network.species)))
+    given = integers("counts", counts, (None, tally.times.size, len(network.species)), minimum=0)
+    tally.add(given)
+    return tally.statistics(len(given))

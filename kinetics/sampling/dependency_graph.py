@@ -1,0 +1,58 @@
+"""The dependency graph of a network: which propensities an event changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.network.sparse_tables import Terms
+from kinetics.sampling.base import StepwiseSampler
+from kinetics.sampling.mass_action import mass_action
+from kinetics.support.arrays import Ints
+
+if TYPE_CHECKING:
+    from kinetics.kernels import grouped
+
+
+def updating_sampler(network: Network) -> StepwiseSampler:
+    """The network with its dependency graph, ready for `kernels.grouped`."""
+    from kinetics.kernels import grouped
+
+    model = model_of(network)
+    n_channels = len(network.channels)
+    n_blocks = -(-n_channels // grouped.BLOCK)
+
+    def begin(counts: Ints) -> grouped.Work:
+        work = grouped.Work(np.empty(n_channels), np.empty(n_blocks), np.empty(n_blocks))
+        grouped.start(model, work, counts)
+        return work
+
+    def advance(work: grouped.Work, *rest: object) -> int:
+        return grouped.advance(model, work, *rest)
+
+    return StepwiseSampler(begin, advance, np.arange(n_channels))
+
+
+def model_of(network: Network) -> grouped.Model:
+    """What the kernel reads."""
+    from kinetics.kernels import grouped
+
+    laws = mass_action(network)
+    needed, change = network.reactant_terms, network.change_terms
+    n_channels, n_species = needed.shape
+    n_blocks = -(-n_channels // grouped.BLOCK)
+    readers = Terms.of_entries((n_species, n_channels), needed.columns, needed.rows, needed.copies)
+    touched = Terms.of_entries((n_species, n_blocks), needed.columns, needed.rows // grouped.BLOCK, needed.copies)
+    pairs = [laws.first, laws.second, laws.less, laws.is_general, change.starts[:-1], change.starts[1:]]
+    bounds = [readers.starts[:-1], readers.starts[1:], touched.starts[:-1], touched.starts[1:]]
+    return grouped.Model(
+        laws.coefficients,
+        laws.factors,
+        np.column_stack(pairs).astype(np.int32).ravel(),
+        np.column_stack([change.columns, change.copies]).ravel(),
+        np.column_stack(bounds).astype(np.int32).ravel(),
+        readers.columns.astype(np.int32),
+        touched.columns.astype(np.int32),
+    )

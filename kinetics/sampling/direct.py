@@ -1,0 +1,80 @@
+"""Gillespie's direct method: exact trajectories, one event after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.network import Network
+from kinetics.sampling.base import Candidate, Sampler
+from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.dependency_graph import updating_sampler
+from kinetics.sampling.mass_action import mass_action
+from kinetics.support.arrays import Floats, Ints
+
+BUFFER = 4096  # events a sampled path grows by
+
+
+@dataclass(frozen=True)
+class Direct(Candidate):
+    """Direct method (Gillespie 1977). Exact; the cost of an event grows with the number of channels.
+
+    Choose it for networks of up to some tens of channels: no exact method is quicker for single runs. Where that costs
+    less, an event updates only the propensities that it changed; the runs are the same, to the last bit.
+    """
+
+    name: ClassVar[str] = "ssa"
+
+    def sampler(self, network: Network) -> Sampler:
+        """The network made ready for `kernels.ssa`, or with its dependency graph for `kernels.grouped`."""
+        shape = Shape.of(network)
+        if _recomputing_cost(shape) <= _updating_cost(shape):
+            return RecomputingSampler(network)
+        return updating_sampler(network)
+
+    def cost(self, shape: Shape) -> float:
+        """Processor time of an event, ns."""
+        return min(_recomputing_cost(shape), _updating_cost(shape))
+
+
+def _recomputing_cost(shape: Shape) -> float:
+    return 25.0 + 2.1 * shape.n_channels
+
+
+def _updating_cost(shape: Shape) -> float:
+    return 48.0 + shape.update_cost + 0.13 * shape.n_channels
+
+
+class RecomputingSampler:
+    """Runs in which every event computes all propensities anew."""
+
+    def __init__(self, network: Network):
+        self.model = mass_action(network)
+        self.stoichiometry = np.ascontiguousarray(network.stoichiometry)
+
+    def ensemble(
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
+    ) -> tuple[int, int]:
+        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
+        from kinetics.kernels import ssa
+
+        return ssa.ensemble(self.model, self.stoichiometry, initial, grid, key, first_run, out)
+
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
+        """The outcome, and times and channels of all events until `end`."""
+        from kinetics.kernels import ssa
+
+        stream = np.empty(4, dtype=np.uint64)
+        ssa.start_stream(key, run, stream)
+        counts, clock = np.append(initial, 1), np.zeros(1)
+        pieces = []
+        outcome = ssa.BUFFER_FULL
+        while outcome == ssa.BUFFER_FULL:
+            times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
+            outcome, n_events = ssa.advance(self.model, self.stoichiometry, counts, clock, end, stream, times, channels)
+            pieces.append((times[:n_events], channels[:n_events]))
+        all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+        return outcome, all_times, all_channels

@@ -1,0 +1,148 @@
+"""Composition and rejection: exact trajectories of networks with very many channels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.network import Network
+from kinetics.network.sparse_tables import Terms
+from kinetics.sampling.base import Candidate, StepwiseSampler
+from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.mass_action import mass_action
+from kinetics.support.arrays import Ints
+
+if TYPE_CHECKING:
+    from kinetics.kernels import rejection
+
+LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than another group
+LONGEST_LIST = 32  # groups that an event renews; beyond, its species share lists, so that tables stay in proportion
+SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or in its partial propensities
+
+
+@dataclass(frozen=True)
+class CompositionRejection(Candidate):
+    """Composition and rejection over groups of channels (Slepoy et al. 2008; Ramaswamy & Sbalzarini 2010). Exact.
+
+    Choose it for hundreds of channels and more, each event changing a few of them: the cost of an event grows with
+    those, not with the number of channels.
+    """
+
+    name: ClassVar[str] = "rejection"
+
+    def cost(self, shape: Shape) -> float:
+        """Processor time of an event, ns; the last part is for memory out of reach of the caches."""
+        return 30.0 + shape.update_cost + 0.0025 * shape.n_channels
+
+    def sampler(self, network: Network) -> StepwiseSampler:
+        """The network made ready for `kernels.rejection`."""
+        from kinetics.kernels import rejection
+
+        model, order = model_of(network)
+        n_groups = model.groups.size
+        if n_groups > rejection.MOST_GROUPS:
+            raise ValueError(f"{n_groups} groups of channels; composition and rejection takes {rejection.MOST_GROUPS}")
+
+        def begin(counts: Ints) -> rejection.Work:
+            work = rejection.Work(
+                np.empty(counts.size),
+                model.groups.view(np.uint8).copy().view(rejection.GROUP),  # as bytes: ten times as quick
+                np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
+                np.empty(rejection.N_BINS, dtype=np.int64),
+                np.empty(rejection.N_BINS),
+                np.empty(rejection.N_BINS),
+                np.empty(rejection.N_BINS),
+                np.empty(3, dtype=np.int64),
+                np.empty(1),
+            )
+            rejection.start(model, work, counts)
+            return work
+
+        def advance(work: rejection.Work, *rest: object) -> int:
+            return rejection.advance(model, work, *rest)
+
+        return StepwiseSampler(begin, advance, order)
+
+
+def model_of(network: Network) -> tuple[rejection.Model, Ints]:
+    """What the kernel reads, and the network's channels in the order of the kernel's."""
+    from kinetics.kernels import rejection
+
+    laws = mass_action(network)
+    needed, change = network.reactant_terms, network.change_terms
+    n_channels, n_species = needed.shape
+    first, second = laws.first.astype(np.int64), laws.second.astype(np.int64)
+    is_pair = ~laws.is_general & (second < n_species) & (second != first)
+    is_like = ~laws.is_general & (second < n_species) & (second == first)
+    # The owner of a pair is the one that more channels read: what changes often then changes whole groups together.
+    popularity = np.append(np.bincount(needed.columns, minlength=n_species), 0)
+    swaps = is_pair & (popularity[second] > popularity[first])
+    owner, partner = np.where(swaps, second, first), np.where(swaps, first, second)
+
+    order = np.argsort(owner, kind="stable")
+    place = np.arange(n_channels) - np.searchsorted(owner[order], owner[order])
+    starts = np.append(np.flatnonzero(place % LARGEST_GROUP == 0), n_channels)
+    group = np.empty(n_channels, dtype=np.int64)
+    group[order] = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+    groups = np.zeros(starts.size - 1, dtype=rejection.GROUP)
+    groups["owner"], groups["start"], groups["end"] = owner[order][starts[:-1]], starts[:-1], starts[1:]
+    groups["like"] = np.bincount(group[is_like], laws.coefficients[is_like], groups.size)
+
+    channels = np.zeros(n_channels + 1, dtype=rejection.CHANNEL)
+    channels["coefficient"][:-1], channels["partner"][:-1] = laws.coefficients[order], partner[order]
+    channels["less"][:-1] = np.where(laws.is_general, -1, laws.less)[order]
+    changed_by, entries = change.entries_of(order)
+    channels["change"] = np.searchsorted(changed_by, np.arange(n_channels + 1))
+    changes = np.zeros(entries.size, dtype=rejection.CHANGE)
+    changes["gain"], changes["species"] = change.copies[entries], change.columns[entries]
+
+    is_general = laws.is_general[needed.rows]
+    deep = LARGEST_GROUP + 1  # more than all owners of a group
+    ways = [
+        (owner, group, np.ones(n_channels, dtype=np.int64)),
+        (partner[is_pair], group[is_pair], np.full(is_pair.sum(), deep)),
+        (needed.columns[is_general], group[needed.rows[is_general]], np.full(is_general.sum(), deep)),
+    ]
+    readers = Terms.of_entries(
+        (n_species + 1, groups.size), *(np.concatenate(part) for part in zip(*ways, strict=True))
+    )
+    kinds = np.where(readers.copies >= deep, DEEP, SHALLOW)
+    channels["list"][:-1], species_lists, lists = _lists(
+        changed_by, change.columns[entries], readers, kinds, n_channels
+    )
+    changes["list"] = species_lists[change.columns[entries]]
+    return rejection.Model(channels, laws.factors[order], changes, lists, groups), order
+
+
+def _lists(
+    changed_by: Ints, species: Ints, readers: Terms, kinds: Ints, n_channels: int
+) -> tuple[Ints, Ints, NDArray[np.uint32]]:
+    """Lists of groups to renew: of each channel, of each species, and the lists as `kernels.rejection` reads them.
+
+    changed_by, species : (n,) channel and species of each change
+    readers, kinds : groups that depend on each species, and how
+
+    The groups of all species that a channel changes are put together, so that each is renewed once; but a list that
+    would be long is not, and the channel has 0.
+    """
+    lengths = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels)
+    is_joint = lengths <= LONGEST_LIST
+    joined = is_joint[changed_by]
+    which, entries = readers.entries_of(species[joined])
+    joint = Terms.of_entries(
+        (n_channels, readers.n_columns), changed_by[joined][which], readers.columns[entries], kinds[entries]
+    )
+    groups = np.concatenate([readers.columns, joint.columns])
+    is_deep = np.concatenate([kinds, joint.copies]) >= DEEP  # SHALLOW comes from the owner only
+    lengths = np.concatenate([[0], np.diff(readers.starts), np.diff(joint.starts)])
+    heads = np.cumsum(lengths + 1) - lengths - 1
+    lists = np.empty(heads.size + groups.size, dtype=np.uint32)
+    is_head = np.zeros(lists.size, dtype=bool)
+    is_head[heads] = True
+    lists[heads] = heads + 1 + lengths
+    lists[~is_head] = 2 * groups + is_deep
+    of_species, of_channels = np.split(heads[1:], [readers.shape[0]])
+    return np.where(is_joint, of_channels, 0), of_species, lists

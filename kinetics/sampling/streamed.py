@@ -1,0 +1,82 @@
+"""Ensembles of any size in memory that does not grow with it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.runs import EnsembleStatistics
+from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import rising_times
+
+if TYPE_CHECKING:
+    from kinetics.sampling.methods import SamplingMethod
+
+BLOCK_BYTES = 2**24  # of counts that are there at a time; larger ones cost more to have than to fill
+FEWEST_RUNS = 16  # of a block, however large a run is
+
+
+def simulate_statistics(
+    network: Network,
+    method: SamplingMethod,
+    initial: ArrayLike,
+    times: ArrayLike,
+    runs: int = 1000,
+    seed: int = 0,
+    threads: int | None = None,
+    *,
+    first_run: int = 0,
+    covariances: bool | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> EnsembleStatistics:
+    """Statistics of the runs that `simulate` would give, made in blocks and let go.
+
+    first_run : number of the first run, as of the method's own `simulate`
+    covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
+    progress : told how many runs are done, after each block
+    The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the blocks that were
+    finished, if any; see `is_complete`.
+    """
+    grid = rising_times(times)
+    if not grid.size:
+        raise ValueError("times is empty; give at least one time")
+    whole_number("runs", runs, 1)
+    n_species = len(network.species)
+    tally = Tally(network, grid, kept_pairs(n_species, covariances))
+    block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * n_species))
+    try:
+        for begin in range(0, runs, block):
+            many = min(block, runs - begin)
+            part = method.simulate(network, initial, grid, many, seed, threads, first_run=first_run + begin)
+            with _whole():
+                tally.add(part.counts)
+            if progress is not None:
+                progress(begin + many)
+    except KeyboardInterrupt:
+        if not tally.runs:
+            raise
+    return tally.statistics(runs)
+
+
+@contextmanager
+def _whole() -> Iterator[None]:
+    """Let Ctrl-C wait until the end of the block: half a block taken in would falsify the statistics."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    held: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(signal.SIGINT)

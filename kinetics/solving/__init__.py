@@ -1,0 +1,20 @@
+"""The master equation solved for the probability of every state: one file a method."""
+
+from kinetics.solving.dense import Dense
+from kinetics.solving.distribution import Distribution
+from kinetics.solving.methods import SOLVING_METHODS, SolvingMethod, solve
+from kinetics.solving.projection import FiniteStateProjection
+from kinetics.solving.states import StateSpace, reachable
+from kinetics.solving.transient import Transient
+
+__all__ = [
+    "SOLVING_METHODS",
+    "Dense",
+    "Distribution",
+    "FiniteStateProjection",
+    "SolvingMethod",
+    "StateSpace",
+    "Transient",
+    "reachable",
+    "solve",
+]

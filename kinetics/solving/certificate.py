@@ -1,0 +1,141 @@
+"""The transient law of a small chain in fixed point, with a proven bound: what a solution in doubles is held against.
+
+Scaling and squaring. Stochastic matrices do not enlarge errors: where two of them differ by d in their largest row sum,
+their squares differ by at most 2 d. So s squarings with errors of 2**-w each end within 2**(s + 1 - w), whatever the
+rates: s bits more than a double has are enough. Cutting the series off is bounded by its next term.
+"""
+
+from __future__ import annotations
+
+from math import ceil, factorial, log2
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.solving.fixedpoint import FixedPoint
+from kinetics.solving.states import StateSpace
+from kinetics.support.arrays import Floats
+
+STEP_BITS = 16  # the largest row sum of |Q| h is at most 2**-16
+RESULT_BITS = 66  # of what comes out; a double has 53
+ABOVE = 1.01  # bounds are computed in doubles, and rounded up
+
+
+class Entries(NamedTuple):
+    """Rates from rows (K,) to columns (K,), 1/tu; entries of one place add up, exactly.
+
+    is_exact : whether these are the rates of the network to the last bit
+    """
+
+    rows: NDArray[Any]
+    columns: NDArray[Any]
+    rates: Floats
+    is_exact: bool = True
+
+
+def exact_entries(space: StateSpace) -> Entries:
+    """Every rate of a space without stopped states as two doubles: constant times count, and what that rounds off."""
+    network, states = space.network, space.states
+    counts = network.ways * network.combinations_of(states)
+    high = network.known_rates * counts
+    # Whole, and small enough that combinations came without rounding before they were divided by a factorial.
+    is_whole = bool((network.ways % 1 == 0).all() and (counts % 1 == 0).all() and counts.max(initial=0.0) < 2.0**43)
+    is_exact = is_whole and not network.laws
+    rates = high if is_exact else network.propensities(states)
+    low = _product_rest(network.known_rates, counts, high) if is_exact else np.zeros_like(high)
+    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
+    for channel in np.flatnonzero(network.stoichiometry.any(axis=1)):
+        here = np.flatnonzero(rates[:, channel] > 0)
+        there = space.index_of(states[here] + network.stoichiometry[channel])
+        rows += [here, here]
+        columns += [there, there]
+        values += [rates[here, channel], low[here, channel]]
+    return Entries(np.concatenate(rows), np.concatenate(columns), np.concatenate(values), is_exact)
+
+
+def _product_rest(a: Floats, b: Floats, product: Floats) -> Floats:
+    """a * b - product, exactly, where the product is the rounded one (Dekker 1971); numbers far from the limits."""
+
+    def halves(x: Floats) -> tuple[Floats, Floats]:
+        mantissa, exponent = np.frexp(x)
+        upper = np.rint(mantissa * 2.0**26) / 2.0**26
+        return np.ldexp(upper, exponent), np.ldexp(mantissa - upper, exponent)
+
+    (a1, a2), (b1, b2) = halves(a), halves(b)
+    return ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
+
+
+def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> float:
+    """Proven bound on the summed absolute error of `found` (T, N), at any of the times (T,).
+
+    start : (N,) probabilities
+    times : tu, rising; rates and times as far from the limits of doubles as `dense` checks
+    """
+    n = start.size
+    if not entries.rates.any() or times[-1] == 0.0:
+        return ABOVE * float(np.abs(found - start).sum(axis=1).max())
+    arithmetic = FixedPoint.of(n + 1)
+    exits = np.bincount(entries.rows, np.abs(entries.rates), minlength=n)
+    exponent = -ceil(log2(2.0 * exits.max())) - STEP_BITS
+    step = 2.0**exponent
+    counts = [int(time / step) for time in times]  # exact, as are the rests: a step is a power of two
+    rests = np.array([time - count * step for time, count in zip(times, counts, strict=True)]) / step
+    levels = max(count.bit_length() for count in counts)
+    most, least = (arithmetic.digits_for(RESULT_BITS + extra) for extra in (levels, 0))
+
+    short, cut = _short_rates(arithmetic, entries, step, n, most)
+    # of the series, after which less is left than a product cuts off
+    terms = next(m for m in range(1, 99) if 2.0 ** (-STEP_BITS * (m + 1)) / factorial(m + 1) < arithmetic.lost(most))
+    power = _series(arithmetic, short, terms, most)
+    # A step of Horner's rule passes on 2**-16 of its error, and adds a product and a division.
+    error = ABOVE * (cut + 3.0 * arithmetic.lost(most))
+
+    rows = _rests(arithmetic, short, start, rests, terms, least)
+    rows_error = ABOVE * (cut + (3.0 * terms + 2.0) * arithmetic.lost(least))
+    for level in range(levels):
+        has_bit = np.array([bool(count >> level & 1) for count in counts])
+        if has_bit.any():
+            rows[:, has_bit] = arithmetic.multiply(rows[:, has_bit], power, least)
+            rows_error = rows_error * (1.0 + error) + error + arithmetic.lost(least)
+        if level < levels - 1:
+            digits = arithmetic.digits_for(RESULT_BITS + levels - level)
+            power = arithmetic.multiply(power, power, digits)
+            error = 2.0 * error + error**2 + arithmetic.lost(digits)
+    gap = arithmetic.digits(found, least + 3)
+    gap[: least + 1] -= rows
+    seen = float(np.abs(arithmetic.value(arithmetic.carry(gap))).sum(axis=1).max())
+    return ABOVE * (seen + rows_error + arithmetic.lost(least))
+
+
+def _short_rates(arithmetic: FixedPoint, entries: Entries, step: float, n: int, count: int) -> tuple[Floats, float]:
+    """Q times the step as digits (count + 1, N, N), and a bound on the largest row sum of what that cuts off."""
+    places = entries.rows * n + entries.columns
+    numbers = arithmetic.digits(entries.rates * step, count)
+    planes = np.array([np.bincount(places, digit, minlength=n * n) for digit in numbers]).reshape(-1, n, n)
+    diagonal = np.arange(n)
+    planes[:, diagonal, diagonal] -= planes.sum(axis=2)
+    longest = int(np.bincount(entries.rows, minlength=n).max())
+    return arithmetic.carry(planes), 2.0 * longest * 2.0 ** (-arithmetic.bits * count)
+
+
+def _series(arithmetic: FixedPoint, short: Floats, terms: int, count: int) -> Floats:
+    """exp(Q h) from Q h, both as digits (count + 1, N, N), by Horner's rule."""
+    power, diagonal = np.zeros_like(short), np.arange(short.shape[1])
+    for m in range(terms, 0, -1):
+        power[0, diagonal, diagonal] += 1.0
+        power = arithmetic.divide(arithmetic.multiply(short, power, count), m)
+    power[0, diagonal, diagonal] += 1.0
+    return power
+
+
+def _rests(arithmetic: FixedPoint, short: Floats, start: Floats, rests: Floats, terms: int, count: int) -> Floats:
+    """start @ exp(Q h r) at every rest r (T,) below 1 of a step, as digits (count + 1, T, N)."""
+    parts = arithmetic.digits(rests[:, None], count + 1)
+    term = arithmetic.digits(np.tile(start, (rests.size, 1)), count)
+    rows = term.copy()
+    for m in range(1, terms + 1):
+        moved = arithmetic.multiply(term, short, count)
+        term = arithmetic.divide(arithmetic.multiply(moved, parts, count, by=np.multiply), m)
+        rows += term
+    return arithmetic.carry(rows)

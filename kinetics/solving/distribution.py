@@ -1,0 +1,134 @@
+"""What a solving method gives: the probability of every state at each time, with a bound on its error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.solving.states import StateSpace
+from kinetics.support.arrays import Floats, read_only
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """Probability of every state at each time.
+
+    times : (T,) tu
+    probabilities : (T, N), none negative
+    error : the summed absolute error at any time is below this: truncation, rounding, and rounding of the rates
+    is_bound : whether that is proven; else `error` is an estimate
+    is_complete : whether the space holds all reachable states; else what is missing is at most `error`
+    """
+
+    space: StateSpace
+    times: Floats
+    probabilities: Floats
+    error: float
+    is_bound: bool = True
+    is_complete: bool = True
+
+    def __post_init__(self) -> None:
+        expected = (self.times.size, len(self.space))
+        if self.probabilities.shape != expected:
+            raise ValueError(f"probabilities have shape {self.probabilities.shape}; expected {expected}")
+        read_only(self.probabilities)
+
+    @property
+    def network(self) -> Network:
+        """The network whose states these are."""
+        return self.space.network
+
+    def mean(self) -> Floats:
+        """Mean counts (T, S)."""
+        return self.probabilities @ self.space.states
+
+    def mean_bounds(self) -> tuple[Floats, Floats]:
+        """Between which the mean counts (T, S) lie; no upper bound where the space is not complete."""
+        mean, top = self.mean(), self.space.states.max(axis=0)
+        # At worst all of the error is on the largest count; and a sum of N positive terms rounds.
+        slack = (self.error + SLACK * len(self.space)) * top
+        return np.maximum(mean - slack, 0.0), mean + (slack if self.is_complete else np.inf)
+
+    def sd(self) -> Floats:
+        """Standard deviations (T, S) of the counts."""
+        columns = zip(self.space.states.T, self.mean().T, strict=True)
+        # About the mean: the difference of two large squares would lose the small variances.
+        variances = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
+        return np.sqrt(np.stack(variances, axis=1))
+
+    def covariance(self) -> Floats:
+        """Covariances (T, S, S) of the counts, about the mean as in `sd`."""
+        return np.stack([(away.T * p) @ away for away, p in self._about_the_mean()])
+
+    def covariance_bounds(self) -> tuple[Floats, Floats]:
+        """Between which the covariances (T, S, S) lie; without limits where the space is not complete."""
+        value = self.covariance()
+        spans = np.stack([np.abs(away).max(axis=0) for away, _ in self._about_the_mean()])
+        # At worst all of the error is on the state farthest out, and it moves the mean.
+        slack = (self.error + self.error**2 + 2 * SLACK * len(self.space)) * spans[:, :, None] * spans[:, None, :]
+        slack = slack if self.is_complete else np.full_like(value, np.inf)
+        return value - slack, value + slack
+
+    def _about_the_mean(self) -> Iterator[tuple[Floats, Floats]]:
+        """At each time, counts (N, S) less their means, and probabilities (N,)."""
+        for mean, p in zip(self.mean(), self.probabilities, strict=True):
+            yield self.space.states - mean, p
+
+    def marginal(self, species: str) -> Floats:
+        """Probabilities (T, M + 1) of 0, 1, ..., M copies of one species."""
+        copies = self.space.states[:, self.network.index(species)]
+        table = np.zeros((self.times.size, int(copies.max()) + 1))
+        for row, weights in zip(table, self.probabilities, strict=True):
+            row[:] = np.bincount(copies, weights, minlength=row.size)
+        return table
+
+    def probability(self, state: ArrayLike) -> Floats:
+        """Probability (T,) of one state; 0 for a state that is not in the space."""
+        row = int(self.space.index_of(self.network.state(state)))
+        return self.probabilities[:, row] if row >= 0 else np.zeros(self.times.size)
+
+    def probability_bounds(self, state: ArrayLike) -> tuple[Floats, Floats]:
+        """Between which the probability (T,) of one state lies."""
+        value = self.probability(state)
+        return np.maximum(value - self.error, 0.0), np.minimum(value + self.error, 1.0)
+
+    def quantile(self, q: float) -> Floats:
+        """Smallest counts (T, S) with at least probability q at or below them."""
+        if not 0 <= q <= 1:
+            raise ValueError(f"q = {q}; expected a probability")
+        columns = []
+        for species in self.network.species:
+            below = np.cumsum(self.marginal(species), axis=1)
+            columns.append((below < q - self.error - SLACK).sum(axis=1))
+        return np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)).astype(float)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a time and species: mean and standard deviation of the counts."""
+        import pandas as pd
+
+        names = self.network.species
+        return pd.DataFrame(
+            {
+                "time": np.repeat(self.times, len(names)),
+                "species": list(names) * self.times.size,
+                "mean": self.mean().ravel(),
+                "sd": self.sd().ravel(),
+            }
+        )
+
+    def plot(self, ax: Any) -> Any:
+        """Means with the band that holds the middle 95 %; returns `ax`."""
+        from kinetics.support import plots
+
+        low, high = self.quantile(0.025), self.quantile(0.975)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)

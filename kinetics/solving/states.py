@@ -1,0 +1,284 @@
+"""The states a network can reach, and the sparse generator of its Markov chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.network import Network
+from kinetics.support.arrays import Floats, Ints, read_only
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+MAX_STATES = 1_000_000
+CHUNK = 2**22  # propensities that are computed at a time
+
+
+class TooManyStatesError(ValueError):
+    """More states than allowed can be reached."""
+
+
+class Table(NamedTuple):
+    """States as `kernels.exploration` looks them up: factors of the keys, a key each, and the rows by key."""
+
+    multipliers: NDArray[np.uint64]
+    keys: NDArray[np.uint64]
+    slots: Ints
+
+
+class Transitions(NamedTuple):
+    """Which state leads to which: from rows (K,) to columns (K,) at rates (K,), 1/tu; leaks (N,) lead elsewhere."""
+
+    rows: Ints
+    columns: Ints
+    rates: Floats
+    leaks: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """States of a network: all that can be reached from the first one, or those that a projection kept.
+
+    states : (N, S) counts, none twice; row 0 is the initial state
+    is_stopped : (N,) bool, states that the chain never leaves because it was told to stop there
+    """
+
+    network: Network
+    states: Ints
+    is_stopped: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for name, weights in self.network.conserved.items():
+            amounts = self.states @ weights
+            drift = np.abs(amounts - amounts[0]).max()
+            if drift > 1e-9 * max(1.0, abs(amounts[0])):
+                raise ArithmeticError(f"{name} is not conserved over the state space: it varies by {drift:g}")
+        for array in (self.states, self.is_stopped):
+            read_only(array)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    @cached_property
+    def _table(self) -> Table:
+        from kinetics.kernels import exploration
+
+        multipliers = _multipliers(len(self.network.species))
+        keys = _keys(self.states, multipliers)
+        return Table(multipliers, keys, exploration.tabulate(keys, keys.size, _slots_for(keys.size)))
+
+    def index_of(self, states: ArrayLike) -> NDArray[np.intp]:
+        """Rows (...) of states (..., S); -1 for a state that is not among these."""
+        from kinetics.kernels import exploration
+
+        asked = np.ascontiguousarray(states, dtype=np.int64)
+        flat = asked.reshape(-1, len(self.network.species))
+        table = self._table
+        rows = exploration.find(flat, _keys(flat, table.multipliers), self.states, table.keys, table.slots)
+        return rows.reshape(asked.shape[:-1])
+
+    def transitions(self) -> Transitions:
+        """Every channel in every state, one entry each; channels that change nothing are left out."""
+        from kinetics.kernels import exploration
+
+        network, table = self.network, self._table
+        changes = network.stoichiometry
+        key_changes = _keys(changes, table.multipliers)
+        leaks = np.zeros(len(self))
+        rows, columns, rates = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        length = max(1, CHUNK // max(len(network.channels), 1))
+        for begin in range(0, len(self), length):
+            part = slice(begin, min(begin + length, len(self)))
+            propensities = network.propensities(_unless(self.is_stopped[part], self.states[part]))
+            propensities[self.is_stopped[part]] = 0.0
+            propensities[:, ~changes.any(axis=1)] = 0.0  # A -> A changes nothing
+            ends = exploration.neighbours(
+                begin, propensities, changes, key_changes, self.states, table.keys, table.slots
+            )
+            leaks[part] = np.where(ends == exploration.OUTSIDE, propensities, 0.0).sum(axis=1)
+            here, channels = np.nonzero(ends >= 0)
+            rows.append(here + begin)
+            columns.append(ends[here, channels])
+            rates.append(propensities[here, channels])
+        return Transitions(np.concatenate(rows), np.concatenate(columns), np.concatenate(rates), leaks)
+
+    def generator(self) -> csr_array:
+        """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
+        from scipy.sparse import csr_array, dia_array
+
+        rows, columns, rates, leaks = self.transitions()
+        if leaks.any():
+            raise ArithmeticError("the state space is not closed: a channel leads out of it")
+        n = len(self)
+        exits = np.bincount(rows, rates, minlength=n)
+        jumps = csr_array((rates, (rows, columns)), shape=(n, n))
+        diagonal: Any = dia_array((exits[None, :], [0]), shape=(n, n))
+        return csr_array(jumps - diagonal)
+
+
+def reachable(
+    network: Network,
+    initial: ArrayLike,
+    stop: Callable[[Ints], NDArray[np.bool_]] | None = None,
+    max_states: int = MAX_STATES,
+) -> StateSpace:
+    """State space of `network` from `initial`, breadth first.
+
+    stop : tells of states (n, S) which ones the chain never leaves (targets of a passage)
+    max_states : more than that are refused
+    Channels whose rate is known to be 0 lead nowhere.
+    """
+    search = Search(network, network.state(initial)[None, :], max_states)
+    if stop is None:
+        search.go_on(0)
+        return StateSpace(network, search.states.copy(), np.zeros(len(search), dtype=bool))
+    is_stopped = np.zeros(1024, dtype=bool)
+    begin = 0
+    while begin < len(search):
+        end = len(search)
+        if end > is_stopped.size:
+            is_stopped = np.append(is_stopped, np.zeros(end, dtype=bool))
+        is_stopped[begin:end] = stop(search.states[begin:])
+        search.go_on(begin, end, is_stopped)
+        begin = end
+    return StateSpace(network, search.states.copy(), is_stopped[: len(search)].copy())
+
+
+class Search:
+    """A growing set of states.
+
+    states : (n, S) to begin with, none twice
+    max_states : more are refused
+    levels : how many states each further event added, by breadth
+    """
+
+    def __init__(self, network: Network, states: Ints, max_states: int = MAX_STATES) -> None:
+        from kinetics.kernels import exploration
+
+        network.check_homogeneous()
+        works = network.stoichiometry.any(axis=1)
+        if network.rate_constants is not None:
+            works &= network.rate_constants * network.ways > 0
+        multipliers = _multipliers(len(network.species))
+        changes = np.ascontiguousarray(network.stoichiometry[works])
+        self._channels = np.ascontiguousarray(network.reactants[works]), changes, _keys(changes, multipliers)
+        self._multipliers = multipliers
+        self._network, self._max_states = network, max_states
+        self._n = len(states)
+        self._states = np.concatenate([states, states])  # room to grow into
+        self._keys = _keys(self._states, multipliers)
+        self._slots = exploration.tabulate(self._keys, self._n, _slots_for(2 * self._n))
+        self.levels = [self._n]
+
+    def __len__(self) -> int:
+        return self._n
+
+    @property
+    def states(self) -> Ints:
+        """The states found so far (N, S)."""
+        return self._states[: self._n]
+
+    def add(self, states: Ints) -> Ints:
+        """Rows (n,) of the states (n, S), which are added where they are new."""
+        from kinetics.kernels import exploration
+
+        keys, room = _keys(states, self._multipliers), self._n + len(states)
+        if room > self._keys.size:
+            more = max(room, 2 * self._n) - self._n
+            self._states = np.concatenate([self.states, np.empty((more, states.shape[1]), dtype=np.int64)])
+            self._keys = np.append(self._keys[: self._n], np.empty(more, dtype=np.uint64))
+            self._slots = exploration.tabulate(self._keys, self._n, _slots_for(self._keys.size))
+        rows = np.empty(len(states), dtype=np.int64)
+        self._n = exploration.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
+        if self._n > self._max_states:
+            raise TooManyStatesError(self._too_many())
+        return rows
+
+    def go_on(self, begin: int, end: int = -1, is_stopped: NDArray[np.bool_] | None = None) -> None:
+        """Add what the states begin, begin + 1, ... before `end` lead to in one event; without an end, in any number.
+
+        is_stopped : (N,) bool, states that lead nowhere
+        """
+        if self._network.laws:
+            self._go_on_by_law(begin, end, is_stopped)
+            return
+        from kinetics.kernels import exploration
+
+        stopped = np.empty(0, dtype=bool) if is_stopped is None else is_stopped
+        self._states, self._keys, self._slots, self._n, outcome, levels = exploration.explore(
+            *self._channels, self._states, self._keys, self._slots, self._n, begin, end, stopped, self._max_states
+        )
+        self.levels += [int(size) for size in levels if size]
+        if outcome == exploration.OVERFLOW:
+            raise ValueError("a count grows beyond 2**63 - 1")
+        if outcome == exploration.TOO_MANY:
+            raise TooManyStatesError(self._too_many())
+
+    def _go_on_by_law(self, begin: int, end: int, is_stopped: NDArray[np.bool_] | None) -> None:
+        """The same for laws that may be 0 though all reactants are there: level by level, by the propensities."""
+        network = self._network
+        known = network if network.rate_constants is not None else network.with_rates(np.ones(len(network.channels)))
+        until, found = len(self) if end < 0 else end, len(self)
+        while begin < until:
+            # Pieces keep the table of propensities small.
+            last = min(until, begin + max(1, CHUNK // max(len(network.channels), 1)))
+            here = self.states[begin:last]
+            if is_stopped is not None and is_stopped.size:
+                here = here[~is_stopped[begin:last]]
+            goes = known.propensities(here) > 0.0
+            goes[:, ~network.stoichiometry.any(axis=1)] = False
+            rows, channels = np.nonzero(goes)
+            new = here[rows] + network.stoichiometry[channels]
+            if new.size and new.min() < 0:
+                raise ValueError("a count grows beyond 2**63 - 1")
+            self.add(np.unique(new, axis=0))
+            begin = last
+            if begin == until:
+                self.levels.append(len(self) - found)
+                until, found = len(self) if end < 0 else end, len(self)
+
+    def _too_many(self) -> str:
+        recent = ", ".join(str(size) for size in self.levels[-5:-1])
+        last = sum(self.levels[-2:])  # the very last level may be cut short
+        tops, before = self.states[-last:].max(axis=0), self.states[:-last].max(axis=0, initial=0)
+        risen = [
+            f"{name} up to {top}"
+            for name, top, old in zip(self._network.species, tops, before, strict=True)
+            if top > old
+        ]
+        growing = f" ({', '.join(risen[:3])} and rising)" if risen else ""
+        return (
+            f"over {self._max_states} states are reachable: {len(self.levels) - 1} events away from the initial state, "
+            f"and the number of states still goes {recent} with each further event{growing}. Start from fewer copies, "
+            f"stop the network's growth, keep only the likely states by the method 'fsp', sample with the direct "
+            f"method instead, or raise max_states"
+        )
+
+
+def _unless(is_stopped: NDArray[np.bool_], states: Ints) -> Ints:
+    """The states (n, S), with one that goes on in the place of those that do not: their laws may hold no more."""
+    if not is_stopped.any() or is_stopped.all():
+        return states
+    return np.where(is_stopped[:, None], states[np.argmin(is_stopped)], states)
+
+
+def _multipliers(n_species: int) -> NDArray[np.uint64]:
+    """Random odd numbers (S,), always the same ones."""
+    rng = np.random.default_rng(0)
+    return rng.integers(0, 2**63, size=n_species, dtype=np.uint64) * np.uint64(2) + np.uint64(1)
+
+
+def _keys(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Keys (...) of states (..., S): a product that wraps around at 2**64."""
+    return (states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64)
+
+
+def _slots_for(n: int) -> int:
+    """Size of a table, a power of two, that n states fill to a half at most."""
+    return int(2 ** max(4, (2 * n - 1).bit_length()))

@@ -1,0 +1,211 @@
+"""Uniformisation: a Markov chain as a discrete chain that steps at the times of a Poisson process.
+
+With q at least the largest exit rate, P = 1 + Q/q is a stochastic matrix and p(t) = sum over n of Poisson(n; q t) p P^n
+(Jensen 1953). Every term is positive, so nothing cancels and no probability falls below zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window, window_error
+from kinetics.support.arrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
+BLOCK_BYTES = 2**29  # of these vectors
+MAX_STEPS = 5_000_000
+STEP_SECONDS = 2e-9  # a step takes this for every transition and every state, on a common machine
+RATE_ERROR = 8  # roundings in a rate of the generator: constant, ways and combinations of up to six reactants
+
+
+class Arrays(NamedTuple):
+    """A chain as `kernels.markov` reads it."""
+
+    begins: Ints
+    sources: NDArray[np.int32]
+    shares: Floats
+    exits: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteChain:
+    """The uniformised chain of a generator; where exits exceed the rates that stay inside, it loses mass.
+
+    rate : q, 1/tu
+    arrays : inflows and exits of every state as shares of q
+    terms : most rates into plus most rates out of one state
+    """
+
+    rate: float
+    arrays: Arrays
+    terms: int
+
+    @classmethod
+    def of(cls, generator: csr_array) -> DiscreteChain:
+        """The chain of a generator (N, N) in 1/tu whose rows sum to 0, or to less where mass is lost."""
+        entries = generator.tocoo()
+        off = entries.row != entries.col
+        return cls.from_rates(entries.row[off], entries.col[off], entries.data[off], -generator.diagonal())
+
+    @classmethod
+    def from_rates(
+        cls, rows: Ints, columns: Ints, rates: Floats, exits: Floats, most_out: int | None = None
+    ) -> DiscreteChain:
+        """The chain that goes from rows (K,) to columns (K,) at rates (K,), and leaves its states at exits (N,).
+
+        most_out : most rates behind one exit. None: as many as lead on from there
+        """
+        from scipy.sparse import csr_array
+
+        rate = float(exits.max(initial=0.0)) or 1.0
+        n = exits.size
+        moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
+        most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
+        terms = most_in + (most_on if most_out is None else most_out)
+        arrays = Arrays(moves.indptr.astype(np.int64), moves.indices.astype(np.int32), moves.data, exits / rate)
+        return cls(rate, arrays, terms)
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return self.arrays.exits.size
+
+    @cached_property
+    def transposed(self) -> Any:
+        """csr_array (N, N), P transposed: `transposed @ p` is p P."""
+        from scipy.sparse import csr_array, dia_array
+
+        n = self.size
+        moves: Any = csr_array((self.arrays.shares, self.arrays.sources, self.arrays.begins), shape=(n, n))
+        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=(n, n))
+        return csr_array(moves + stays)
+
+    def steps_until(self, time: float, tolerance: float) -> int:
+        """Steps after which, but for `tolerance`, all of the Poisson law at `time` has been seen."""
+        return poisson_bounds(self.rate * time, tolerance)[1]
+
+    @property
+    def step_seconds(self) -> float:
+        """About what a step takes."""
+        return STEP_SECONDS * (self.arrays.shares.size + self.size)
+
+    def rounding(self, steps: float, jumps: float | None = None) -> float:
+        """Bound on the summed error by rounding of a vector after so many steps, and of the rates behind them.
+
+        jumps : expected number of events on the way; at most the steps
+
+        The last addition of a step rounds each probability once. All else in it is in proportion to what moves: a
+        product and a sum of `terms` positive numbers, and rates that came with errors of their own.
+        """
+        jumps = steps if jumps is None else jumps
+        return 1.001 * ROUNDOFF * (steps + (self.terms + 2 * RATE_ERROR + 6) * jumps)
+
+
+class Mixtures(NamedTuple):
+    """p(t) (T, N) at several times; steps (N,) spent in each state on the way; bound on the summed absolute error."""
+
+    probabilities: Floats
+    stays: Floats
+    error: float
+
+
+def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Floats, tolerance: float) -> Mixtures:
+    """Probabilities at all `times` from one pass of steps.
+
+    start : (N,), not negative, with a sum of at most 1
+    tolerance : largest probability that may be left out at a time; the error holds it and every rounding
+    Where the law has settled, the steps end early: no later step changes it by more than the last one did, because a
+    stochastic matrix enlarges no difference. They end once that, in all steps to come, is less than these would round.
+    """
+    from kinetics.kernels import markov
+
+    if not chain.arrays.exits.any():
+        return Mixtures(np.tile(start, (len(times), 1)), np.zeros_like(start), 0.0)
+    means = [chain.rate * float(time) for time in times]
+    windows = [poisson_window(mean, tolerance / 2) for mean in means]
+    ends = np.array([first + weights.size for first, weights in windows])
+    firsts = np.array([first for first, _ in windows])
+    n_steps = int(ends.max(initial=1))
+    block = max(1, min(BLOCK, BLOCK_BYTES // (8 * start.size), n_steps))
+    vectors, flows = np.empty((block + 1, start.size)), np.empty(block)
+    mixed, stays, jumps = np.zeros((len(windows), start.size)), np.zeros(start.size), 0.0
+    vectors[-1], drift = start, 0.0
+    for begin in range(0, n_steps, block):
+        end = min(begin + block, n_steps)
+        vectors[0] = vectors[-1]
+        markov.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
+        jumps += float(flows[: end - begin].sum())
+        stays += vectors[: end - begin].sum(axis=0)
+        active = np.flatnonzero((firsts < end) & (ends > begin))
+        if active.size:
+            weights = _weights_between(begin, end, [windows[i] for i in active])
+            markov.mix(active, weights, vectors[: end - begin], mixed)
+        last, left = end - begin, n_steps - end
+        drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
+        if left and drift <= chain.rounding(left, left * float(flows[last - 1])):
+            shares = np.array([weights[max(end - first, 0) :].sum() for first, weights in windows])
+            mixed += shares[:, None] * vectors[last]
+            stays += left * vectors[last]
+            jumps += left * float(flows[last - 1])
+            break
+    errors = [
+        window_error(mean, first, window, tolerance / 2) + ROUNDOFF * (block + window.size / block + 2)
+        for mean, (first, window) in zip(means, windows, strict=True)
+    ]
+    return Mixtures(mixed, stays, max(errors, default=0.0) + chain.rounding(n_steps, jumps) + drift)
+
+
+def _weights_between(begin: int, end: int, windows: Sequence[tuple[int, Floats]]) -> Floats:
+    """Weights (windows, end - begin) of the steps from `begin` to before `end`."""
+    table = np.zeros((len(windows), end - begin))
+    for row, (first, weights) in zip(table, windows, strict=True):
+        low, high = max(begin, first), min(end, first + weights.size)
+        row[low - begin : high - begin] = weights[low - first : high - first]
+    return table
+
+
+class Absorption:
+    """How much of the probability has reached the last state of a chain by each step; grows as far as it is asked."""
+
+    def __init__(self, chain: DiscreteChain) -> None:
+        self._chain = chain
+        self._vector = np.zeros(chain.size)
+        self._vector[0] = 1.0
+        self._absorbed: Floats = np.empty(0)
+        self._alive: Floats = np.empty(0)
+        self._flows: Floats = np.empty(0)
+
+    def at(self, time: float, tolerance: float) -> tuple[float, float, float]:
+        """Probability that the last state has been reached by `time`, that it has not, and a bound on their errors."""
+        mean = self._chain.rate * time
+        first, weights = poisson_window(mean, tolerance)
+        last = first + weights.size
+        self._extend(last)
+        window = slice(first, last)
+        error = window_error(mean, first, weights, tolerance)
+        error += self._chain.rounding(last, float(self._flows[:last].sum()))
+        error += ROUNDOFF * (weights.size + self._chain.size + 2)  # the two sums
+        return float(weights @ self._absorbed[window]), float(weights @ self._alive[window]), error
+
+    def _extend(self, n_steps: int) -> None:
+        from kinetics.kernels import markov
+
+        begin = self._absorbed.size
+        if n_steps <= begin:
+            return
+        # By half as much again each time, so that many small requests copy little.
+        more = max(n_steps, begin + begin // 2) - begin
+        absorbed, alive, flows = np.empty(more), np.empty(more), np.empty(more)
+        markov.absorb(*self._chain.arrays, self._vector, absorbed, alive, flows)
+        self._absorbed = np.concatenate([self._absorbed, absorbed])
+        self._alive = np.concatenate([self._alive, alive])
+        self._flows = np.concatenate([self._flows, flows])

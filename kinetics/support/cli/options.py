@@ -1,0 +1,141 @@
+"""Options that the rooms' commands share."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from kinetics.support.arrays import Floats
+
+DURATION = 2000.0  # tu, the paper's
+
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="One seed, one result."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Refuse a file that could not be written before any work is done for it."""
+    if value is not None and not Path(value).absolute().parent.is_dir():
+        raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
+    return value
+
+
+def picture_of(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """The same, for a picture of a kind that we draw."""
+    if value is not None and Path(value).suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{value} must end in {', '.join(PICTURES)}", ctx, param)
+    return in_a_folder(ctx, param, value)
+
+
+csv_option = click.option(
+    "--csv", "csv_file", metavar="FILE", callback=in_a_folder, help="Write a table to this CSV file."
+)
+plot_option = click.option(
+    "--plot", "plot_file", metavar="FILE", callback=picture_of, help="Draw into this PNG, PDF or SVG file."
+)
+
+
+class NumbersCommand(click.Command):
+    """A command whose repeatable options take several numbers in one go: `--times 10 50 100`.
+
+    Every option declared with `multiple=True` does; `--times 10 --times 50` means the same.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Name the option again before each further number, then parse as ever."""
+        repeatable = {
+            name
+            for option in self.params
+            if isinstance(option, click.Option) and option.multiple
+            for name in option.opts
+        }
+        spelled: list[str] = []
+        current, values = "", 0
+        for position, word in enumerate(args):
+            if word == "--":
+                spelled += args[position:]
+                break
+            name = word.split("=", 1)[0]
+            if name in repeatable:
+                current, values = name, int("=" in word)
+            elif not (current and _is_number(word)):
+                current = ""
+            else:
+                if values:
+                    spelled.append(current)
+                values += 1
+            spelled.append(word)
+        return super().parse_args(ctx, spelled)
+
+
+def counts_of(text: str) -> dict[str, int]:
+    """`monomer=20,dimer=20` as counts. Names may hold commas: `A(x,y)=3`."""
+    counts: dict[str, int] = {}
+    for part in re.split(r",(?![^()]*\))", text):
+        name, equals, number = part.strip().partition("=")
+        if not equals or not number.strip().isdecimal():
+            raise ValueError(f"--initial has {part.strip()!r}; expected species=count, as in monomer=20,dimer=20")
+        if name.strip() in counts:
+            raise ValueError(f"--initial names {name.strip()!r} twice")
+        counts[name.strip()] = int(number)
+    return counts
+
+
+def time_grid(duration: float | None, times: tuple[float, ...]) -> Floats:
+    """The times of a prediction, tu: those of `--times`, or 101 from 0 to `--duration`."""
+    if times and duration is not None:
+        raise ValueError("give either --duration or --times, not both")
+    if times:
+        return np.array(times)
+    end = DURATION if duration is None else duration
+    if not 0 < end < np.inf:
+        raise ValueError(f"--duration {end:g}; expected a positive number of tu")
+    return np.linspace(0.0, end, 101)
+
+
+def echo_json(data: dict[str, Any]) -> None:
+    """One JSON object on standard output; arrays become lists, and what is not finite becomes null."""
+    click.echo(json.dumps(plain(data), allow_nan=False))
+
+
+def plain(data: Any) -> Any:
+    """`data` in the types that JSON knows."""
+    if isinstance(data, dict):
+        return {str(key): plain(value) for key, value in data.items()}
+    if isinstance(data, np.ndarray | np.generic):
+        return plain(data.tolist())
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if isinstance(data, float) and not math.isfinite(data):
+        return None
+    return data
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def starting_options(command: Any) -> Any:
+    """Book or network file, rates, and what the tank holds at time 0."""
+    for decorate in (
+        click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
+        click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
+        click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates: table3, or a .toml file."),
+        click.argument("book", metavar="NETWORK"),
+    ):
+        command = decorate(command)
+    return command

@@ -1,0 +1,45 @@
+"""Rows of named values as text: columns for a terminal, CSV for other programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns of text, aligned, for a terminal."""
+    widths = [max(len(line[i]) for line in (titles, *rows)) for i in range(len(titles))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in (titles, *rows)
+    )
+
+
+def rounded(rows: Rows) -> list[dict[str, str]]:
+    """Four digits for every number that is not whole, nothing where there is none."""
+    return [{key: _cell(value) for key, value in row.items()} for row in rows]
+
+
+def columns(rows: Rows) -> str:
+    """Aligned columns under their names, rounded."""
+    return text_table(tuple(rows[0]), [tuple(row.values()) for row in rounded(rows)])
+
+
+def csv_text(rows: Rows) -> str:
+    """One line a row, as the values are."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def _cell(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

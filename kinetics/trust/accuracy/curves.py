@@ -1,0 +1,101 @@
+"""What the diagram compares: one curve a method, its settings from cheap to dear. One more is a line in `CURVES`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from kinetics.network import Network
+from kinetics.runs import EnsembleStatistics
+from kinetics.sampling import Direct, Lockstep, SamplingMethod, simulate_statistics
+from kinetics.solving import Distribution, FiniteStateProjection, SolvingMethod, Transient
+from kinetics.support.arrays import Floats, Ints
+from kinetics.trust.accuracy.distances import Certainty, Marginals
+from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
+
+MOST_REPEATS, FEWEST_REPEATS = 20, 2
+ALL_RUNS = 500_000  # as many repeats as make so many runs together, within these limits
+SOLUTIONS = 3  # of the same, for their time
+
+
+class Task(NamedTuple):
+    """What every method is asked: the law of each species at `times` (T,), tu."""
+
+    network: Network
+    initial: Ints
+    times: Floats
+    seed: int
+
+
+Result = EnsembleStatistics | Distribution | Floats
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A method and the knob that is turned.
+
+    settings : of the knob, from the cheapest on; one that is meaningless where there is no knob
+    make : the answer to a task at a setting; the repeat tells which runs, where chance is involved
+    """
+
+    name: str
+    knob: str
+    settings: tuple[float, ...]
+    make: Callable[[Task, float, int], Result]
+
+    @property
+    def is_sampled(self) -> bool:
+        """Does the error come from chance?"""
+        return self.knob == "runs"
+
+    def repeats(self, setting: float) -> int:
+        """How often a setting is tried: for the spread of a sampled one, for the time of another."""
+        if not self.is_sampled:
+            return SOLUTIONS
+        return min(MOST_REPEATS, max(FEWEST_REPEATS, int(ALL_RUNS / setting)))
+
+    def label(self, setting: float) -> str:
+        """The setting as people read it."""
+        return f"{setting:.0e}".replace("e+0", "e").replace("e-0", "e-") if self.knob else ""
+
+
+def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
+    """`Curve.make` of a method that samples; the knob is the number of runs."""
+
+    def make(task: Task, setting: float, repeat: int) -> EnsembleStatistics:
+        runs = int(setting)
+        # No run is used twice: settings are powers of ten, and 40 times one stays below 20 times the next.
+        first_run = (MOST_REPEATS + repeat) * runs
+        network, initial, times, seed = task
+        return simulate_statistics(
+            network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
+        )
+
+    return make
+
+
+def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, int], Result]:
+    """`Curve.make` of a method that solves; `method` makes it from the knob's setting."""
+    return lambda task, setting, _: method(setting).solve(task.network, task.initial, task.times)
+
+
+RUNS = (1e2, 1e3, 1e4, 1e5, 1e6)
+TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+NO_KNOB = (0.0,)
+
+CURVES: tuple[Curve, ...] = (
+    Curve("SSA, direct", "runs", RUNS, sampled(Direct())),
+    Curve("SSA, lockstep", "runs", RUNS, sampled(Lockstep())),
+    Curve("projection (fsp)", "tolerance", TOLERANCES, solved(FiniteStateProjection)),
+    Curve("uniformisation (exact)", "tolerance", TOLERANCES, solved(Transient)),
+    Curve("scipy expm_multiply", "", NO_KNOB, solved(lambda _: ExpmMultiply())),
+    Curve("rate equation", "", NO_KNOB, lambda task, *_: rate_equation(task.network, task.initial, task.times)),
+)
+
+
+def law_of(result: Result, species: tuple[str, ...]) -> Marginals | Certainty:
+    """What an answer says of each species."""
+    if isinstance(result, EnsembleStatistics | Distribution):
+        return Marginals([result.marginal(name) for name in species])
+    return Certainty(result)

@@ -1,0 +1,299 @@
+"""The work-precision diagram of the kinetics: every method at every setting, its CPU time and its error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.solving import Distribution, Transient
+from kinetics.support.arrays import rising_times
+from kinetics.support.tables import text_table
+from kinetics.trust.accuracy.curves import CURVES, Curve, Task, law_of
+from kinetics.trust.accuracy.distances import Distance, Marginals, sampling_floor
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+REFERENCE = Transient(tolerance=1e-16)
+FIRST_RUNS, MOST_RUNS = 16.0, 5000.0  # of a pilot, which stops after about so many CPU s
+PILOT_SECONDS = 0.2
+PILOT_TIMES = 6  # of those asked for; what they cost tells what all will
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a method came to at a setting.
+
+    repeats : how often it was tried; cpu_seconds : of one try, the median
+    error : mean over the repeats; low, high : smallest and largest distance in copies among them
+    bound : proven bound on the distance from the exact law, copies; None where none is proven
+    """
+
+    curve: str
+    knob: str
+    setting: float | None
+    label: str
+    repeats: int
+    cpu_seconds: float
+    error: Distance
+    low: float
+    high: float
+    bound: float | None
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A setting that was not tried, and why."""
+
+    curve: str
+    label: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """All points, and what they are measured against.
+
+    times : (T,) tu at which the laws are compared
+    reference_bound : bound on the distance of the reference from the exact law, copies; smaller errors of others are
+        differences from the reference and nothing more
+    is_proven : whether that bound is proven, else an estimate
+    floors : runs -> expected error of so many independent exact runs at the time where it is largest
+    is_complete : whether all was tried that the budget allowed; not so where someone interrupted
+    """
+
+    title: str
+    network: Network
+    times: np.ndarray
+    seed: int
+    n_states: int
+    reference_cpu: float
+    reference_bound: float
+    is_proven: bool
+    points: tuple[Point, ...]
+    floors: dict[int, float]
+    left_out: tuple[LeftOut, ...] = ()
+    is_complete: bool = True
+    cpu_seconds: float = field(compare=False, default=0.0)
+
+    def of(self, curve: str) -> list[Point]:
+        """The points of one curve, in the order of its settings."""
+        return [point for point in self.points if point.curve == curve]
+
+    def slopes(self) -> dict[str, float]:
+        """Exponent of the error against the number of runs, of each method that samples; -1/2 is expected."""
+        found = {}
+        for name in dict.fromkeys(point.curve for point in self.points if point.knob == "runs"):
+            points = self.of(name)
+            if len(points) > 1:
+                runs, errors = [float(p.setting or 0) for p in points], [p.error.copies for p in points]
+                found[name] = float(np.polyfit(np.log(runs), np.log(errors), 1)[0])
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat row a point, for tables."""
+        return [
+            {
+                "method": p.curve,
+                "knob": p.knob or None,
+                "setting": p.setting,
+                "repeats": p.repeats,
+                "cpu_seconds": p.cpu_seconds,
+                "error_copies": p.error.copies,
+                "error_low": p.low,
+                "error_high": p.high,
+                "bound_copies": p.bound,
+                "total_variation": None if np.isnan(p.error.total_variation) else p.error.total_variation,
+                "mean_copies": p.error.mean,
+                "floor_copies": self.floors.get(int(p.setting)) if p.knob == "runs" and p.setting else None,
+            }
+            for p in self.points
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "title": self.title,
+            "species": self.network.species,
+            "times": self.times,
+            "seed": self.seed,
+            "states": self.n_states,
+            "reference": {
+                "cpu_seconds": self.reference_cpu,
+                "bound_copies": self.reference_bound,
+                "proven": self.is_proven,
+            },
+            "points": self.rows(),
+            "slopes": self.slopes(),
+            "left_out": [{"method": x.curve, "setting": x.label, "reason": x.reason} for x in self.left_out],
+            "complete": self.is_complete,
+            "cpu_seconds": self.cpu_seconds,
+        }
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a point."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows())
+
+    def __str__(self) -> str:
+        heads = ("method", "setting", "CPU (s)", "error (copies)", "proven bound", "total variation", "error of a mean")
+        rows = []
+        for p in self.points:
+            spread = f" ({p.low:.2g} to {p.high:.2g})" if p.knob == "runs" else ""
+            bound = "-" if p.bound is None else f"{p.bound:.1e}"
+            variation = "-" if np.isnan(p.error.total_variation) else f"{p.error.total_variation:.1e}"
+            name, setting = p.curve, f"{p.knob} {p.label}".strip()
+            mean = f"{p.error.mean:.1e}"
+            rows.append(
+                (name, setting, f"{p.cpu_seconds:.3g}", f"{p.error.copies:.2e}{spread}", bound, variation, mean)
+            )
+        within = f"within {self.reference_bound:.1e} copies, {'proven' if self.is_proven else 'estimated'}"
+        lines = [
+            f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}",
+            "error: largest Wasserstein distance of a species' law from the exact one, over times and species",
+            f"reference: {REFERENCE.name}, tolerance {REFERENCE.tolerance:g}, {self.reference_cpu:.3g} CPU s; {within}",
+            text_table(heads, rows),
+        ]
+        slopes = [f"{name} {slope:.3f}" for name, slope in self.slopes().items()]
+        if slopes:
+            lines.append(f"exponent of the error against runs (-1/2 expected): {', '.join(slopes)}")
+        lines += [f"left out: {x.curve} {x.label}: {x.reason}" for x in self.left_out]
+        if not self.is_complete:
+            lines.append("interrupted: only what was finished is told")
+        return "\n".join(lines)
+
+
+def measure(
+    title: str,
+    network: Network,
+    initial: ArrayLike,
+    times: ArrayLike,
+    *,
+    seed: int = 0,
+    budget: float = 1200.0,
+    curves: Sequence[Curve] = CURVES,
+    tell: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagram:
+    """Ask every method for the laws of all species at `times` (T,), tu, evenly spaced from 0; all in one thread.
+
+    budget : CPU s; settings that are predicted not to fit in it, after all cheaper ones, are left out
+    tell : is given the predicted cost before anything is run; progress : what is at work
+    ValueError: the states are too many for the exact law. After Ctrl-C the diagram has what was finished, if any.
+    """
+    began = time.process_time()
+    task = Task(network, network.state(initial), rising_times(times), seed)
+    if task.times.size < PILOT_TIMES:
+        raise ValueError(f"{task.times.size} times; the diagram needs at least {PILOT_TIMES}")
+    progress("trying the reference")
+    REFERENCE.solve(task.network, task.initial, task.times[:PILOT_TIMES])  # refuses before others work in vain
+    prices, left_out = _prices(task, curves, progress)
+    total = sum(prices.values())
+    tell(f"{title}: {len(prices)} settings, predicted cost {total:.3g} CPU s, budget {budget:.3g}")
+    progress("the reference")
+    exact, reference_cpu = _timed(partial(REFERENCE.solve, *task[:3]))
+    law = law_of(exact, network.species)
+    if not isinstance(law, Marginals):
+        raise TypeError("the reference is a law")
+    bound = law.top * exact.error
+    points: dict[tuple[Curve, float], Point] = {}
+    spent, is_complete = reference_cpu, True
+    try:
+        for (curve, setting), price in sorted(prices.items(), key=lambda item: item[1]):
+            if spent + price > budget:
+                left_out.append(LeftOut(curve.name, curve.label(setting), f"predicted {price:.3g} CPU s, over budget"))
+                continue
+            progress(f"{curve.name} {curve.label(setting)}, {spent:.3g} of {total:.3g} CPU s")
+            try:
+                points[curve, setting] = point = _point(task, curve, setting, law)
+            except ValueError as refusal:
+                left_out.append(LeftOut(curve.name, curve.label(setting), str(refusal)))
+                continue
+            spent += point.repeats * point.cpu_seconds
+    except KeyboardInterrupt:
+        if not points:
+            raise
+        is_complete = False
+    ordered = [points[c, s] for c in curves for s in c.settings if (c, s) in points]
+    runs = sorted({int(p.setting) for p in ordered if p.knob == "runs" and p.setting})
+    floors = {n: sampling_floor(law, n) for n in runs}
+    used = time.process_time() - began
+    return Diagram(
+        title, network, task.times, seed, len(exact.space), reference_cpu, bound, exact.is_bound,
+        tuple(ordered), floors, tuple(left_out), is_complete, used,
+    )  # fmt: skip
+
+
+def _prices(
+    task: Task, curves: Sequence[Curve], progress: Callable[[str], None]
+) -> tuple[dict[tuple[Curve, float], float], list[LeftOut]]:
+    """Predicted CPU s of every setting with its repeats, and the curves that cannot be tried at all."""
+    prices, refused = {}, []
+    for curve in curves:
+        progress(f"trying {curve.name}")
+        try:
+            price = _sampled_price(task, curve) if curve.is_sampled else _solved_price(task, curve)
+        except ValueError as refusal:
+            refused.append(LeftOut(curve.name, "", str(refusal)))
+            continue
+        for setting in curve.settings:
+            prices[curve, setting] = price * curve.repeats(setting) * (setting if curve.is_sampled else 1.0)
+    return prices, refused
+
+
+def _sampled_price(task: Task, curve: Curve) -> float:
+    """CPU s of a run, from as many as take a fraction of a second."""
+    curve.make(task, FIRST_RUNS, 0)  # compiles, or reads what was compiled before
+    _, cost = _timed(partial(curve.make, task, FIRST_RUNS, 0))
+    runs = min(max(FIRST_RUNS, FIRST_RUNS * PILOT_SECONDS / max(cost, 1e-6)), MOST_RUNS)
+    return _timed(partial(curve.make, task, runs, 0))[1] / int(runs)
+
+
+def _solved_price(task: Task, curve: Curve) -> float:
+    """CPU s of a solution, from one that goes to a few of the times."""
+    short = task._replace(times=task.times[:PILOT_TIMES])
+    curve.make(short, curve.settings[-1], 0)
+    _, cost = _timed(partial(curve.make, short, curve.settings[-1], 0))
+    return cost * (task.times.size - 1) / (PILOT_TIMES - 1)
+
+
+def _point(task: Task, curve: Curve, setting: float, exact: Marginals) -> Point:
+    costs: list[float] = []
+    found: list[Distance] = []
+    for repeat in range(curve.repeats(setting)):
+        result, cost = _timed(partial(curve.make, task, setting, repeat))
+        costs.append(cost)
+        if not found or curve.is_sampled:
+            found.append(law_of(result, task.network.species).distance(exact))
+    copies = [one.copies for one in found]
+    bound = None
+    if isinstance(result, Distribution) and result.is_bound:
+        # No event is more than `error` likelier or less likely than it is, at each count up to the largest.
+        bound = exact.top * result.error
+    return Point(
+        curve.name,
+        curve.knob,
+        setting if curve.knob else None,
+        curve.label(setting),
+        len(costs),
+        float(np.median(costs)),
+        Distance(*(float(np.mean(column)) for column in zip(*found, strict=True))),
+        min(copies),
+        max(copies),
+        bound,
+    )
+
+
+def _timed(make: Callable[[], Any]) -> tuple[Any, float]:
+    """What it makes, and CPU s."""
+    began = time.process_time()
+    made = make()
+    return made, time.process_time() - began

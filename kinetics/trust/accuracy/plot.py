@@ -1,0 +1,61 @@
+"""The work-precision diagram drawn: error against CPU time, one curve a method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kinetics.support.plots import colour
+from kinetics.trust.accuracy.diagram import Diagram, Point
+
+MARKERS = ("o", "s", "^", "D", "v", "*")
+LOWEST = 1e-15  # of the errors shown: smaller ones are drawn here
+
+
+def draw(diagram: Diagram, ax: Any) -> Any:
+    """Fill given axes; returns them.
+
+    Whiskers: smallest and largest of the repeats. A bar above a point: the bound that the method proves of its error.
+    """
+    names = list(dict.fromkeys(point.curve for point in diagram.points))
+    for i, name in enumerate(names):
+        _curve(ax, diagram.of(name), MARKERS[i % len(MARKERS)], colour(i))
+    sampled = [point for point in diagram.points if point.knob == "runs" and point.setting]
+    if sampled:
+        quickest = min(sampled, key=lambda point: point.cpu_seconds / float(point.setting or 1)).curve
+        line = diagram.of(quickest)
+        floors = [diagram.floors[int(point.setting or 0)] for point in line]
+        label = f"sampling floor of {quickest}"
+        ax.plot([point.cpu_seconds for point in line], floors, "--", color="0.3", lw=0.9, zorder=1, label=label)
+    if any(point.bound is not None for point in diagram.points):
+        ax.plot([], [], "_", color="0.3", ms=9, mew=1.5, label="bar: proven bound of the error")
+    bound = max(diagram.reference_bound, LOWEST)
+    kind = "proven bound" if diagram.is_proven else "estimated error"
+    ax.axhspan(LOWEST / 10, bound, color="0.9", zorder=0, label=f"below the {kind} of the reference")
+    ax.set(xscale="log", yscale="log", xlabel="CPU time (s), one thread")
+    ax.xaxis.set_minor_formatter("")
+    ax.margins(x=0.08)  # room for the labels
+    ax.set_ylabel("largest Wasserstein distance to the exact law of a species (copies)", fontsize=8)
+    ax.set_ylim(LOWEST / 3, None)
+    ax.set_title(
+        f"{diagram.title}: {diagram.n_states} states, {diagram.times.size} times to {diagram.times[-1]:g} tu",
+        fontsize=9,
+    )
+    ax.legend(frameon=False, fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def _curve(ax: Any, points: list[Point], marker: str, shade: str) -> None:
+    x = np.array([point.cpu_seconds for point in points])
+    y = np.array([max(point.error.copies, LOWEST) for point in points])
+    whiskers = [y - [max(p.low, LOWEST) for p in points], [max(p.high, LOWEST) for p in points] - y]
+    style = {"color": shade, "marker": marker, "ms": 9 if marker == "*" else 4, "lw": 1, "capsize": 2}
+    ax.errorbar(x, y, np.maximum(whiskers, 0.0), label=points[0].curve, **style)
+    for point, height in zip(points, y, strict=True):
+        if point.bound is not None:
+            ax.plot([point.cpu_seconds] * 2, [height, point.bound], ":", color=shade, lw=0.8)
+            ax.plot(point.cpu_seconds, point.bound, "_", color=shade, ms=9, mew=1.5)
+    for end in {0, len(points) - 1} if points[0].knob else ():
+        at = (5, 4 if end == 0 else -8)
+        ax.annotate(points[end].label, (x[end], y[end]), at, textcoords="offset points", fontsize=6, color=shade)

@@ -1,0 +1,180 @@
+"""Where samplers go wrong: large counts, late times, output grids, nothing to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.sampling import SAMPLING_METHODS, General
+from kinetics.solving import SOLVING_METHODS, FiniteStateProjection, Transient
+from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
+
+EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)
+
+
+def _samplers() -> Iterator[Any]:
+    for method in SAMPLING_METHODS:
+        yield method()
+
+
+def _grids() -> Iterator[Attempt]:
+    net = network({"birth": ({}, {"X": 1}, 10.0), "death": ({"X": 1}, {}, 1.0)})
+
+    def differing(method: Any) -> float:
+        coarse = method.simulate(net, [0], [20.0], runs=200, seed=1).counts[:, -1]
+        fine = method.simulate(net, [0], np.linspace(0.0, 20.0, 41), runs=200, seed=1).counts[:, -1]
+        return float((coarse != fine).sum())
+
+    for method in _samplers():
+        yield attempt(method.name, partial(differing, method), 0.0)
+
+
+def _large_counts() -> Iterator[Attempt]:
+    def off(method: Any, start: int) -> float:
+        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        counts = method.simulate(net, [start, 0], [1.0], runs=50, seed=2).counts[:, 0]
+        # 50 Poisson numbers of mean 20: their mean is 20 +- 4 but for a chance of 1e-9
+        return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 1].mean() - 20.0) - 4.0)
+
+    def missed(start: int) -> float:
+        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        law = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
+        exact = np.exp(-20.0) * np.cumprod(np.append(1.0, 20.0 / np.arange(1, law.size)))
+        return float(abs(law - exact).sum() + 1.0 - exact.sum())
+
+    for start in (5 * 10**9, 10**15):
+        for method in _samplers():
+            yield attempt(f"{method.name}, {start:.0e}", partial(off, method, start), 0.0)
+        yield attempt(f"fsp, {start:.0e}", partial(missed, start), 1e-7)  # Poisson up to 20 / start
+        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        yield refusal(f"exact, {start:.0e}", partial(Transient().solve, net, [start, 0], [1.0]), "reachable")
+
+
+def _extinction() -> Iterator[Attempt]:
+    net, n = network({"death": ({"X": 1}, {}, 1.0)}), 10**6
+    left = n * np.exp([-1.0, -10.0])
+
+    def off(method: Any) -> float:
+        """Seven standard deviations at two times; and any left at a third, by which none are but for 3e-10."""
+        counts = method.simulate(net, [n], [1.0, 10.0, 36.0], runs=2, seed=3).counts[:, :, 0]
+        return float(max((abs(counts[:, :2] - left) / np.sqrt(left)).max() / 7.0, 2.0 * counts[:, 2].max()))
+
+    for method in _samplers():
+        yield attempt(f"{method.name}, 1e6 copies", partial(off, method), 1.0)
+
+
+def _late_times() -> Iterator[Attempt]:
+    slow = network({"death": ({"X": 1}, {}, 1e-16)})
+    wake = {"wake": ({"X": 1}, {"Y": 1}, 1e-16)}
+    awake = network(wake | {"turn": ({"Y": 1}, {"Z": 1}, 1e3), "back": ({"Z": 1}, {"Y": 1}, 1e3)})
+
+    def gap(method: Any) -> float:
+        left = method.simulate(slow, [1], [1e16], runs=4000, seed=4).counts.mean()
+        return float(abs(left - np.exp(-1.0)) / np.sqrt(np.log(2 / CHANCE) / 8000))
+
+    for method in _samplers():
+        yield attempt(f"{method.name}, one event near 1e16", partial(gap, method), 1.0)
+        stalls = partial(method.simulate, awake, [1, 0, 0], [1e17], runs=3, seed=5)
+        yield refusal(f"{method.name}, waits of 1e-3 there", stalls, "clock")
+
+
+def _nothing() -> Iterator[Attempt]:
+    """Questions whose answer is the start, and one whose answer is one state."""
+    dying = network({"death": ({"X": 1}, {}, 1.0)})
+    still: tuple[tuple[str, Network, list[int], list[float], list[int]], ...] = (
+        ("t = 0", dying, [5], [0.0], [5]),
+        ("no channels", Network(("X",), (), EMPTY_TABLE, EMPTY_TABLE, EMPTY, EMPTY), [5], [3.0], [5]),
+        ("propensities 0", network({"never": ({"X": 1}, {}, 0.0)}), [5], [3.0], [5]),
+        ("none left", dying, [0], [3.0], [0]),
+        (
+            "A -> A",
+            Network(("X",), ("idle",), np.ones((1, 1), int), np.zeros((1, 1), int), np.ones(1), np.array([7.0])),
+            [5],
+            [3.0],
+            [5],
+        ),
+        ("below the reactants", network({"join": ({"X": 3}, {"Y": 1}, 1.0)}), [2, 0], [3.0], [2, 0]),
+    )
+    methods: tuple[Any, ...] = (*SAMPLING_METHODS, *SOLVING_METHODS)
+    for name, net, start, times, end in still:
+        for kind in methods:
+            method = kind()
+            what = f"{method.name}, {name}"
+            if method.name == "partial" and net.reactants.sum(axis=1).max(initial=0) > 2:
+                yield refusal(what, partial(method.simulate, net, start, times), "at most 2")
+                continue
+            yield attempt(what, partial(_away, method, net, start, times, end), 1e-13)
+
+
+def _consumption() -> Iterator[Attempt]:
+    """X is eaten at a constant rate of 2 from 3 copies on: 3 minus a Poisson number, and never below 0."""
+    eaten = np.exp(-2.0) * np.array([1.0, 2.0, 2.0])  # none, one, two of three
+    law = np.append(1.0 - eaten.sum(), eaten[::-1])
+    reactions: Any = {"eat": ({"X": 1}, {})}
+    net = Network.from_reactions(reactions, ["2.0"])
+    strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
+    counts = partial(General().simulate, net, [3], [1.0], runs=4000, seed=8)
+    yield attempt("general, blocked at 0", lambda: departure(counts().counts[:, 0, 0], law), 1.0)
+    yield refusal("general, refused at 0", partial(General().simulate, strict, [3], [9.0], runs=50, seed=8), "'eat'")
+    for kind in SOLVING_METHODS:
+        solved = partial(kind().solve, net, [3], [1.0])
+        yield attempt(f"{kind.name}, blocked at 0", lambda solved=solved: _summed(solved().marginal("X")[0], law), 1e-8)
+
+
+def _summed(found: Any, exact: Any) -> float:
+    return float(abs(found - exact).sum())
+
+
+def _away(method: Any, net: Network, start: list[int], times: list[float], end: list[int]) -> float:
+    """How far the mean is from where it must be."""
+    solves = hasattr(method, "solve")
+    found = method.solve(net, start, times) if solves else method.simulate(net, start, times, runs=20, seed=6)
+    return float(abs(found.mean()[-1] - end).max())
+
+
+def _duplicates() -> Iterator[Attempt]:
+    twice = network({"one": ({"X": 1}, {}, 0.25), "two": ({"X": 1}, {}, 0.75)})
+
+    def off(method: Any) -> float:
+        return float(abs(method.solve(twice, [9], [1.0]).mean()[0, 0] - 9 * np.exp(-1.0)))
+
+    def gap(method: Any) -> float:
+        counts = method.simulate(twice, [9], [1.0], runs=4000, seed=7).counts
+        return float(abs(counts.mean() / 9 - np.exp(-1.0)) / np.sqrt(np.log(2 / CHANCE) / 8000))
+
+    for kind in SOLVING_METHODS:
+        yield attempt(kind.name, partial(off, kind()), 1e-8)
+    for method in _samplers():
+        yield attempt(method.name, partial(gap, method), 1.0)
+
+
+SAMPLING = (
+    Case(
+        "constant consumption",
+        "3 copies eaten at a constant rate: error, or deviation over chance",
+        "Poisson law",
+        _consumption,
+    ),
+    Case("any grid", "the same seed on two grids: runs that differ", "the same runs", _grids),
+    Case(
+        "large counts",
+        "20 of 5e9 and 1e15 copies turn: copies lost, and the mean beyond chance",
+        "conservation",
+        _large_counts,
+    ),
+    Case("dying out", "1e6 copies die: deviation over what chance allows", "binomial law", _extinction),
+    Case("late events", "times near 1e16: deviation over what chance allows", "exponential law", _late_times),
+    Case(
+        "nothing to do", "t = 0, no channel, none that can fire, A -> A: how far the mean moves", "the start", _nothing
+    ),
+    Case(
+        "duplicate reactions",
+        "two channels for one decay: error, or deviation over chance",
+        "binomial law",
+        _duplicates,
+    ),
+)

@@ -1,9 +1,0 @@
-"""Who makes the runs of an ensemble: one file each, and one line here. The first is used where none is asked for."""
-
-from mechsim.executors.base import Attempt, Executor, Session
-from mechsim.executors.cluster import Dask
-from mechsim.executors.processes import Processes
-
-EXECUTORS: tuple[type[Executor], ...] = (Processes, Dask)
-
-__all__ = ["EXECUTORS", "Attempt", "Dask", "Executor", "Processes", "Session"]

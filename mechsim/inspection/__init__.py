@@ -1,0 +1,1 @@
+"""Looking at runs: what a step costs, poses, pictures, replay."""

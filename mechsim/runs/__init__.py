@@ -1,0 +1,1 @@
+"""Runs: how one is made, stored, and shared among workers."""

@@ -1,0 +1,169 @@
+"""Many runs: what is missing from a store is made, tried again where it fails, and given up after three tries."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from mechsim.runs.executors import Attempt, Executor, Processes, Session
+from mechsim.runs.executors.base import LOOK_EVERY, Execute
+from mechsim.runs.record import RunRecord, RunSpec
+from mechsim.runs.record import execute as execute_run
+from mechsim.runs.store import RunStore, digest_of
+
+TRIES = 3
+
+
+@dataclass(frozen=True)
+class Quarantined:
+    """A run that was given up, with one reason for each try."""
+
+    spec: RunSpec
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of an ensemble.
+
+    records : finished runs, in the order of the specs
+    quarantined : runs that failed at every try, in that order too; the next call tries them again
+    computed, reused : runs that this call made, and runs that it found (or that another process made meanwhile)
+    """
+
+    records: tuple[RunRecord, ...]
+    quarantined: tuple[Quarantined, ...]
+    computed: int
+    reused: int
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over what happened: equal for any number of workers, and however often the work was interrupted."""
+        return digest_of(self.records)
+
+
+def run_all(
+    specs: Iterable[RunSpec],
+    store: RunStore,
+    *,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+    execute: Execute = execute_run,
+) -> Outcome:
+    """Make the runs that are missing from the store, and read the others.
+
+    workers : so many processes on this machine, one a run; or another executor, as Dask("tcp://10.0.0.5:8786")
+    progress : a bar on standard error; None: only where that is a terminal
+    execute : makes the record of one run; called in the worker, so it must be found by its name in a module
+
+    A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
+    workers and passes on; what has finished is kept. OSError: the store cannot be written, or a scheduler is gone; all
+    work stops. ValueError: a worker has other versions than this process, which would give other records.
+    A script that calls this needs the usual `if __name__ == "__main__":`.
+    """
+    executor = Processes(workers) if isinstance(workers, int) else workers
+    specs = list(specs)
+    driver = _Driver({spec.key: spec for spec in specs}, store)
+    driver.run(executor.open(store, execute), progress)
+    keys = [spec.key for spec in specs]
+    return Outcome(
+        records=tuple(driver.records[key] for key in keys if key in driver.records),
+        quarantined=tuple(driver.quarantined[key] for key in dict.fromkeys(keys) if key in driver.quarantined),
+        computed=driver.computed,
+        reused=len(driver.records) - driver.computed,
+    )
+
+
+class _Driver:
+    """The state of one call: what waits, what came of it. What runs is the session's to know."""
+
+    def __init__(self, specs: dict[str, RunSpec], store: RunStore) -> None:
+        self.specs, self.store = specs, store
+        self.failures: defaultdict[str, list[str]] = defaultdict(list)
+        self.quarantined: dict[str, Quarantined] = {}
+        self.computed = 0
+        found = ((key, store.read(spec)) for key, spec in specs.items())
+        self.records = {key: record for key, record in found if record is not None}
+        self.waiting = deque(spec for key, spec in specs.items() if key not in self.records)
+
+    def run(self, session: Session, progress: bool | None) -> None:
+        """Work until nothing waits and nothing runs."""
+        from tqdm import tqdm
+
+        with tqdm(
+            desc=f"{len(self.records)}/{len(self.specs)} runs",
+            total=sum(spec.duration for spec in self.specs.values()),
+            initial=self._simulated(session),
+            disable=None if progress is None else not progress,
+            dynamic_ncols=True,
+            bar_format="{desc}|{bar}| {n:.0f}/{total:.0f} tu [{elapsed}, {remaining} left, {rate_fmt}]",
+            unit="tu",
+        ) as bar:
+            try:
+                while self.waiting or session.attempts:
+                    self._start(session)
+                    if self.waiting or session.attempts:  # else the last run was found, made by another process
+                        session.listen(LOOK_EVERY if self.waiting and session.has_room() else None)
+                    for attempt in [attempt for attempt in session.attempts if attempt.ended]:
+                        self._finish(attempt)
+                        session.attempts.remove(attempt)
+                    bar.set_description(f"{len(self.records)}/{len(self.specs)} runs", refresh=False)
+                    bar.update(self._simulated(session) - bar.n)
+            finally:
+                session.close()
+                for attempt in session.attempts:
+                    if attempt.claim is not None:
+                        attempt.claim.release()
+
+    def _simulated(self, session: Session) -> float:
+        """Simulated time so far, tu; a run that ended, however it did, counts in full."""
+        ended = sum(self.specs[key].duration for key in (*self.records, *self.quarantined))
+        return ended + sum(attempt.simulated for attempt in session.attempts)
+
+    def _start(self, session: Session) -> None:
+        """Start waiting runs that nobody else has claimed, while there is room."""
+        for _ in range(len(self.waiting)):
+            if not session.has_room():
+                return
+            spec = self.waiting.popleft()
+            claim = self.store.claim(spec)
+            if claim is None:
+                self.waiting.append(spec)
+                continue
+            record = self.store.read(spec)
+            if record is not None:  # made by another process since we looked
+                self.records[spec.key] = record
+                claim.release()
+                continue
+            try:
+                session.start(spec, claim)
+            except BaseException:
+                if not any(attempt.claim is claim for attempt in session.attempts):
+                    claim.release()
+                raise
+
+    def _finish(self, attempt: Attempt) -> None:
+        """Take in the run of an attempt that has ended, or note why there is none."""
+        spec = attempt.spec
+        record = self.store.read(spec)
+        if attempt.is_elsewhere:
+            self.waiting.append(spec)
+        elif record is not None:
+            self.records[spec.key] = record
+            self.computed += 1
+            self.store.absolve(spec)
+        else:
+            self._fail(attempt)
+        if attempt.claim is not None:
+            attempt.claim.release()
+
+    def _fail(self, attempt: Attempt) -> None:
+        """Try a run again, later, or give it up."""
+        spec, reasons = attempt.spec, self.failures[attempt.spec.key]
+        reasons.append(attempt.failure)
+        if len(reasons) < TRIES and not attempt.is_last:
+            self.waiting.append(spec)
+        else:
+            self.store.quarantine(spec, reasons)
+            self.quarantined[spec.key] = Quarantined(spec, tuple(reasons))

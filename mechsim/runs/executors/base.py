@@ -1,0 +1,99 @@
+"""What the driver of an ensemble asks of whoever makes the runs.
+
+To add an executor: a file with an `Executor` (its settings, and the option of the command line that chooses it) and a
+`Session` (the runs it has in hand), and its line in `EXECUTORS`. Claims, tries, the quarantine and the progress bar
+stay with the driver.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from mechsim.runs.record import RunRecord, RunSpec
+    from mechsim.runs.store import Claim, RunStore
+
+Execute = Callable[["RunSpec", Callable[[float], None]], "RunRecord"]
+
+LOOK_EVERY = 0.2  # s between two looks at what nobody tells us: runs claimed by others, files on a network disk
+
+
+@dataclass(kw_only=True)
+class Attempt:
+    """One try at a run.
+
+    claim : the right to make it, given back by the driver; None: whoever makes the run claims it himself
+    simulated : tu so far, where that is known
+    ended : nothing more will come of it; there is a record now, or else a failure
+    failure : why there is no record
+    is_last : another try would do harm
+    is_elsewhere : no try at all, since another process is making the run or has made it meanwhile
+    """
+
+    spec: RunSpec
+    claim: Claim | None = None
+    simulated: float = 0.0
+    ended: bool = False
+    failure: str = ""
+    is_last: bool = False
+    is_elsewhere: bool = False
+
+
+class Session(ABC):
+    """The runs that an executor has in hand, during one call of `run_all`."""
+
+    def __init__(self) -> None:
+        self.attempts: list[Attempt] = []  # the driver takes out those that have ended
+
+    @abstractmethod
+    def has_room(self) -> bool:
+        """May another run be started now?"""
+
+    @abstractmethod
+    def start(self, spec: RunSpec, claim: Claim) -> None:
+        """Begin a try at a run and add it to the attempts; Ctrl-C must not come between the two."""
+
+    @abstractmethod
+    def listen(self, seconds: float | None) -> None:
+        """Bring the attempts up to date once something has happened, or after so long; None: however long it takes.
+
+        Errors that the next run would meet too (a full disk, other versions on a worker) are raised.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all that still runs; after that nothing writes into the store."""
+
+
+class Executor(ABC):
+    """Settings of a way to make runs.
+
+    option, metavar, kind, help : the option that chooses it on the command line, whose value `from_option` takes
+    """
+
+    option: ClassVar[str]
+    metavar: ClassVar[str | None]
+    kind: ClassVar[Any]
+    help: ClassVar[str]
+
+    @classmethod
+    @abstractmethod
+    def from_option(cls, value: Any, timeout: float | None) -> Executor:
+        """The executor that the command line asks for; value None: its default, where it has one."""
+
+    @abstractmethod
+    def check(self) -> None:
+        """Raise, within seconds and before any work is done, where it could not be used."""
+
+    @abstractmethod
+    def open(self, store: RunStore, execute: Execute) -> Session:
+        """Ready to make runs; `execute` is called where they are made, so it must be found by its name in a module."""
+
+
+def check_timeout(timeout: float | None) -> None:
+    """ValueError where it is no time."""
+    if timeout is not None and not timeout > 0:
+        raise ValueError(f"timeout = {timeout}; expected seconds above 0, or none")

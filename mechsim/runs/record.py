@@ -1,0 +1,303 @@
+"""One mechanics run: what it is given, what happened in it, and how it is carried out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinetics.assembly import Derivation, RuleBook, Structure, derive
+from kinetics.runs import RESTART, JumpPath
+from mechsim.effects.base import EventKind
+from mechsim.runs.species import some_of
+from mechsim.scene import Scene
+
+if TYPE_CHECKING:
+    from mechsim.world.world import World
+
+# Raised by hand whenever the same inputs would give another record: it is part of a run's name.
+PHYSICS = 1
+FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
+COMPLETED = "completed"
+PROGRESS_STEPS = 500
+
+
+@lru_cache(maxsize=16)
+def book_of(rules: str) -> tuple[RuleBook, Derivation]:
+    """A rule book and its network, derived once a process."""
+    book = RuleBook.load(rules)
+    return book, derive(book)
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """Full inputs of one run.
+
+    composition : how many of each species start in the tank, ready-made; kept and placed in the network's order
+    duration : tu
+    seed, run : of the run's random streams; runs that start from different compositions never share a stream
+    restart : after every event put the tank back to the composition, places drawn anew, and let the clock run on
+    (paper,
+        section VI-A2)
+    poses : record all cubes' poses this often, tu; None: not at all
+    until : end the run at the first copy of this species, if that comes before the duration; None: go on to the end
+    """
+
+    scene: Scene
+    composition: dict[str, int]
+    duration: float
+    seed: int
+    run: int
+    restart: bool = False
+    poses: float | None = None
+    until: str | None = None
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.duration) or self.duration <= 0:
+            raise ValueError(f"duration = {self.duration}; expected a finite number of tu above 0")
+        if self.poses is not None and not (np.isfinite(self.poses) and self.poses > 0):
+            raise ValueError(f"poses = {self.poses}; expected a finite interval in tu above 0, or none")
+        if self.seed < 0 or self.run < 0:
+            raise ValueError(f"seed = {self.seed}, run = {self.run}; neither may be negative")
+        book, derivation = book_of(self.scene.rules)
+        breaking = self.scene.openers("break")
+        if book.semantics.bonds == "hold" and breaking:
+            raise ValueError(
+                f"scene {self.scene.name} lists the effect {breaking[0]!r}, but bonds of book {self.scene.rules} hold: "
+                "leave the effect out"
+            )
+        species = derivation.network.species
+        for name, count in self.composition.items():
+            if name not in species:
+                raise ValueError(f"unknown species {name!r}; book {self.scene.rules} has {some_of(species)}")
+            if isinstance(count, bool) or int(count) != count or count < 0:
+                raise ValueError(f"{name} = {count}; expected a whole number, 0 or more")
+        # One order of placing for one name: a run's key does not tell in which order its species were written.
+        ordered = {name: int(self.composition[name]) for name in species if self.composition.get(name)}
+        object.__setattr__(self, "composition", ordered)
+        if self.n_cubes < 1:
+            raise ValueError("the composition holds no cubes")
+        if breaking and not self.scene.openers("join") and not any(structure.bonds for structure in self.start):
+            raise ValueError(
+                f"scene {self.scene.name} lists the effect {breaking[0]!r}, but there are no bonds to break: the cubes "
+                "start single and no effect joins them; start from structures, list one that does, or leave it out"
+            )
+        if self.until is not None:
+            if self.until not in species:
+                raise ValueError(f"until = {self.until!r}; book {self.scene.rules} has {some_of(species)}")
+            if self.composition.get(self.until, 0):
+                raise ValueError(f"until = {self.until!r}, but the composition already holds one: leave it out")
+            if self.restart:
+                raise ValueError(f"until = {self.until!r} with restart: a tank put back at every event; choose one")
+        volume = self.n_cubes * self.scene.cubes.edge**3
+        room = float(np.prod(self.scene.tank.size))
+        if volume > room or max(self.scene.tank.size) < self.scene.cubes.edge:
+            raise ValueError(
+                f"{self.n_cubes} cubes of edge {self.scene.cubes.edge} take {volume:.4g}; the tank holds {room:.4g}"
+            )
+
+    @property
+    def n_cubes(self) -> int:
+        """Cubes in the tank."""
+        structures = book_of(self.scene.rules)[1].structures
+        return sum(len(structures[name]) * count for name, count in self.composition.items())
+
+    @property
+    def start(self) -> list[Structure]:
+        """The structures that are in the tank at first, in the order in which they are placed."""
+        structures = book_of(self.scene.rules)[1].structures
+        return [structures[name] for name, n in self.composition.items() for _ in range(n)]
+
+    @property
+    def inputs(self) -> dict[str, Any]:
+        """Everything that decides what happens, ready for JSON; versions that change the physics included."""
+        inputs: dict[str, Any] = {
+            "scene": self.scene.model_dump(mode="json"),
+            "rules": book_of(self.scene.rules)[0].fingerprint,
+            "composition": dict(sorted(self.composition.items())),
+            "duration": self.duration,
+            "seed": self.seed,
+            "run": self.run,
+            "restart": self.restart,
+            "poses": self.poses,
+            "physics": {"wellmixed": PHYSICS, "pybullet": version("pybullet"), "numpy": version("numpy")},
+        }
+        if self.scene.provider("drag") is None:
+            inputs["physics"] |= {"free_spin": FREE_SPIN}
+        # Named only where it is asked for: a run without it keeps the name that it had before there was one.
+        return inputs if self.until is None else inputs | {"until": self.until}
+
+    @property
+    def streams(self) -> np.random.SeedSequence:
+        """Root of the run's random streams, from the seed, the composition and the run's number."""
+        start = json.dumps(self.inputs["composition"], sort_keys=True)
+        return np.random.SeedSequence(self.seed, spawn_key=(zlib.crc32(start.encode()), self.run))
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 of the inputs: the run's name."""
+        return hashlib.sha256(json.dumps(self.inputs, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def title(self) -> str:
+        """Short name for people."""
+        what = "+".join(f"{n} {name}" for name, n in self.composition.items())
+        end = f"{self.duration:g} tu" if self.until is None else f"first {self.until} within {self.duration:g} tu"
+        return f"{self.scene.name}: {what}, {end}, seed {self.seed}, run {self.run}"
+
+
+@dataclass
+class RunRecord:
+    """What happened in one run.
+
+    outcome : "completed", or the guard's reason behind "stopped: "; such a run never reaches calibration
+    arrays : initial (S,), times (E,), channels (E,); with poses also pose_times (K,), centres (K, C, 3), axes
+        (K, C, 3, 3; columns) and body slots (K, C) of all cubes, the last frame at the run's end
+    facts : end (tu), species, channels, open_channels, steps
+    cost : cpu_seconds, wall_seconds; not part of the digest
+    """
+
+    spec: RunSpec
+    outcome: str
+    arrays: dict[str, np.ndarray]
+    facts: dict[str, Any]
+    cost: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def completed(self) -> bool:
+        """Did the run reach its end without the guard?"""
+        return self.outcome == COMPLETED
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over the inputs and what happened, whatever it cost."""
+        sha = hashlib.sha256()
+        sha.update(json.dumps([self.spec.key, self.outcome, self.facts], sort_keys=True).encode())
+        for name in sorted(self.arrays):
+            array = np.ascontiguousarray(self.arrays[name])
+            sha.update(f"{name} {array.dtype.str} {array.shape}".encode())
+            sha.update(array.tobytes())
+        return sha.hexdigest()
+
+    @cached_property
+    def path(self) -> JumpPath:
+        """The run as a jump path of the derived network."""
+        network = book_of(self.spec.scene.rules)[1].network
+        if list(network.channels) != self.facts["channels"]:
+            raise ValueError(f"{self.spec.title}: recorded with other channels than book {self.spec.scene.rules} gives")
+        return JumpPath(
+            network,
+            initial=self.arrays["initial"],
+            times=self.arrays["times"],
+            channels=self.arrays["channels"],
+            end=self.facts["end"],
+            open_channels=np.array(self.facts["open_channels"], bool),
+        )
+
+
+class _Watch:
+    """Turns the world's joins and partings into channels of the network; notes the first copy of a species."""
+
+    def __init__(self, derivation: Derivation, composition: dict[str, int], until: str | None):
+        self.derivation = derivation
+        self.initial = derivation.network.state(composition)
+        self.times: list[float] = []
+        self.channels: list[int] = []
+        self.time = 0.0
+        self.until = None if until is None else derivation.network.index(until)
+        self.is_reached = False
+
+    def __call__(self, before: tuple[Structure, ...], after: tuple[Structure, ...]) -> None:
+        index = self.derivation.species_of
+        self.times.append(self.time)
+        made = [index(s) for s in after]
+        self.channels.append(self.derivation.channel([index(s) for s in before], made))
+        self.is_reached |= self.until in made
+
+
+def execute(
+    spec: RunSpec,
+    progress: Callable[[float], None] | None = None,
+    look: Callable[[World], None] | None = None,
+) -> RunRecord:
+    """Carry out one run: the same record, bit for bit, on the same machine, whoever calls it.
+
+    progress : told the simulated time now and then
+    look : shown the world before every step and at the end
+    """
+    from mechsim.world.world import Stopped, World  # the engine is loaded when a run is made, not when one is read
+
+    book, derivation = book_of(spec.scene.rules)
+    watch = _Watch(derivation, spec.composition, spec.until)
+    start = spec.start
+    steps = math.ceil(spec.duration / spec.scene.numerics.step - 1e-9)
+    every = None if spec.poses is None else max(1, round(spec.poses / spec.scene.numerics.step))
+    frames: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
+    cpu, wall = time.process_time(), time.perf_counter()
+    outcome = COMPLETED
+    with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
+        world.listeners.append(watch)
+        world.populate(start)
+        for step in range(1, steps + 1):
+            if every is not None and (step - 1) % every == 0:
+                frames.append(world.snapshot())
+            if look is not None:
+                look(world)
+            seen = len(watch.times)
+            watch.time = step * world.step_size
+            try:
+                world.step()
+            except Stopped as reason:
+                outcome = f"stopped: {reason}"
+                break
+            if spec.restart and len(watch.times) > seen:
+                # Only the first event counts; a second one within the same step belongs to a state nobody chose.
+                del watch.times[seen + 1 :], watch.channels[seen + 1 :]
+                watch.times.append(watch.time)
+                watch.channels.append(RESTART)
+                world.populate(start)
+            if progress is not None and step % PROGRESS_STEPS == 0:
+                progress(world.time)
+            if watch.is_reached:
+                break
+        end = world.time
+        if look is not None:
+            look(world)
+        if every is not None:
+            frames.append(world.snapshot())
+    arrays = {
+        "initial": watch.initial,
+        "times": np.array(watch.times, np.float64),
+        "channels": np.array(watch.channels, np.int64),
+    }
+    if every is not None:
+        for name, values in zip(("pose_times", "centres", "axes", "slots"), zip(*frames, strict=True), strict=True):
+            arrays[name] = np.array(values)
+    facts = {
+        "end": end,
+        "steps": world.step_count,
+        "species": list(derivation.network.species),
+        "channels": list(derivation.network.channels),
+        "open_channels": open_channels(spec.scene, derivation).tolist(),
+    }
+    cost = {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.perf_counter() - wall}
+    return RunRecord(spec, outcome, arrays, facts, cost)
+
+
+def open_channels(scene: Scene, derivation: Derivation) -> np.ndarray:
+    """Channels (R,) bool that the scene's effects can make happen."""
+    return np.array([bool(scene.openers(kind)) for kind in kinds(derivation)], bool)
+
+
+def kinds(derivation: Derivation) -> list[EventKind]:
+    """What each channel is."""
+    return ["join" if len(event.before) > 1 else "break" for event in derivation.events]

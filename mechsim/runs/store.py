@@ -1,0 +1,340 @@
+"""A folder of runs: one checksummed file each, written whole or not at all, never read when damaged.
+
+    folder/format               the format of everything here, written once
+    folder/KEY.run              a finished run; KEY is the SHA-256 of its full inputs
+    folder/KEY.run.damaged      what stood there but did not pass its checks, set aside
+    folder/claims/KEY           locked by the process that is computing this run
+    folder/quarantine/KEY.json  a run that failed every time, and why
+
+There is no index to damage: a study is the set of runs it names. A run file is a header (magic, format, size), the
+SHA-256 of header and payload, and the payload: an uncompressed npz of the arrays with a `manifest.json`.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import io
+import json
+import os
+import struct
+import warnings
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from mechsim.runs.record import RunRecord, RunSpec
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMAT = 1
+MAGIC = b"wellmixed run\0"
+HEADER = struct.Struct(f"<{len(MAGIC)}sHQ")  # magic, format, bytes of payload
+START = HEADER.size + hashlib.sha256().digest_size  # of the payload
+ENTRIES = {"key", "title", "inputs", "outcome", "facts", "cost", "digest"}
+
+Contents = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+class DamagedRunError(ValueError):
+    """A run file that is truncated, altered, foreign or under another run's name."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The right to compute one run; it ends with `release`, or with the process that holds it."""
+
+    path: Path
+    file: BinaryIO
+
+    def release(self) -> None:
+        """Let others have it."""
+        self.path.unlink(missing_ok=True)
+        self.file.close()
+
+
+class RunStore:
+    """Runs in a folder, which is made if missing; any number of processes may share it.
+
+    ValueError: the folder is a file, or of another format. OSError: it cannot be written.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder).absolute()  # workers may have another working directory
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()
+        if not marker.exists():
+            write_whole(marker, expected)
+        found = marker.read_bytes()[:80]
+        if found != expected:
+            raise ValueError(
+                f"{self.folder} holds {found.decode(errors='replace').strip()!r}; this version reads and writes "
+                f"{expected.decode().strip()!r}: use the version that made it, or name another folder"
+            )
+        for part in ("claims", "quarantine"):
+            (self.folder / part).mkdir(exist_ok=True)
+
+    @classmethod
+    def found(cls, folder: str | Path) -> RunStore:
+        """A folder that holds runs already; nothing is made where it does not. ValueError: it does not."""
+        if not (Path(folder) / "format").is_file():
+            raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
+        return cls(folder)
+
+    def path(self, spec: RunSpec) -> Path:
+        """Where the run is kept."""
+        return self.folder / f"{spec.key}.run"
+
+    def write(self, record: RunRecord) -> Path:
+        """Keep a run; it is on disk before this returns. OSError names the file, and what stood there stays."""
+        path = self.path(record.spec)
+        write_whole(path, encode(record))
+        return path
+
+    def read(self, spec: RunSpec) -> RunRecord | None:
+        """The run, or None where it is missing. A damaged file is set aside with a warning and counts as missing."""
+        contents = self._contents(self.path(spec))
+        if contents is None:
+            return None
+        manifest, arrays = contents
+        return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"], manifest["cost"])
+
+    def existing(self, specs: Iterable[RunSpec]) -> list[RunRecord]:
+        """Those of these runs that are here."""
+        return [record for spec in specs if (record := self.read(spec)) is not None]
+
+    def digest(self, specs: Iterable[RunSpec]) -> str:
+        """SHA-256 over what happened in these runs, in order; ValueError where one is missing."""
+        records = []
+        for spec in specs:
+            record = self.read(spec)
+            if record is None:
+                raise ValueError(f"{spec.title} is not in {self.folder}: run it first")
+            records.append(record)
+        return digest_of(records)
+
+    def claim(self, spec: RunSpec) -> Claim | None:
+        """The right to compute a run, or None while another process (or another call) has it."""
+        path = self.folder / "claims" / spec.key
+        try:
+            return Claim(path, _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB))
+        except BlockingIOError:
+            return None
+
+    def quarantine(self, spec: RunSpec, reasons: Sequence[str]) -> Path:
+        """Note why a run was given up, one reason for each try."""
+        note = {"title": spec.title, "key": spec.key, "reasons": list(reasons), "inputs": spec.inputs}
+        write_whole(self._note(spec), json.dumps(note, indent=1).encode())
+        return self._note(spec)
+
+    def absolve(self, spec: RunSpec) -> None:
+        """Drop the note: the run has finished after all."""
+        self._note(spec).unlink(missing_ok=True)
+
+    def contents(self) -> Iterator[Contents]:
+        """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run here, by key."""
+        for path in sorted(self.folder.glob("*.run")):
+            contents = self._contents(path)
+            if contents is not None:
+                yield contents
+
+    def to_frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Table of runs (one row each: inputs, outcome, facts, cost) and table of events (key, time in tu, channel).
+
+        A setting within a setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where
+        a run was put back to its start.
+        """
+        import pandas as pd
+
+        runs: list[dict[str, Any]] = []
+        events = [pd.DataFrame({"key": pd.Series(dtype="str"), "time": pd.Series(dtype="float64"), "channel": ""})]
+        for manifest, arrays in self.contents():
+            channels = [*manifest["facts"]["channels"], "restart"]  # RESTART = -1 is the last one
+            named = [channels[index] for index in arrays["channels"]]
+            events.append(pd.DataFrame({"key": manifest["key"], "time": arrays["times"], "channel": named}))
+            runs.append(dict(_columns(manifest)) | {"events": int((arrays["channels"] >= 0).sum())})
+        table = pd.DataFrame(runs, columns=None if runs else ["key", "title", "outcome", "digest", "events"])
+        for name in map(str, table):
+            if name.startswith("inputs.composition."):  # a composition names only the species it holds
+                table[name] = table[name].fillna(0).astype("int64")
+            elif pd.api.types.infer_dtype(table[name]).startswith("mixed"):  # a Parquet column has one type
+                table[name] = table[name].map(str)
+        return table, pd.concat(events[1:] or events, ignore_index=True)
+
+    def export(self, folder: str | Path, formats: Sequence[str] = ("parquet", "csv")) -> tuple[Path, ...]:
+        """Write the tables `runs` and `events`, each file whole or not at all; returns their paths."""
+        unknown = set(formats) - {"parquet", "csv"}
+        if unknown:
+            raise ValueError(f"unknown format {', '.join(sorted(unknown))}; expected parquet, csv or both")
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        paths = []
+        for name, frame in zip(("runs", "events"), self.to_frames(), strict=True):
+            for kind in formats:
+                paths.append(Path(folder) / f"{name}.{kind}")
+                write_whole(
+                    paths[-1],
+                    frame.to_csv(index=False).encode() if kind == "csv" else frame.to_parquet(index=False),
+                )
+        return tuple(paths)
+
+    def _note(self, spec: RunSpec) -> Path:
+        return self.folder / "quarantine" / f"{spec.key}.json"
+
+    def _contents(self, path: Path) -> Contents | None:
+        """What the file holds; None where it is missing, or damaged and now set aside."""
+        try:
+            file = path.open("rb")
+        except FileNotFoundError:
+            return None
+        with file:
+            try:
+                contents = decode(file.read(), path)
+                if contents[0]["key"] != path.stem:
+                    raise DamagedRunError(f"it holds the run {contents[0]['key']}")
+            except DamagedRunError as error:
+                aside = path.with_name(path.name + ".damaged")
+                warnings.warn(f"{path} is damaged ({error}); moved to {aside.name}", RuntimeWarning, stacklevel=3)
+                if _is_open(path, file):  # else another process has set it aside and written it anew
+                    path.replace(aside)
+                return None
+        return contents
+
+
+def digest_of(records: Iterable[RunRecord]) -> str:
+    """SHA-256 over the digests of runs, in order."""
+    return hashlib.sha256("\n".join(record.digest for record in records).encode()).hexdigest()
+
+
+def encode(record: RunRecord) -> bytes:
+    """A run as the bytes of its file."""
+    spec = record.spec
+    manifest = {
+        "key": spec.key,
+        "title": spec.title,
+        "inputs": spec.inputs,
+        "outcome": record.outcome,
+        "facts": record.facts,
+        "cost": record.cost,
+        "digest": record.digest,
+    }
+    payload = io.BytesIO()
+    with zipfile.ZipFile(payload, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr("manifest.json", json.dumps(manifest))
+        for name, array in record.arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asarray(array), version=(1, 0), allow_pickle=False)
+    data = payload.getvalue()
+    header = HEADER.pack(MAGIC, FORMAT, len(data))
+    return header + hashlib.sha256(header + data).digest() + data
+
+
+def decode(data: bytes, source: Path) -> Contents:
+    """Manifest and read-only arrays of a run file. DamagedRunError: not one, or altered. ValueError: another format."""
+    if len(data) < START:
+        raise DamagedRunError(f"it has {len(data)} bytes, less than a header")
+    magic, version, size = HEADER.unpack_from(data)
+    header, checksum, payload = data[: HEADER.size], data[HEADER.size : START], data[START:]
+    if magic != MAGIC:
+        raise DamagedRunError("it is not a run file")
+    if size != len(payload):
+        raise DamagedRunError(f"it has {len(payload)} bytes of payload and should have {size}")
+    if hashlib.sha256(header + payload).digest() != checksum:
+        raise DamagedRunError("its checksum is wrong")
+    if version != FORMAT:  # asked last, since a flipped bit is no other format
+        raise ValueError(
+            f"{source} is a run of format {version}; this version reads and writes format {FORMAT}: "
+            "use the version that made it, or name another folder"
+        )
+    try:
+        with zipfile.ZipFile(io.BytesIO(payload)) as archive:
+            members = archive.infolist()
+            stored = all(member.compress_type == zipfile.ZIP_STORED for member in members)
+            if not stored or sum(member.file_size for member in members) > len(payload):
+                raise ValueError("its members claim more bytes than it has")
+            manifest = json.loads(archive.read("manifest.json"))
+            arrays = {m.filename.removesuffix(".npy"): _array(archive.read(m)) for m in members[1:]}
+        if set(manifest) != ENTRIES:
+            raise ValueError(f"its manifest should hold {', '.join(sorted(ENTRIES))}")
+    except (ValueError, TypeError, LookupError, OSError, EOFError, RecursionError, zipfile.BadZipFile) as error:
+        raise DamagedRunError(str(error)) from error
+    return manifest, arrays
+
+
+def _array(data: bytes) -> np.ndarray:
+    """The array in the bytes of an npy file, without a copy: a header that claims more than there is cannot harm."""
+    stream = io.BytesIO(data)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("its arrays should be npy 1.0")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    if dtype.hasobject:
+        raise ValueError("an array of Python objects is not read")
+    return np.ndarray(shape, dtype, data, stream.tell(), order="F" if fortran else "C")
+
+
+def _columns(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Flat columns of nested settings."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _columns(inner, f"{name}.{key}" if name else key)
+    else:
+        yield name, json.dumps(value) if isinstance(value, list) else value
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Put `data` at `path`, whole or not at all, and on disk before this returns.
+
+    OSError names the file; what stood there stays. The temporary file has a fixed name and is locked: writers of one
+    file take turns, and the next one takes over what a killed one left.
+    """
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        with _lock(temporary, fcntl.LOCK_EX) as file:
+            try:
+                file.truncate(0)
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+                file.seek(0)
+                if file.read() != data:  # some full or failing disks do not say so
+                    raise OSError(errno.EIO, "the bytes written do not read back")
+                temporary.replace(path)
+            finally:
+                if _is_open(temporary, file):
+                    temporary.unlink()
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}; could not write", str(path)) from error
+
+
+def _lock(path: Path, kind: int) -> BinaryIO:
+    """The file at `path`, made if missing, open under a lock that dies with its holder (flock)."""
+    while True:
+        file = path.open("a+b")
+        try:
+            fcntl.flock(file, kind)
+        except OSError as error:
+            file.close()
+            raise OSError(error.errno, error.strerror, str(path)) from None
+        if _is_open(path, file):
+            return file
+        file.close()  # its last holder renamed or removed it while we waited
+
+
+def _is_open(path: Path, file: BinaryIO) -> bool:
+    """Is the file at `path` the one that is open here?"""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False

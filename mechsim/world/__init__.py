@@ -1,0 +1,1 @@
+"""The tank as it moves: bodies, the engine, and one step at a time."""

@@ -1,0 +1,256 @@
+"""The only door to PyBullet: rigid boxes, their contacts, one step at a time.
+
+What this module rests on, each held by a test:
+- velocities are set and no forces used: the velocity after a step minus the one set is the contact impulse over mass;
+- a body without any contact point flew freely, so only bodies near a contact need to be read back;
+- compounds get their own principal inertia (the engine would take their bounding box's);
+- damping is switched off (0.04 by default);
+- contact points are taken unfiltered (a filtered list flips normals but not friction directions);
+- a removed body's id goes to the next one made.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import repeat
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mechsim.world.bodies import Bodies, Shape, quaternion_of
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """PyBullet's C code prints its build time when it is imported; a command's output is its own."""
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+with _quiet():
+    import pybullet
+
+CUBES, WALLS = 1, 2  # collision groups
+
+# What the engine has in force that it neither lets be read back nor is told by us; tests measure both.
+LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
+RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
+SLEEPING = 0.0  # speed below which a body is put to rest: switched off
+CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
+
+
+class Touch(NamedTuple):
+    """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the
+    opposite)."""
+
+    a: int
+    b: int
+    place: np.ndarray
+    impulse: np.ndarray
+
+
+class Engine:
+    """The engine's side of a table of bodies: one engine body a filled slot, kept in step with `bodies`.
+
+    step : tu; iterations : of the contact solver
+    """
+
+    def __init__(self, bodies: Bodies, step: float, iterations: int):
+        self.bodies, self.step_size = bodies, step
+        self._body: dict[int, int] = {}  # slot -> engine id
+        self._slot: dict[int, int] = {}  # engine id -> slot
+        self._shapes: dict[tuple[tuple[int, int, int], ...], int] = {}
+        self._walls: list[int] = []
+        self._contacts: Sequence[tuple] = ()
+        self._surface = {"restitution": 0.0, "lateralFriction": 0.0}
+        self._collides_with = WALLS
+        self.client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=step,
+            numSubSteps=0,  # with sub-steps the contact forces would be those of the last one only
+            numSolverIterations=iterations,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+
+    def close(self) -> None:
+        """Free the engine's memory."""
+        pybullet.disconnect(self.client)
+
+    def set_surface(self, restitution: float, friction: float) -> None:
+        """Let cubes collide with each other; the coefficients between any two surfaces, walls included.
+
+        The engine multiplies the values of two surfaces, so each gets the square root.
+        """
+        self._surface = {"restitution": restitution**0.5, "lateralFriction": friction**0.5}
+        self._collides_with = WALLS | CUBES
+        for wall in self._walls:
+            pybullet.changeDynamics(wall, -1, **self._surface, physicsClientId=self.client)
+
+    def build_walls(self, half: np.ndarray, thickness: float) -> None:
+        """Six fixed boxes around the space -half..half."""
+        for axis in range(3):
+            extents = (half + thickness).tolist()
+            extents[axis] = thickness / 2
+            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=extents, physicsClientId=self.client)
+            for sign in (-1, 1):
+                place = [0.0, 0.0, 0.0]
+                place[axis] = sign * (half[axis] + thickness / 2)
+                wall = pybullet.createMultiBody(0, shape, basePosition=place, physicsClientId=self.client)
+                pybullet.setCollisionFilterGroupMask(wall, -1, WALLS, CUBES, physicsClientId=self.client)
+                pybullet.changeDynamics(wall, -1, **self._surface, physicsClientId=self.client)
+                self._walls.append(wall)
+
+    def create(self, slot: int) -> None:
+        """Make the engine's body for a slot that has just been filled."""
+        b = self.bodies
+        body = pybullet.createMultiBody(
+            float(b.mass[slot]), self._shape(b.held(slot).positions), physicsClientId=self.client
+        )
+        pybullet.changeDynamics(
+            body, -1,
+            linearDamping=0.0, angularDamping=0.0, rollingFriction=0.0, spinningFriction=0.0,
+            localInertiaDiagonal=b.inertia[slot].tolist(),
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self.client, **self._surface,
+        )  # fmt: skip
+        pybullet.setCollisionFilterGroupMask(body, -1, CUBES, self._collides_with, physicsClientId=self.client)
+        self._body[slot], self._slot[body] = body, slot
+
+    def remove(self, slot: int) -> None:
+        """Take a slot's body out. The engine gives its id to the next body, so nothing may remember it."""
+        body = self._body.pop(slot)
+        del self._slot[body]
+        pybullet.removeBody(body, physicsClientId=self.client)
+        self._contacts = [point for point in self._contacts if body not in point[1:3]]
+
+    def put(self, slot: int) -> None:
+        """Tell the engine a slot's pose and motion."""
+        b, body = self.bodies, self._body[slot]
+        pybullet.resetBasePositionAndOrientation(
+            body, b.position[slot].tolist(), b.orientation[slot].tolist(), self.client
+        )
+        pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
+
+    def set_motions(self) -> None:
+        """Tell the engine how all bodies move now."""
+        b = self.bodies
+        ids = map(self._body.__getitem__, b.live.tolist())
+        motions = b.velocity[b.live].tolist(), b.spin[b.live].tolist()
+        # One call a body is all that there is, and a third of a step: no loop of ours around it.
+        deque(map(pybullet.resetBaseVelocity, ids, *motions, repeat(self.client)), maxlen=0)
+
+    def step(self) -> None:
+        """Let the engine find contacts, exchange impulses and move the bodies, from the motions last set."""
+        pybullet.stepSimulation(self.client)
+        self._contacts = pybullet.getContactPoints(physicsClientId=self.client)
+
+    def near_contacts(self) -> set[int]:
+        """Slots with a contact point in the last step (touching, or just parted): the only ones it may have pushed."""
+        slot = self._slot
+        return {slot[i] for point in self._contacts for i in point[1:3] if i in slot}
+
+    def read(self, slots: Iterable[int]) -> None:
+        """Take the poses and motions of these slots from the engine."""
+        b, client = self.bodies, self.client
+        pose, motion = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
+        for slot in slots:
+            body = self._body[slot]
+            b.position[slot], b.orientation[slot] = pose(body, client)
+            b.velocity[slot], b.spin[slot] = motion(body, client)
+
+    def touches(self, of_structures: bool = False) -> list[Touch]:
+        """Contact points of the last step that carried an impulse, in the engine's order (the same in every rerun).
+
+        of_structures : only those with a body of several cubes
+        """
+        found, members = [], self.bodies.members
+        for _, a, b, _, _, _, place, (n0, n1, n2), _, push, rub, (s0, s1, s2), rub2, (t0, t1, t2), *_ in self._contacts:
+            if push == 0.0:
+                continue
+            one, other = self._slot.get(a, -1), self._slot.get(b, -1)
+            if of_structures and all(slot < 0 or len(members[slot]) < 2 for slot in (one, other)):
+                continue
+            impulse = np.array(
+                [push * n0 + rub * s0 + rub2 * t0, push * n1 + rub * s1 + rub2 * t1, push * n2 + rub * s2 + rub2 * t2]
+            )
+            found.append(Touch(one, other, np.array(place), impulse * self.step_size))
+        return found
+
+    def in_force(self) -> dict[str, float]:
+        """What the engine says it has in force: its settings, and of all bodies and walls the largest value of each.
+
+        restitution, friction : between two surfaces; mass_error, inertia_error : largest relative deviation of a body
+            from the table; contact_damping, contact_stiffness : -1 where collisions are hard; differences : largest one
+            between two bodies or walls in any of these
+        """
+        world = pybullet.getPhysicsEngineParameters(self.client)
+        found = {
+            "step": world["fixedTimeStep"],
+            "substeps": world["numSubSteps"],
+            "solver_iterations": world["numSolverIterations"],
+            "gravity": max(abs(world[f"gravityAcceleration{axis}"]) for axis in "XYZ"),
+            "inner_iterations": world["numNonContactInnerIterations"],
+            "least_bounce": LEAST_BOUNCE,
+            "overlap_recovery": RECOVERY,
+            "sleeping": SLEEPING,
+            "continuous_collision": CONTINUOUS,
+            "mass_error": 0.0,
+            "inertia_error": 0.0,
+        }
+        least: dict[str, float] = {}
+        bodies = {self._body[slot]: slot for slot in self._body}
+        for body in (*bodies, *self._walls):
+            mass, friction, inertia, _, _, restitution, rolling, spinning, damping, stiffness, _, margin, *_ = (
+                pybullet.getDynamicsInfo(body, -1, self.client)
+            )
+            own = {
+                "restitution": restitution**2,
+                "friction": friction**2,
+                "rolling_friction": rolling,
+                "spinning_friction": spinning,
+                "contact_damping": damping,
+                "contact_stiffness": stiffness,
+                "margin": margin,
+            }
+            if body in bodies:
+                slot = bodies[body]
+                own["mass_error"] = abs(mass / self.bodies.mass[slot] - 1)
+                own["inertia_error"] = float(np.abs(np.array(inertia) / self.bodies.inertia[slot] - 1).max())
+            for name, value in own.items():
+                found[name] = max(found.get(name, -np.inf), value)
+                least[name] = min(least.get(name, np.inf), value)
+        compared = [name for name in least if name != "margin" and "error" not in name]  # a compound's own margin is 0
+        found["differences"] = max((found[name] - least[name] for name in compared), default=0.0)
+        return found
+
+    def _shape(self, positions: tuple[tuple[int, int, int], ...]) -> int:
+        """Collision shape of cubes at these lattice places; cached, for each new compound shape leaks 9 kB."""
+        known = self._shapes.get(positions)
+        if known is None:
+            half = [self.bodies.edge / 2] * 3
+            if len(positions) == 1:
+                known = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
+            else:
+                shape, k = Shape.of(positions), len(positions)
+                known = pybullet.createCollisionShapeArray(
+                    shapeTypes=[pybullet.GEOM_BOX] * k,
+                    halfExtents=[half] * k,
+                    collisionFramePositions=(shape.offset * self.bodies.edge).tolist(),
+                    collisionFrameOrientations=[quaternion_of(shape.frame.T).tolist()] * k,
+                    physicsClientId=self.client,
+                )
+            if known < 0:
+                raise RuntimeError(f"the engine refused a collision shape of {len(positions)} cubes")
+            self._shapes[positions] = known
+        return known

@@ -1,0 +1,35 @@
+"""Worlds handled by hand: bodies put where a test wants them, their energy and what happens to them told."""
+
+import numpy as np
+
+from mechsim.world.bodies import quaternion_of
+
+CONTACT = {"effect": "contact", "restitution": 0.3, "friction": 0.3}
+
+
+def energy(world):
+    b = world.bodies
+    return sum(
+        0.5 * b.mass[s] * b.velocity[s] @ b.velocity[s] + 0.5 * b.spin[s] @ b.world_inertia(s) @ b.spin[s]
+        for s in b.live
+    )
+
+
+def run(world, duration):
+    while world.time < duration - 1e-9:
+        world.step()
+
+
+def put(world, slot, position, axes=None, velocity=(0, 0, 0), spin=(0, 0, 0)):
+    b = world.bodies
+    b.position[slot], b.velocity[slot], b.spin[slot] = position, velocity, spin
+    b.orientation[slot] = [0, 0, 0, 1] if axes is None else quaternion_of(np.asarray(axes, float))
+    world.engine.put(slot)
+    b.locate()
+
+
+def events_of(world):
+    """A list that gets (sizes before, sizes after) of every join and break from now on."""
+    seen = []
+    world.listeners.append(lambda before, after: seen.append(([len(s) for s in before], [len(s) for s in after])))
+    return seen

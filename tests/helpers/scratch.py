@@ -1,0 +1,36 @@
+"""A scratch copy of the packages, in which a test adds a member by one file and one line and runs its contract."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+COPIED = ("kinetics", "mechsim", "calibration", "tests/helpers", "tests/contracts")
+
+
+def scratch_copy(folder: Path) -> Path:
+    """The packages, the contracts and what they share, copied into a folder of their own."""
+    for name in COPIED:
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "wellmixed.py", "tests/conftest.py"):
+        shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+def add_line(file: Path, after: str, line: str) -> None:
+    """Add one line after the one that contains `after`, which must stand there once."""
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    (place,) = [i for i, text in enumerate(lines) if after in text]
+    lines.insert(place + 1, line + "\n")
+    file.write_text("".join(lines), encoding="utf-8")
+
+
+def run_contract(copy: Path, contract: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run one contract of the copy in a process of its own, which imports the copy and nothing of the original."""
+    where = [copy / "tests" / "contracts" / contract, f"--rootdir={copy}", "-c", copy / "pyproject.toml"]
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, where), *arguments],
+        cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip

@@ -1,0 +1,153 @@
+"""The checker: shipped books pass, and each fault that can be made is found, with the shortest way to it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
+from kinetics.assembly.rules.conditions import Combination, Internal
+from kinetics.commands import rules as command
+
+LINE4, T5 = RuleBook.load("line4"), RuleBook.load("t5")
+HOLD = Semantics(bonds="hold")
+
+
+def kinds(report):
+    return [finding.kind for finding in report.findings]
+
+
+def only(report, kind):
+    (finding,) = (f for f in report.findings if f.kind == kind)
+    return finding
+
+
+def test_shipped_books_are_correct():
+    assert kinds(check(T5)) == []
+    report = check(LINE4, slow_waves=False)
+    assert report.is_correct
+    assert kinds(report) == []
+    assert str(report) == "book 'line4': 4 structures, 8 joins and breaks; 0 errors, 0 warnings"
+
+
+def test_slow_waves_spoil_the_line():
+    """A quadmer whose middle has not yet followed offers the end of a trimer: a line of five."""
+    report = check(LINE4)
+    assert report.is_correct  # a warning: it takes waves slower than collisions
+    finding = only(report, "slow internal waves: off-target")
+    assert finding.structure.letters == tuple("bdcdb")
+    assert len(finding.steps) == 4
+
+
+def test_printed_line_goes_off_target_and_gets_caught():
+    report = check(RuleBook.load("line4_as_printed"))
+    assert not report.is_correct
+    off = only(report, "off-target")
+    assert len(off.structure) == 5
+    assert [step.split(":")[0] for step in off.steps] == [
+        "monomer.a + monomer.a -> dimer.a",
+        "monomer.a + dimer.a -> trimer.a",
+        "dimer.a + trimer.a -> pentamer.a",
+    ]
+    assert "b   d   d   d   b" in str(off)
+    assert {"dead end", "trap", "starvation"} <= set(kinds(report))  # L5: lone cubes that are not free
+
+
+def test_growth_without_end_is_not_closed():
+    book = replace(LINE4, semantics=Semantics(gate="any"))
+    finding = only(check(book, max_cubes=6), "not closed")
+    assert len(finding.structure) == 7
+    assert "beyond 6 cubes" in finding.text
+    assert only(check(book, max_cubes=6, max_species=5), "not proven").is_error
+
+
+def test_printed_t_is_never_reached():
+    report = check(RuleBook.load("t5_as_printed"))
+    assert {"target not reached", "unreachable rule", "unused letter"} == set(kinds(report))
+    assert "rule P4" in only(report, "unreachable rule").text
+
+
+def test_a_t_with_its_fifth_cube_but_without_guards_makes_all_but_the_t():
+    """Defect T2."""
+    printed = RuleBook.load("t5_as_printed")
+    fifth = tuple(r.model_copy(update={"partner": ("a", "d")}) if r.rule == "P1" else r for r in printed.combine)
+    report = check(replace(printed, combine=fifth, semantics=HOLD), max_cubes=8)
+    assert only(report, "off-target").text.startswith("95 of 99 structures are no part of the target")
+    assert {"not closed", "off-target", "target not final"} == set(kinds(report))
+
+
+def test_a_t_without_breaks_starves():
+    """Defect T3: six cubes pair up to an L and a dimer, which wait for a free cube for ever."""
+    report = check(replace(T5, semantics=HOLD))
+    finding = only(report, "starvation")
+    assert "6 cubes can end as dimer + quadmer, where nothing happens any more: 0 targets instead of 1" in finding.text
+    assert len(finding.steps) == 4
+
+
+def book(letters, combine, internal=(), target=None, **changes):
+    line = target and Structure(tuple((0, 0, z) for z in range(len(target))), (0,) * len(target), tuple(target))
+    fields = {"senses": Senses(faces="two"), "semantics": HOLD} | changes
+    return RuleBook(
+        "made up", tuple(letters), letters[0], target=line, combine=tuple(combine), internal=tuple(internal), **fields
+    )
+
+
+def pair(letter, partner, becomes, face="f1"):
+    name = f"{letter}{partner}{face}"
+    return Combination(
+        rule=name, letter=letter, partner=partner, face=face, partner_face=face, neighbours=[], becomes=becomes
+    )
+
+
+def test_dead_end_and_trap():
+    rules = [pair("a", "a", "b"), pair("a", "a", "b", "f2")]
+    finding = only(check(book("ab", rules, target="bb")), "dead end")
+    assert finding.steps[0].startswith("monomer + monomer -> dimer")
+    assert finding.structure.canonical("two") != book("ab", rules, target="bb").target.canonical("two")
+
+
+def test_target_with_other_letters_and_target_that_grows():
+    finding = only(check(book("ab", [pair("a", "a", "b")], target="aa")), "target not reached")
+    assert "made with other letters" in finding.text
+    more = Combination(rule="more", letter="b", partner="a", face="f1", partner_face="f1", becomes="b")
+    joined = [pair("a", ["a", "b"], "b"), more]
+    report = check(book("ab", joined, target="bb"), max_cubes=5)
+    assert {"not closed", "off-target", "target not final"} <= set(kinds(report))
+
+
+def test_livelock_is_named():
+    flip = [Internal(rule=f"flip {x}", letter=x, has=x, becomes=y) for x, y in ("bc", "cb")]
+    finding = only(check(book("abc", [pair("a", "a", "b")], flip)), "livelock")
+    assert "never come to rest" in finding.text
+
+
+def test_a_cube_squeezed_between_two_is_seen():
+    """A U of five takes a cube into its mouth."""
+    rules = [
+        Combination(rule="grow", letter="a", face="f2", partner=["a", "s"], partner_face="f2", roll="parallel",
+                    neighbours=[], touched=["s"], becomes="s"),
+        Combination(rule="gap", letter="a", face="f2", partner="s", partner_face="f2", roll="parallel",
+                    neighbours=[], touched=["s", "s", "s"], becomes="s"),
+        Combination(rule="host", letter="s", face="f2", partner="a", becomes="s"),
+    ]  # fmt: skip
+    made = book("as", rules, senses=Senses(faces="two", roll=True, touched=True), seed_letter="s")
+    finding = only(check(made, max_cubes=6), "squeezed")
+    assert not finding.is_error
+    assert len(finding.structure) == 6
+
+
+def test_command():
+    ran = CliRunner().invoke(command, ["check", "t5", "--json"])
+    assert ran.exit_code == 0
+    assert json.loads(ran.output) == {"book": "t5", "correct": True, "structures": 9, "events": 25, "findings": []}
+    ran = CliRunner().invoke(command, ["check", "line4_as_printed", "--no-slow-waves"])
+    assert ran.exit_code == 1
+    assert "error: off-target: 3 of 20 structures are no part of the target" in ran.output
+
+
+@pytest.mark.validate
+def test_pyramid_is_correct():
+    report = check(RuleBook.load("pyramid45"))
+    assert kinds(report) == []  # not even while waves are under way
+    assert report.n_structures == 838

@@ -1,0 +1,345 @@
+"""SBML: what of it is read, as mass action where it is that and as written where not; and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from kinetics import Auto, simulate
+from kinetics.formats import Model, read, write
+from kinetics.formats.massaction import rate_constant
+from kinetics.network import Network
+from kinetics.network.laws.expression import Expression
+
+libsbml = pytest.importorskip("libsbml")
+
+
+class Builder:
+    """A small SBML document, made by libsbml."""
+
+    def __init__(self, level=3, version=2, size=1.0):
+        self.document = libsbml.SBMLDocument(level, version)
+        self.model = self.document.createModel()
+        self.model.setId("m")
+        self.level = level
+        place = self.model.createCompartment()
+        place.setId("cell")
+        place.setSpatialDimensions(3)
+        if size is not None:
+            place.setSize(size)
+        place.setConstant(True)
+
+    def species(self, name, amount=0.0, *, concentration=None, by_amount=True, boundary=False, constant=False):
+        each = self.model.createSpecies()
+        each.setId(name)
+        each.setCompartment("cell")
+        if concentration is not None:
+            each.setInitialConcentration(concentration)
+        elif amount is not None:
+            each.setInitialAmount(amount)
+        each.setHasOnlySubstanceUnits(by_amount)
+        each.setBoundaryCondition(boundary)
+        each.setConstant(constant)
+        return each
+
+    def parameter(self, name, value=None, *, constant=True):
+        each = self.model.createParameter()
+        each.setId(name)
+        each.setConstant(constant)
+        if value is not None:
+            each.setValue(value)
+
+    def reaction(self, name, before, after, law, **local):
+        each = self.model.createReaction()
+        each.setId(name)
+        each.setReversible(False)
+        if self.level < 3 or self.document.getVersion() < 2:
+            each.setFast(False)
+        named = set()
+        for side, add in ((before, each.createReactant), (after, each.createProduct)):
+            for species, copies in side.items():
+                reference = add()
+                reference.setSpecies(species)
+                reference.setStoichiometry(copies)
+                if self.level > 2:
+                    reference.setConstant(True)
+                named.add(species)
+        math_ = libsbml.parseL3Formula(law)
+        for i in range(self.model.getNumSpecies()):
+            other = self.model.getSpecies(i).getId()
+            if other in law and other not in named:
+                each.createModifier().setSpecies(other)
+        kinetic = each.createKineticLaw()
+        kinetic.setMath(math_)
+        for key, value in local.items():
+            own = kinetic.createLocalParameter() if self.level > 2 else kinetic.createParameter()
+            own.setId(key)
+            own.setValue(value)
+        return each
+
+    def rule(self, variable, formula, make="createAssignmentRule"):
+        rule = getattr(self.model, make)()
+        if variable:
+            rule.setVariable(variable)
+        rule.setMath(libsbml.parseL3Formula(formula))
+
+    def event(self, name, when, **assign):
+        event = self.model.createEvent()
+        event.setId(name)
+        event.setUseValuesFromTriggerTime(True)
+        trigger = event.createTrigger()
+        trigger.setMath(libsbml.parseL3Formula(when))
+        if self.level > 2:
+            trigger.setInitialValue(True)
+            trigger.setPersistent(True)
+        for variable, formula in assign.items():
+            change = event.createEventAssignment()
+            change.setVariable(variable)
+            change.setMath(libsbml.parseL3Formula(formula))
+        return event
+
+    def read(self, folder):
+        path = folder / "model.xml"
+        path.write_text(libsbml.writeSBMLToString(self.document), encoding="utf-8")
+        return read(path)
+
+
+@pytest.mark.parametrize(("level", "version"), [(2, 1), (2, 4), (3, 1), (3, 2)])
+def test_mass_action_becomes_plain_rates(level, version, tmp_path):
+    """Local parameters before global ones, left-associative division, a batch, a held species, a catalyst."""
+    made = Builder(level, version)
+    for name in ("A", "B", "E"):
+        made.species(name, 7)
+    made.species("S", 3, boundary=True)
+    made.parameter("k", 2.0)
+    made.reaction("pair", {"A": 2}, {"B": 1}, "k*A*(A-1)/2")
+    made.reaction("own", {"A": 1}, {}, "A*k", k=0.5)
+    made.reaction("batch", {}, {"A": 100}, "k/4/5")
+    made.reaction("fed", {"S": 1}, {"B": 1}, "0.1*S")
+    made.reaction("helped", {"B": 1}, {"A": 1}, "k*E*B")
+    model = made.read(tmp_path)
+    net = model.network
+    assert net.species == ("A", "B", "E", "S")
+    assert_array_equal(model.initial, [7, 7, 7, 3])
+    assert net.is_mass_action
+    assert_allclose(net.rate_constants, [2, 0.5, 0.1, 0.1, 2], rtol=1e-15)
+    assert_array_equal(net.stoichiometry, [[-2, 1, 0, 0], [-1, 0, 0, 0], [100, 0, 0, 0], [0, 1, 0, 0], [1, -1, 0, 0]])
+    assert_array_equal(net.reactants, [[2, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 1, 0]])
+    assert_allclose(net.propensities([5, 2, 3, 3]), [20, 2.5, 0.1, 0.3, 12])
+
+
+@pytest.mark.parametrize(
+    ("law", "needed", "expected"),
+    [
+        ("k * A", {"A": 1}, (0.5, {"A": 1})),
+        ("(A - 1) * 3 * A / 2 / k", {"A": 2}, (6.0, {"A": 2})),
+        ("A * (A - 1) * (A - 2) * B / 6", {"A": 3, "B": 1}, (1.0, {"A": 3, "B": 1})),
+        ("k * A", {}, (0.5, {"A": 1})),
+        ("2 ** 3 * exp(0)", {}, (8.0, {})),
+        ("k * A * A", {"A": 2}, None),  # the deterministic law, which is another one
+        ("k * A * (A - 1)", {"A": 3}, None),
+        ("k * A * (A - 2)", {"A": 2}, None),
+        ("k * A", {"A": 5}, None),
+        ("k", {"A": 1}, None),
+        ("k * A / B", {"A": 1}, None),
+        ("A / (k + A)", {"A": 1}, None),
+        ("k * A * t", {"A": 1}, None),
+        ("-k * A", {"A": 1}, None),
+        ("k * A - k", {"A": 1}, None),
+        ("1 / 0 * A", {"A": 1}, None),
+    ],
+)
+def test_what_is_mass_action(law, needed, expected):
+    assert rate_constant(Expression(law, {"k": 0.5}), needed) == expected
+
+
+def test_laws_as_they_are_written(tmp_path):
+    """Concentrations in a volume, rules, functions, piecewise and time."""
+    made = Builder(size=2.0)
+    made.species("A", concentration=5.0, by_amount=False)
+    made.species("B", 4)
+    made.species("total", None, by_amount=True, boundary=True)
+    made.parameter("k", 3.0)
+    made.parameter("half", constant=False)
+    made.rule("half", "k/2 + 0*B")
+    made.rule("total", "2*A*cell + B")
+    function = made.model.createFunctionDefinition()
+    function.setId("mm")
+    function.setMath(libsbml.parseL3Formula("lambda(s, v, m, v*s/(m + s))"))
+    made.reaction("turn", {"A": 1}, {"B": 1}, "cell*mm(A, k, half)")
+    made.reaction("square", {"B": 2}, {}, "k*B*B")
+    made.reaction("same", {"A": 2}, {}, "k*A*A*cell")
+    made.reaction("wave", {}, {"B": 1}, "piecewise(1 + sin(time), time < 5 && B <= 9, log10(B^2), total > 3, 0)")
+    model = made.read(tmp_path)
+    net = model.network
+    assert net.species == ("A", "B")
+    assert_array_equal(model.initial, [10, 4])
+    assert model.observables == {"total": {"A": 2.0, "B": 1.0}}
+    assert model.notes == ("half is no sum of counts and is not shown",)
+    for time, a, b in ((1.0, 10, 4), (1.0, 3, 12), (7.0, 6, 2)):
+        half, x = 1.5, a / 2
+        wave = 1 + math.sin(time) if time < 5 and b <= 9 else math.log10(b**2)
+        expected = [2 * 3 * x / (half + x), 3 * b * b, 3 * x * x * 2, wave]
+        assert_allclose(net.propensities([a, b], time), expected, rtol=1e-12)
+
+
+def test_constant_rules_and_initial_assignments(tmp_path):
+    made = Builder()
+    made.species("A", 1)
+    made.parameter("k", constant=False)
+    made.parameter("n", 6.0)
+    made.rule("k", "n/3")
+    start = made.model.createInitialAssignment()
+    start.setSymbol("A")
+    start.setMath(libsbml.parseL3Formula("n*5"))
+    made.reaction("out", {"A": 1}, {}, "k*A")
+    model = made.read(tmp_path)
+    assert model.network.is_mass_action
+    assert_array_equal(model.initial, [30])
+    assert_allclose(model.network.rate_constants, [2.0])
+
+
+def test_a_sum_of_very_many_species(tmp_path):
+    names = [f"a_species_with_a_long_name_{i}" for i in range(400)]
+    network = Network.from_reactions({"in": ({}, {names[0]: 1})}, [1.0], species=names)
+    model = Model(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
+    write(model, tmp_path / "sum.xml")
+    again = read(tmp_path / "sum.xml")
+    assert again.observables == model.observables
+    assert_array_equal(again.initial, model.initial)
+
+
+def test_events(tmp_path):
+    made = Builder()
+    made.species("P", 100)
+    made.species("D", 2, by_amount=False)
+    made.parameter("k", 0.1)
+    made.reaction("out", {"P": 1}, {}, "k*P")
+    made.event("refill", "P < 30", P="P + 70", D="0")
+    made.event("stop", "time >= 25.5", P="0").createPriority().setMath(libsbml.parseL3Formula("2"))
+    refill, stop = made.read(tmp_path).network.events
+    assert (refill.condition.text, stop.condition.text) == ("(P < 30)", "(t >= 25.5)")
+    assert {name: value.text for name, value in refill.new_counts.items()} == {"P": "(P + 70)", "D": "0"}
+    assert (refill.priority, stop.priority) == (0.0, 2.0)
+    assert refill.was_true
+    assert refill.from_trigger
+
+
+def test_events_in_runs(tmp_path):
+    """Immigration and death, and at 2.5 tu, between two times of the grid, 50 copies; a feed below 5 copies.
+
+    After the event the count is binomial plus Poisson: every mean within 5.2 standard errors, at 1e-6 a time.
+    """
+    made = Builder()
+    made.species("X", 0)
+    made.species("F", 1)
+    made.parameter("k", 2.0)
+    made.reaction("in", {}, {"X": 1}, "k")
+    made.reaction("out", {"X": 1}, {}, "0.5*X")
+    made.reaction("eat", {"F": 1}, {}, "F/(1 + 0*F)")
+    made.event("dose", "time >= 2.5", X="50")
+    made.event("feed", "F < 1", F="7")
+    model = made.read(tmp_path)
+    assert not model.network.is_mass_action
+    times = np.array([2.0, 3.0, 5.0])
+    counts = simulate(model.network, Auto(), model.initial, times, 4000, 1).counts
+    left = np.exp(-0.5 * (times - 2.5))
+    mean = np.where(times < 2.5, 4 * (1 - np.exp(-0.5 * times)), 50 * left + 4 * (1 - left))
+    variance = np.where(times < 2.5, mean, 50 * left * (1 - left) + 4 * (1 - left))
+    standard_error = np.sqrt(variance / 4000)
+    off = np.abs(counts[..., 0].mean(axis=0) - mean) / standard_error
+    assert off.max() < 5.2
+    assert np.abs(counts[..., 0].var(axis=0) / variance - 1).max() < 5.2 * math.sqrt(3 / 4000)
+    assert np.abs(counts[..., 0].mean(axis=0) - 1.03 * mean).max() > 5.2 * standard_error.max()  # a control
+    assert counts[..., 1].min() >= 1
+    assert counts[..., 1].max() == 7
+
+
+def base():
+    made = Builder()
+    made.species("A", 5)
+    made.parameter("k", 2.0)
+    made.parameter("free", 1.0, constant=False)
+    made.reaction("out", {"A": 1}, {}, "k*A")
+    return made
+
+
+def with_delay(made):
+    made.event("late", "time > 1", A="3").createDelay().setMath(libsbml.parseL3Formula("2"))
+
+
+def with_constraint(made):
+    made.model.createConstraint().setMath(libsbml.parseL3Formula("A > 1"))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.rule("free", "0.1*A", "createRateRule"), "line .*: a rate rule"),
+        (lambda m: m.rule(None, "A - free", "createAlgebraicRule"), "algebraic rule"),
+        (with_delay, "event 'late' has a delay"),
+        (with_constraint, "a constraint"),
+        (lambda m: m.event("set", "time > 1", free="3"), "event 'set' sets 'free'; only counts of species"),
+        (lambda m: m.event("set", "time > 1", A="delay(A, 2)"), "delay.*cannot be written as a rate law"),
+        (lambda m: m.reaction("half", {"A": 0.5}, {}, "k*A"), "has 0.5 of 'A'; expected whole copies"),
+        (lambda m: m.reaction("nan", {"A": math.nan}, {}, "k*A"), "whole copies"),
+        (lambda m: m.reaction("gone", {"A": 1}, {}, "k*free2"), "free2"),
+        (lambda m: m.parameter("unset") or m.reaction("u", {"A": 1}, {}, "unset*A"), "'unset' in a formula"),
+        (lambda m: m.species("A", 3), "line .*'A'"),
+        (lambda m: m.species("N", math.nan), "nan copies of 'N'"),
+        (lambda m: m.species("N", -2.0), "-2 copies of 'N'"),
+        (lambda m: m.species("N", None), "species 'N' has no initial amount"),
+        (lambda m: m.model.createReaction().setId("bare"), "bare|kinetic law|required"),
+        (lambda m: m.document.enablePackage(libsbml.CompExtension.getXmlnsL3V1V1(), "comp", True), "package 'comp'"),
+    ],
+)
+def test_what_is_refused(change, message, tmp_path):
+    made = base()
+    assert made.read(tmp_path).network.is_mass_action
+    change(made)
+    with pytest.raises(ValueError, match=message):
+        made.read(tmp_path)
+
+
+CORE = "http://www.sbml.org/sbml/level3/version1"
+DISTRIB = (
+    f'<sbml xmlns="{CORE}/core" level="3" version="1" xmlns:distrib="{CORE}/distrib/version1" '
+    'distrib:required="true"><model id="m"/></sbml>'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not XML"),
+        (DISTRIB, "uses the package 'distrib' of SBML, which is not read"),
+        ("<sbml>", "is not XML"),
+        ("<a/>", "line 2: .*XML"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "line 1: a document type"),
+        ("<a>" * 3000 + "</a>" * 3000, "tags over 100 deep"),
+        ('<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1"/>', "(?i)model"),
+    ],
+)
+def test_files_that_are_no_sbml(text, message, tmp_path):
+    path = tmp_path / "bad.sbml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        read(path)
+
+
+def test_fractions_of_a_copy_are_rounded_aloud(tmp_path):
+    made = base()
+    made.species("B", concentration=0.4)
+    with pytest.warns(UserWarning, match="rounded 0.4 of B"):
+        assert_array_equal(made.read(tmp_path).initial, [5, 0])
+
+
+def test_an_own_law_stops_where_reactants_are_missing(tmp_path):
+    """Consumption at a constant rate, which would go below zero."""
+    made = Builder()
+    made.species("A", 3)
+    made.reaction("out", {"A": 2}, {}, "1.5")
+    net = made.read(tmp_path).network
+    assert not net.is_mass_action
+    assert_allclose(net.propensities(np.array([[3], [2], [1], [0]]))[:, 0], [1.5, 1.5, 0, 0])

@@ -1,0 +1,402 @@
+"""Expressions: what is read and refused, their values, bounds over time, and laws in networks and master equations."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from kinetics import Direct, FiniteStateProjection, Transient, first_passage, reachable, solve, stationary
+from kinetics.kernels import general
+from kinetics.network import Network
+from kinetics.network.laws import (
+    LAWS,
+    Event,
+    Expression,
+    hill,
+    hill_repression,
+    mass_action,
+    michaelis_menten,
+    periodic,
+    steps_in_count,
+    steps_in_time,
+)
+from kinetics.network.laws.program import Code, depth, evaluate, steps_of
+from kinetics.rates import Rates
+from kinetics.sampling import SAMPLING_METHODS, Auto, General
+
+PLACES = {"A": 0, "B": 1}
+LAW = "k * A * (1 + 0.5 * sin(2 * pi * t / 24))"
+BIRTH_DEATH = {"up": ({}, {"A": 1}), "down": ({"A": 1}, {})}
+
+
+def programs_of(*expressions):
+    steps = [steps_of(expression, PLACES) for expression in expressions]
+    flat = [step for program in steps for step in program]
+    table = general.Programs(
+        np.array([step.code for step in flat], dtype=np.int32),
+        np.array([step.operand for step in flat], dtype=np.int32),
+        np.array([step.number for step in flat], dtype=float),
+        np.cumsum([0, *map(len, steps)]),
+    )
+    return table, np.empty((2, max(map(depth, steps)) + 1))
+
+
+def by_machine(expression, counts, time):
+    table, stack = programs_of(expression)
+    result = np.empty(1)
+    general.values(table, np.array([0]), 0, 1, np.array([*counts, 1]), time, stack, result)
+    return result[0]
+
+
+def bounds(expression, counts, since, until):
+    table, stack = programs_of(expression)
+    lows, highs = np.empty(1), np.empty(1)
+    general.ranges(table, np.array([0]), 0, 1, np.array([*counts, 1]), since, until, stack, lows, highs)
+    return lows[0], highs[0]
+
+
+def value(text, counts=(0, 0), time=0.0, **parameters):
+    """By both machines, which must agree."""
+    expression = Expression(text, parameters)
+    here = float(evaluate(steps_of(expression, PLACES), np.array(counts), time))
+    assert_allclose(by_machine(expression, counts, time), here, rtol=1e-15, atol=1e-300)
+    return here
+
+
+def test_codes_of_the_kernel_are_those_of_the_programs():
+    assert {code.name: code.value for code in Code} == {code.name: getattr(general, code.name) for code in Code}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("vmax * A / (K + A)", 2.0 * 7 / (3.0 + 7)),
+        (LAW.replace("k", "vmax"), 2.0 * 7 * (1 + 0.5 * math.sin(2 * math.pi * 5 / 24))),
+        ("piecewise(2.0, A > 10, 0.5)", 0.5),
+        ("piecewise(1, A > 10, 2, A > 5, 3)", 2.0),
+        ("-A + 2 ** 3 - +B", -1.0),
+        ("A - B - 1", 4.0),
+        ("8 / 4 / 2", 1.0),
+        ("2 ** 3 ** 2", 512.0),
+        ("-7 % 3 + A % 4", 5.0),
+        ("1 < A <= 7 and not B == 1", 1.0),
+        ("A < 3 or B >= 2", 1.0),
+        ("A and not (B - 2)", 1.0),
+        ("min(A, B, 5) + max(A, B) + abs(B - A)", 14.0),
+        ("pow(A, 2) + sqrt(16) + exp(0) + log(1) + cos(0)", 55.0),
+        ("floor(-1.5) + ceil(1.2)", 0.0),
+        ("3 * (A - 1) * (A - 2)", 90.0),
+        ("piecewise(1 / (B - 2), B != 2, 9)", 9.0),
+        ("(A > 3) * 4", 4.0),
+        ("A\n  +  B", 9.0),
+    ],
+)
+def test_values(text, expected):
+    assert value(text, (7, 2), 5.0, vmax=2.0, K=3.0) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no expression"),
+        ("k * ", "cannot read 'k \\*'"),
+        ("spam(A)", "unknown function 'spam'; there are exp, log"),
+        ("exp()", "exp has 0 arguments; expected 1 at column 1"),
+        ("A + pow(2)", "pow has 1 arguments; expected 2 at column 5"),
+        ("piecewise(1, A > 3)", "piecewise has 2 arguments; expected value, condition"),
+        ("exp", "'exp' is a function"),
+        ("A ^ 2", r"\^ is no power here; write \*\*"),
+        ("A if B else 2", "IfExp is not allowed"),
+        ("A.b", "Attribute is not allowed"),
+        ("__import__('os').system('ls')", "unknown function"),
+        ("[A for A in B]", "ListComp is not allowed"),
+        ("exp(x=1)", "plain arguments only"),
+        ("A // 2", "FloorDiv is not allowed"),
+        ("A is B", "only < <= > >= == != compare"),
+        ("1e999 * A", "a number beyond 1e308"),
+        ("10000" + 400 * "0", "a number beyond 1e308"),
+        ("2j", "is no number"),
+        ("True", "is no number"),
+        ("-" * 3000 + "A", "cannot read"),
+        ("A +" * 4000 + "A", "at most 10000 are read"),
+    ],
+)
+def test_bad_expressions_are_refused_with_the_place(text, message):
+    with pytest.raises(ValueError, match=message):
+        Expression(text)
+
+
+def test_bad_parameters_and_deep_expressions():
+    for bad in (np.inf, np.nan, "2", True, None):
+        with pytest.raises(ValueError, match=r"parameter 'k' = .*; expected a finite number"):
+            Expression("k * A", {"k": bad})
+    with pytest.raises(ValueError, match="cannot be called 't': that is the time"):
+        Expression("t * A", {"t": 2.0})
+    deep = "A+" * 900 + "A"
+    with pytest.raises(ValueError, match=r"cannot read|nested too deeply"):
+        steps_of(Expression(deep), PLACES)
+
+
+def test_quoted_names_and_print():
+    law = Expression("k * 'A-B' * 't'", {"k": 2.0, "unused": 3.0})
+    assert law.species == ("A-B", "t")
+    assert not law.reads_time
+    assert str(law) == "k * 'A-B' * 't'  (k = 2)"
+    assert evaluate(steps_of(law, {"A-B": 0, "t": 1}), np.array([3, 5]), 1.0) == 30.0
+    with pytest.raises(AttributeError):
+        law.text = "A"
+
+
+# Random expressions: both machines against Python itself, and bounds against values.
+
+LEAVES = st.one_of(st.sampled_from(["A", "B", "t", "pi"]), st.floats(-9, 9).map(repr), st.integers(0, 5).map(str))
+
+
+FUNCTIONS = ("sqrt", "abs", "floor", "ceil")  # right to the last bit everywhere
+ROUNDED = ("exp", "log", "sin", "cos")
+
+
+def texts(functions, has_powers):
+    """Random expressions."""
+
+    def larger(inner):
+        pair = st.tuples(inner, inner)
+        kinds = [
+            st.tuples(inner, st.sampled_from("+-*/%"), inner).map(lambda p: f"({p[0]} {p[1]} {p[2]})"),
+            st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
+            st.tuples(st.sampled_from(functions), inner).map(lambda p: f"{p[0]}({p[1]})"),
+            st.tuples(inner, inner, inner, inner, st.sampled_from(["<", "<=", ">", "!=", "=="])).map(
+                lambda p: f"piecewise({p[0]}, {p[1]} {p[4]} {p[2]} and not ({p[3]} < 1), {p[2]})"
+            ),
+        ]
+        if has_powers:
+            kinds.append(st.tuples(inner, st.integers(0, 3)).map(lambda p: f"({p[0]}) ** {p[1]}"))
+            kinds.append(pair.map(lambda p: f"pow(abs({p[0]}), {p[1]})"))
+        return st.one_of(kinds)
+
+    return st.recursive(LEAVES, larger, max_leaves=8)
+
+
+def check_bounds(text, counts, since, width, bounds=bounds):
+    expression = Expression(text)
+    until = since + width
+    low, high = bounds(expression, counts, since, until)
+    assert low <= high
+    for share in np.linspace(0.0, 1.0, 23):
+        found = by_machine(expression, counts, min(since + share * width, until))
+        assert np.isnan(found) or low <= found <= high, f"{text} is {found} outside of {low} to {high}"
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    texts(FUNCTIONS + ROUNDED, has_powers=True),
+    st.tuples(st.integers(0, 20), st.integers(0, 3)),
+    st.floats(0, 50),
+    st.floats(1e-9, 30),
+)
+def test_bounds_hold_on_random_expressions(text, counts, since, width):
+    check_bounds(text, counts, since, width)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(texts(FUNCTIONS, has_powers=False), st.tuples(st.integers(0, 20), st.integers(0, 3)), st.floats(0, 50))
+def test_both_machines_agree_to_the_last_bit(text, counts, time):
+    expression = Expression(text)
+    states = np.array([counts, counts])
+    here = evaluate(steps_of(expression, PLACES), states, time)
+    assert_array_equal(here, 2 * [by_machine(expression, counts, time)])
+
+
+@pytest.mark.parametrize("text", ["t", "sin(t)", "A * exp(t / 10)", "1 / (t + 1)", "piecewise(2, t > 3, 1)"])
+def test_the_check_sees_bounds_that_are_too_small(text):
+    check_bounds(text, (3, 1), 0.5, 4.0)
+    with pytest.raises(AssertionError, match="outside of"):
+        check_bounds(text, (3, 1), 0.5, 4.0, lambda *what: (bounds(*what)[0], 0.999 * bounds(*what)[1]))
+
+
+@pytest.mark.parametrize(
+    ("text", "since", "until", "expected"),
+    [
+        ("1 + 0.5 * sin(2 * pi * t / 24)", 0.0, 1.0, (1.0, 1 + 0.5 * math.sin(2 * math.pi / 24))),
+        ("sin(t)", 1.0, 2.0, (math.sin(1.0), 1.0)),
+        ("cos(t)", 3.0, 7.0, (-1.0, 1.0)),
+        ("piecewise(5, t < 3, 7)", 0.0, 2.0, (5.0, 5.0)),
+        ("piecewise(5, t < 3, 7)", 2.0, 4.0, (5.0, 7.0)),
+        ("t % 12", 13.0, 14.0, (1.0, 2.0)),
+        ("t % 12", 11.0, 13.0, (0.0, 12.0)),
+        ("(t - 2) ** 2", 1.0, 4.0, (0.0, 4.0)),
+        ("(t - 5) ** 3", 1.0, 4.0, (-64.0, -1.0)),
+        ("abs(t - 2)", 1.0, 4.0, (0.0, 2.0)),
+        ("A * (A - 1) * exp(-t)", 0.0, 1.0, (6 * math.exp(-1), 6.0)),
+    ],
+)
+def test_bounds_are_tight(text, since, until, expected):
+    assert_allclose(bounds(Expression(text), (3, 1), since, until), expected, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("text", ["1 / (t - 2)", "log(t - 2)", "sqrt(t - 2)", "exp(1e6 * t)", "(t - 2) ** -1"])
+def test_what_has_no_bound_has_none(text):
+    assert bounds(Expression(text), (0, 0), 1.0, 3.0)[1] == np.inf
+
+
+# Laws by name.
+
+
+def test_named_laws():
+    assert len(set(LAWS)) == 7
+    at = {"A": 0, "B": 1}
+
+    def law(expression, counts, time=0.0):
+        return float(evaluate(steps_of(expression, at), np.array(counts), time))
+
+    assert law(mass_action(0.3, {"A": 3, "B": 1}), (5, 4)) == pytest.approx(0.3 * 10 * 4)
+    assert law(michaelis_menten("A", 2.0, 3.0), (7, 0)) == pytest.approx(1.4)
+    assert law(michaelis_menten("A", 2.0, 3.0, enzyme="B"), (7, 5)) == pytest.approx(7.0)
+    assert law(hill("A", 2.0, 3.0, 4, basal=0.5), (3, 0)) == pytest.approx(1.5)
+    assert law(hill_repression("A", 2.0, 3.0, 4), (6, 0)) == pytest.approx(2 / 17)
+    steps = steps_in_count("A", [5, 10], [1.0, 2.0, 3.0])
+    assert [law(steps, (n, 0)) for n in (4, 5, 9, 10)] == [1.0, 2.0, 2.0, 3.0]
+    timed = steps_in_time([2.0, 4.0], [1.0, 0.0, 3.0], {"A": 2})
+    assert [law(timed, (4, 0), t) for t in (1.9, 2.0, 4.0)] == [6.0, 0.0, 18.0]
+    wave = periodic(2.0, 0.5, 24.0, {"A": 1}, peak=6.0)
+    assert [law(wave, (3, 0), t) for t in (6.0, 18.0)] == pytest.approx([9.0, 3.0])
+    assert mass_action(1.0, {"A-B": 2}).text == "k * 'A-B' * ('A-B' - 1) / 2"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: michaelis_menten("A", -1.0, 2.0), "vmax = -1.0; expected a finite number of at least 0"),
+        (lambda: michaelis_menten("A", 1.0, 0.0), "K = 0.0; expected a finite number above 0"),
+        (lambda: hill("A", 1.0, 1.0, np.nan), "n = nan"),
+        (lambda: steps_in_count("A", [5, 3], [1, 2, 3]), "counts must rise"),
+        (lambda: steps_in_time([5], [1], {}), "1 times and 1 rates; expected one rate more"),
+        (lambda: steps_in_time([5], [1, -1], {}), "rates = -1"),
+        (lambda: periodic(1.0, 1.5, 24.0, {}), "amplitude = 1.5; expected between 0 and 1"),
+        (lambda: mass_action(1.0, {"A": 0}), "0 copies of 'A'"),
+    ],
+)
+def test_bad_arguments_of_named_laws(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+# Laws in networks.
+
+
+def test_a_network_shows_its_laws_and_keeps_them():
+    net = Network.from_reactions(
+        BIRTH_DEATH, [LAW, 0.5], parameters={"k": 3.0}, events=[Event("dose", "t >= 5", {"A": 9})]
+    )
+    text = str(net)
+    assert f"[{LAW}  (k = 3)]" in text
+    assert "dose: when t >= 5: A = 9" in text
+    assert "k, or law (1/tu)" in text
+    assert "t &gt;= 5" in net._repr_html_()
+    assert "2 * [k * A" in str(net.with_rates([2.0, 0.5]))
+    plain = Network.from_reactions(BIRTH_DEATH, [1.0, 0.5])
+    others = [net, plain, Network.from_reactions(BIRTH_DEATH, [LAW, 0.5], parameters={"k": 4.0})]
+    assert len({other.fingerprint for other in others}) == 3
+    channels = {"up": {"rate": 2.0, "ways": 1}, "down": {"rate": 1.0, "ways": 1}}
+    rates = {"convention": {"combinations": "distinct"}, "channels": channels}
+    known = Rates.model_validate(rates).apply(net)
+    assert known.laws == net.laws
+    assert known.events == net.events
+    assert_allclose(known.propensities([4], 6.0), [2 * 3 * 4 * 1.5, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("rates", "rest", "message"),
+    [
+        (["q * A", 1.0], {}, "law of channel 'up': unknown name 'q' at column 1 of 'q \\* A'; the species are A"),
+        (["k +", 1.0], {}, "law of channel 'up': cannot read"),
+        (["A * 2", 1.0], {"parameters": {"A": 1.0}}, "both a species and a parameter; rename one"),
+        (["A", 1.0, 2.0], {}, "3 rates or laws came; expected one for each of 2 channels"),
+        (["A", -1.0], {}, "rate_constants holds -1.0"),
+        ("AA", {}, "rates are 'AA'; expected a sequence, one rate constant or law a channel"),
+        ([1.0, 1.0], {"events": ["dose"]}, "expected a sequence of kinetics.network.laws.Event"),
+        (["A", 1.0], {"at_zero": "ignore"}, "at_zero = 'ignore'; expected one of block, refuse"),
+        ([1.0, 1.0], {"events": [Event("e", "Q > 1", {"A": 1})]}, "event 'e': unknown name 'Q'"),
+        ([1.0, 1.0], {"events": [Event("e", "A > 1", {"Q": 1})]}, "event 'e' sets 'Q'; the species are A"),
+        ([1.0, 1.0], {"events": 2 * [Event("e", "A > 1", {"A": 1})]}, "events has 'e' twice"),
+    ],
+)
+def test_bad_networks_with_laws(rates, rest, message):
+    with pytest.raises(ValueError, match=message):
+        Network.from_reactions(BIRTH_DEATH, rates, **rest)
+
+
+def test_laws_for_channels_that_are_not_there():
+    with pytest.raises(ValueError, match="a law for channel 'sideways', which the network does not have"):
+        Network(("A",), ("up",), [[0]], [[1]], [1.0], [1.0], laws={"sideways": "A"})
+
+
+def test_missing_reactants_block_or_refuse_as_declared():
+    """Consumption at a constant rate: from 3 copies, no fourth event."""
+    reactions = {"use": ({"A": 1}, {})}
+    blocked = Network.from_reactions(reactions, ["2.0"])
+    assert_array_equal(blocked.propensities([[0], [1], [9]]), [[0.0], [2.0], [2.0]])
+    assert_array_equal(General().simulate(blocked, [3], [100.0], runs=50).counts, 0)
+    assert len(reachable(blocked, [3])) == 4
+    refused = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
+    message = "the law of channel 'use', 2.0, is 2 at A = 0, where its reactants are missing"
+    with pytest.raises(ValueError, match=message):
+        General().simulate(refused, [3], [100.0], runs=50)
+    with pytest.raises(ValueError, match=message):
+        Transient().solve(refused, [3], [1.0])
+    fine = Network.from_reactions(reactions, ["2.0 * (A > 0)"], at_zero="refuse")
+    assert_array_equal(General().simulate(fine, [3], [100.0], runs=50).counts, 0)
+    # A timed law, and two copies needed.
+    timed = Network.from_reactions({"use": ({"A": 2}, {})}, ["1 + sin(t)"])
+    assert_array_equal(General().simulate(timed, [5], [200.0], runs=50).counts, 1)
+
+
+def test_the_master_equation_reads_laws():
+    """A queue with one server and 7 places: detailed balance in closed form, and a space that the law closes."""
+    net = Network.from_reactions(BIRTH_DEATH, ["piecewise(3, A < 7, 0)", "4"])
+    exact = 0.75 ** np.arange(8) / (0.75 ** np.arange(8)).sum()
+    law = stationary(net, [0])
+    assert len(law.space) == 8
+    assert_allclose(law.probabilities[np.argsort(law.space.states[:, 0])], exact, rtol=1e-13)
+    late = solve(net, Transient(), [0], [200.0])
+    assert_allclose(late.probabilities[0], exact[late.space.states[:, 0]], rtol=1e-9)
+    projected = solve(net, FiniteStateProjection(), [0], [1.5])
+    assert_allclose(projected.mean(), solve(net, Transient(), [0], [1.5]).mean(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("solver", [Transient(), FiniteStateProjection()], ids=lambda solver: solver.name)
+def test_the_master_equation_refuses_time_and_events(solver):
+    timed = Network.from_reactions(BIRTH_DEATH, ["1 + sin(t)", 1.0])
+    with pytest.raises(ValueError, match=r"law of channel 'up', 1 \+ sin\(t\), depends on the time.*method 'general'"):
+        solver.solve(timed, [0], [1.0])
+    with pytest.raises(ValueError, match=r"the network has events \(dose\)"):
+        solver.solve(
+            Network.from_reactions(BIRTH_DEATH, [1.0, 1.0], events=[Event("dose", "t > 1", {"A": 1})]), [0], [1.0]
+        )
+
+
+def test_bad_laws_are_named_in_the_master_equation():
+    net = Network.from_reactions(BIRTH_DEATH, ["3.5 - A", 1.0])
+    with pytest.raises(ValueError, match=r"law of channel 'up', 3\.5 - A, is -0\.5 at A = 4; expected a finite number"):
+        Transient().solve(net, [0], [1.0])
+    # Up to 4 it holds: mean of the passage by the recursion of birth and death.
+    waits = [1 / 3.5]
+    for n in (1, 2, 3):
+        waits.append((1 + n * waits[-1]) / (3.5 - n))
+    assert first_passage(net, [0], "A", 4).mean == pytest.approx(sum(waits), rel=1e-12)
+
+
+def test_quick_methods_refuse_and_auto_takes_the_general_one():
+    net = Network.from_reactions(BIRTH_DEATH, ["2", 1.0])
+    dosed = Network.from_reactions(BIRTH_DEATH, [2.0, 1.0], events=[Event("dose", "t > 1", {"A": 1})])
+    quick = [method() for method in SAMPLING_METHODS if method not in (General, Auto)]
+    assert Direct() in quick
+    for method in quick:
+        with pytest.raises(ValueError, match=r"a law for channel 'up'; this method knows mass action only.*'general'"):
+            method.simulate(net, [0], [1.0], runs=2)
+        with pytest.raises(ValueError, match="has event 'dose'; this method knows mass action only"):
+            method.simulate(dosed, [0], [1.0], runs=2)
+    assert Auto().choose(net) == Auto(many=False).choose(dosed) == General()

@@ -1,0 +1,143 @@
+import numpy as np
+import pytest
+from known_systems import assert_follows_cdf, assert_follows_table, line, network, switch, walk
+from numpy.testing import assert_allclose
+
+from kinetics import first_passage, sample_path
+from kinetics.passage import splitting
+
+
+def at_least(index, copies):
+    return lambda states: states[:, index] >= copies
+
+
+def ruin(n, up=1.0, down=2.0):
+    """A gambler who stops at 0 or n."""
+    net = network("X", {"win": ((1,), (2,)), "lose": ((1,), (0,))}, [up, down])
+    fair = {"ruin": lambda states: states[:, 0] == 0, "rich": at_least(0, n)}
+    return net, fair
+
+
+@pytest.mark.parametrize("n", [2, 10, 100, 1000])
+def test_gamblers_ruin(n):
+    # The stakes in proportion to the coins change the times, not the odds: 1 / (2**n - 1).
+    found = splitting(ruin(n)[0], [1], ruin(n)[1])
+    assert_allclose(found.probabilities[1], 1 / (2.0**n - 1), rtol=1e-13)
+    assert_allclose(found.probabilities.sum(), 1.0, rtol=1e-13)
+    assert found.never == 0.0
+    assert abs(found.probabilities[1] * (2.0**n - 1) - 1) <= found.error < 2e-11
+
+
+def test_conditional_times_and_occupation():
+    # Fair steps at rate 1 each way on 0..n from i: rich with i/n, E[T] = i (n - i) / 2, E[T | rich] = (n*n - i*i) / 6.
+    n, i = 12, 5
+    species = tuple(f"place{k}" for k in range(n + 1))
+    here = np.eye(n + 1, dtype=int)
+    steps = {f"up{k}": (here[k], here[k + 1]) for k in range(1, n)}
+    steps |= {f"down{k}": (here[k], here[k - 1]) for k in range(1, n)}
+    net = network(species, steps, np.ones(2 * n - 2))
+    found = splitting(net, here[i], {"low": at_least(0, 1), "high": at_least(n, 1)})
+    assert_allclose(found.probabilities, [1 - i / n, i / n], rtol=1e-13)
+    assert_allclose(found.mean_times[1], (n * n - i * i) / 6, rtol=1e-12)
+    assert_allclose(found.probabilities @ found.mean_times, i * (n - i) / 2, rtol=1e-12)
+    assert_allclose(found.occupation.sum(), i * (n - i) / 2, rtol=1e-12)
+    place = found.space.states.argmax(axis=1)
+    green = np.minimum(place, i) * (n - np.maximum(place, i)) / n  # Green's function over the exit rate of 2
+    assert_allclose(found.occupation, green, rtol=1e-12, atol=1e-15)
+
+
+def test_expected_times_against_a_drift():
+    n = 60
+    found = splitting(walk(n), np.eye(1, n + 1, dtype=int)[0], {"top": at_least(n, 1)})
+    assert_allclose(found.mean_times, [2.0 ** (n + 1) - n - 2], rtol=1e-13)
+    # Place k is left upwards once more than it is come back to: 2**(n-k) - 1 over k = 0..n-1.
+    place = found.space.states.argmax(axis=1)
+    assert_allclose(found.occupation, 2.0 ** (n - place) - 1, rtol=1e-13)
+
+
+def test_ends_that_are_no_target():
+    reactions = {
+        "good": ((1, 0, 0, 0), (0, 1, 0, 0)),
+        "bad": ((1, 0, 0, 0), (0, 0, 1, 0)),
+        "on": ((0, 0, 1, 0), (0, 0, 0, 1)),
+    }
+    net = network("ABCD", reactions, [1.0, 3.0, 1.0])
+    found = splitting(net, [1, 0, 0, 0], {"B": at_least(1, 1)})
+    assert_allclose([*found.probabilities, found.never], [0.25, 0.75], rtol=1e-14)
+    assert_allclose(found.mean_times, [0.25], rtol=1e-13)
+    nowhere = splitting(net, [0, 0, 1, 0], {"B": at_least(1, 1)})
+    assert nowhere.never == 1.0
+    assert np.isnan(nowhere.mean_times[0])
+    with pytest.raises(ValueError, match="'B' is never reached first"):
+        nowhere.sample_path("B")
+    there = splitting(net, [0, 1, 0, 0], {"B": at_least(1, 1)})
+    assert_allclose([there.probabilities[0], there.never, there.mean_times[0]], [1.0, 0.0, 0.0])
+    assert there.sample_path("B").times.size == 0
+
+
+def test_one_target_is_a_first_passage():
+    found = splitting(line(), [20, 0, 0, 0], {"two": at_least(3, 2)})
+    assert_allclose(found.mean_times[0], first_passage(line(), [20, 0, 0, 0], "quadmer", 2).mean, rtol=1e-11)
+
+
+def test_conditioned_paths_follow_the_law_of_selected_ones():
+    net, ends = ruin(4, 2.0, 3.0)
+    found = splitting(net, [2], ends)
+    drawn = [found.sample_path("rich", seed=1, run=run) for run in range(2000)]
+    assert all(path.states[-1, 0] == 4 for path in drawn)
+    free = [sample_path(net, [2], 60.0, seed=2, run=run) for run in range(8000)]
+    # Rejection: the runs that get rich, cut where they do.
+    selected = []
+    for path in free:
+        counts = path.states[:, 0]
+        if counts.max() >= 4:
+            selected.append(path.times[int(np.argmax(counts >= 4)) - 1])
+    ordered = np.sort(selected)
+    times = np.array([path.end for path in drawn])
+    # Two samples: each may differ from the law by its own chance.
+    gap = np.sqrt(np.log(2e6) / 2) * (1 / np.sqrt(len(times)) + 1 / np.sqrt(len(selected)))
+    at = np.concatenate([times, ordered])
+    difference = np.searchsorted(np.sort(times), at, "right") / len(times) - np.searchsorted(
+        ordered, at, "right"
+    ) / len(ordered)
+    assert abs(difference).max() < gap
+    share = len(selected) / len(free)
+    assert abs(share - found.probabilities[1]) < 5 * np.sqrt(0.25 / len(free))
+    assert_allclose(times.mean(), found.mean_times[1], rtol=5 * times.std() / times.mean() / np.sqrt(len(times)))
+
+
+def test_paths_to_an_end_of_chance_1e_30():
+    net, ends = ruin(100)
+    found = splitting(net, [1], ends)
+    path = found.sample_path("rich", seed=3)
+    assert path.states[-1, 0] == 100
+    assert (path.states[:-1, 0] > 0).all()
+    again = found.sample_path("rich", seed=3)
+    assert_allclose(path.times, again.times, rtol=0)
+
+
+def test_waits_of_a_conditioned_chain_of_one_step():
+    # A -> B at 1 or A -> C at 3: which one says nothing about when; the wait has rate 4 either way.
+    net = network("ABC", {"b": ((1, 0, 0), (0, 1, 0)), "c": ((1, 0, 0), (0, 0, 1))}, [1.0, 3.0])
+    found = splitting(net, [1, 0, 0], {"B": at_least(1, 1), "C": at_least(2, 1)})
+    waits = np.array([found.sample_path("B", 5, run).end for run in range(2000)])
+    assert_follows_cdf(waits, lambda t: 1 - np.exp(-4 * t))
+    assert_follows_table([500, 1500], found.probabilities)
+
+
+@pytest.mark.parametrize(
+    ("targets", "message"),
+    [
+        ({}, "no targets"),
+        ({"a": at_least(0, 2), "b": at_least(0, 3)}, "belongs to two targets"),
+        ({"a": lambda states: states >= 2}, r"gives shape \(1, 2\); expected one truth a state, \(1,\)"),
+    ],
+)
+def test_bad_targets(targets, message):
+    with pytest.raises(ValueError, match=message):
+        splitting(switch(), [3, 0], targets)
+
+
+def test_unknown_target():
+    with pytest.raises(ValueError, match="unknown target 'poor'; there are ruin, rich"):
+        splitting(ruin(4)[0], [1], ruin(4)[1]).sample_path("poor")

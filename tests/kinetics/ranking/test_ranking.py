@@ -1,0 +1,424 @@
+"""Rankings: figures against closed forms and independent sums, sampled against exact, ties, order, bad input."""
+
+import json
+from dataclasses import replace
+from math import exp
+
+import numpy as np
+import pytest
+from known_systems import assert_follows_cdf
+from scipy.integrate import quad
+from scipy.stats import gamma, norm
+
+from kinetics import Transient, first_passage, solve
+from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check, derive
+from kinetics.assembly.rules.conditions import Combination
+from kinetics.ranking import rank, ranking
+from kinetics.ranking import yield_and_first_time as outcomes
+from kinetics.ranking.candidates import pathway
+from kinetics.ranking.yield_and_first_time import Question, outcome
+from kinetics.rates import ClassRates, Rates
+from kinetics.rates.by_class import ClassRate
+
+LINE4, PAIRS = RuleBook.load("line4"), RuleBook.load("line4_pairs")
+T5, T5_BAR, T5_ALL = (RuleBook.load(name) for name in ("t5", "t5_bar", "t5_all"))
+FALSE_ALARM = 1e-6
+
+
+def without(book, name, *rules):
+    return replace(book, name=name, combine=tuple(rule for rule in book.combine if rule.rule not in rules))
+
+
+NO_TRIMERS = without(LINE4, "line4_no12", "P3")
+NO_PAIRS = without(LINE4, "line4_no22", "P2")
+DIMER = replace(without(PAIRS, "dimer", "P2"), target=Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("b", "b")))
+TABLE3 = ClassRates.of_rates(derive(LINE4), Rates.load("table3_geometric"))
+
+
+def question(book, rates, cubes, horizon):
+    derivation = derive(book)
+    target = derivation.species_of(book.target)
+    initial = {derivation.network.species[derivation.species_of(book.monomer())]: cubes}
+    network = rates.apply(derivation)
+    return Question(network, network.state(initial), target, cubes // len(book.target), horizon)
+
+
+def figures(made):
+    """Everything but what it cost."""
+    return json.loads(
+        json.dumps(made.as_dict()),
+        object_hook=lambda found: {key: value for key, value in found.items() if key != "cpu_seconds"},
+    )
+
+
+# --- the books of the pathways ---
+
+
+@pytest.mark.parametrize(
+    ("book", "joins"),
+    [
+        (LINE4, ("1+1", "1+2", "1+3", "2+2")),
+        (PAIRS, ("1+1", "2+2")),
+        (NO_TRIMERS, ("1+1", "1+3", "2+2")),
+        (NO_PAIRS, ("1+1", "1+2", "1+3")),
+        (T5_BAR, ("1+1", "1+2", "2+3")),
+        (T5, ("1+1", "1+2 x2", "1+3 x3", "2+2", "1+4 x2", "2+3")),
+        (T5_ALL, ("1+1 x2", "1+2 x5", "1+3 x4", "2+2", "1+4 x2", "2+3")),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_books_of_a_pathway_are_correct(book, joins):
+    assert check(book, slow_waves=False).is_correct
+    made = derive(book)
+    assert len(made.structures) == {4: 4, 5: 9}[len(book.target)]
+    assert pathway(made, ClassRates.uniform(1.0, 1.0)) == joins
+
+
+def test_a_pathway_leaves_out_what_needs_a_break():
+    """Without breaks there are neither bars to stand on nor halves to mend."""
+    assert pathway(derive(T5), ClassRates.uniform(1.0)) == ("1+1", "2+2", "1+4")
+    assert pathway(derive(NO_TRIMERS), ClassRates.uniform(1.0)) == ("1+1", "2+2")
+
+
+# --- figures ---
+
+
+@pytest.mark.parametrize("horizon", [0.01, 1.0, 40.0])
+def test_two_cubes_follow_the_closed_form(horizon):
+    """One dimer: it comes at rate 4 k, goes at rate q."""
+    k, q = 0.3, 0.5
+    result = outcome(question(DIMER, ClassRates.uniform(k, q), 2, horizon), 2, 0)
+    rate = 4 * k
+    mean = (1 - exp(-rate * horizon)) / rate
+    square = 2 * (1 - exp(-rate * horizon) * (1 + rate * horizon)) / rate**2
+    reached = 1 - exp(-rate * horizon)
+    amount = rate / (rate + q) * (1 - exp(-(rate + q) * horizon))
+    for figure, value, sd in (
+        (result.first, mean, (square - mean**2) ** 0.5),
+        (result.reached, reached, (reached * (1 - reached)) ** 0.5),
+        (result.yield_, amount, (amount * (1 - amount)) ** 0.5),
+    ):
+        assert figure.value == pytest.approx(value, rel=1e-10)
+        assert figure.sd == pytest.approx(sd, rel=1e-5, abs=1e-9)
+        assert figure.low <= value <= figure.high
+        assert (figure.method, figure.size) == ("exact", 2)
+
+
+@pytest.mark.parametrize(("book", "cubes", "horizon"), [(LINE4, 12, 300.0), (T5, 10, 2000.0), (T5_BAR, 10, 50.0)])
+def test_exact_figures_agree_with_the_other_solvers(book, cubes, horizon):
+    """The restricted mean is the integral of the survival function, however likely the target is."""
+    asked = question(book, ClassRates.uniform(3e-4, 1e-4), cubes, horizon)
+    result = outcome(asked, 2, 0)
+    law = first_passage(asked.network, asked.initial, asked.network.species[asked.target])
+    mean = quad(law.survival, 0, horizon, epsabs=1e-9)[0]
+    square = quad(lambda t: 2 * t * law.survival(t), 0, horizon, epsabs=1e-7)[0]
+    assert result.first.value == pytest.approx(mean, rel=1e-9)
+    assert result.first.sd == pytest.approx((square - mean**2) ** 0.5, rel=1e-6)
+    assert result.reached.value == pytest.approx(float(law.cdf(horizon)), rel=1e-10)
+    end = solve(asked.network, Transient(), asked.initial, [horizon])
+    assert result.yield_.value == pytest.approx(end.mean()[0, asked.target] / asked.possible, rel=1e-10)
+    assert result.yield_.sd == pytest.approx(end.sd()[0, asked.target] / asked.possible, rel=1e-8)
+
+
+def test_sampled_figures_agree_with_exact_ones():
+    """And do not where a rate is wrong by a fifth."""
+    asked = question(LINE4, ClassRates.uniform(2e-3, 1e-3), 12, 60.0)
+    wrong = question(LINE4, ClassRates.uniform(2.4e-3, 1e-3), 12, 60.0)
+    runs = 4000
+    sampled = outcome(asked, runs, 7, max_states=0)
+    allowed = norm.isf(FALSE_ALARM / 6)
+
+    def distances(exact):
+        pairs = ((getattr(sampled, name), getattr(exact, name)) for name in ("first", "reached", "yield_"))
+        return np.array([abs(s.value - e.value) / (e.sd / runs**0.5) for s, e in pairs])
+
+    assert {sampled.first.method, sampled.yield_.method} == {"ssa"}
+    assert sampled.yield_.size == runs
+    assert (distances(outcome(asked, 2, 0)) < allowed).all()
+    assert (distances(outcome(wrong, 2, 0)) > allowed).any()
+
+
+def test_runs_without_a_target_count_with_the_horizon():
+    result = outcome(question(LINE4, ClassRates.uniform(1e-9), 8, 10.0), 100, 0, max_states=0)
+    assert (result.first.value, result.reached.value, result.yield_.value) == (10.0, 0.0, 0.0)
+    share = 1 - 0.025**0.01  # a chance that would still leave 100 runs without a target in 2.5 % of all cases
+    assert result.reached.low == result.yield_.low == 0.0
+    assert result.reached.high == result.yield_.high == pytest.approx(share)
+    assert (result.first.low, result.first.high) == (pytest.approx(10.0 * (1 - share)), 10.0)
+
+
+def test_each_figure_is_exact_where_its_own_chain_is_small_enough():
+    """On the way to the first target there are fewer states than in all."""
+    asked = question(LINE4, TABLE3, 60, 2000.0)
+    result = outcome(asked, 10, 0, max_states=1000)
+    assert (result.first.method, result.first.size) == ("exact", 621)
+    assert result.yield_.method == "ssa"
+    assert outcome(asked, 10, 0, like=result).yield_.method == "ssa"  # what was too large is not tried again
+
+
+def test_too_much_work_is_sampled(monkeypatch):
+    monkeypatch.setattr(outcomes, "MAX_WORK", 1e4)
+    assert outcome(question(LINE4, TABLE3, 12, 2000.0), 10, 0).yield_.method == "ssa"
+
+
+def seeded(cubes):
+    """A seed that takes one free cube."""
+    pair = {"face": "f1", "partner_face": "f1"}
+    rules = (
+        Combination(rule="G1", letter="s", partner="a", neighbours=(), becomes="t", **pair),
+        Combination(rule="G2", letter="a", partner="s", becomes="b", **pair),
+    )
+    target = Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("t", "b"))
+    held = Semantics(bonds="hold")
+    book = RuleBook("seeded", ("a", "s", "t", "b"), "a", Senses(faces="two"), target, "s", held, rules)
+    return rank([book], ClassRates.uniform(0.01), cubes=cubes, horizon=30.0)
+
+
+def test_a_seeded_book_makes_one_target():
+    """Any of n cubes by 4 ways: rate 4 n k."""
+    made = seeded(5)
+    mean = (1 - exp(-0.2 * 30)) / 0.2
+    assert made.possible == 1
+    assert made.candidates[0].outcome.first.value == pytest.approx(mean)
+    assert made.candidates[0].outcome.yield_.value == pytest.approx(1 - exp(-0.2 * 30))
+
+
+# --- what was found before, by another program (exact, and SSA where ± is large) ---
+
+
+def test_pairs_beat_the_papers_line():
+    made = rank([LINE4, PAIRS, NO_TRIMERS, NO_PAIRS], TABLE3)
+    assert [c.name for c in made.candidates] == ["line4_no12", "line4_pairs", "line4", "line4_no22"]
+    assert made.places == (1, 2, 3, 4)
+    found = {c.name: (c.outcome.first.value, 15 * c.outcome.yield_.value) for c in made.candidates}
+    assert found["line4"] == (pytest.approx(47.7, abs=0.05), pytest.approx(9.39, abs=0.005))
+    assert found["line4_pairs"] == (pytest.approx(60.3, abs=0.05), pytest.approx(12.83, abs=0.005))
+    assert found["line4_no12"] == (pytest.approx(60.3, abs=0.05), pytest.approx(12.94, abs=0.005))
+    # Its mean of 63.3 holds the 0.03 % of runs that find no target by 2000 tu.
+    assert found["line4_no22"] == (pytest.approx(62.93, abs=0.05), pytest.approx(6.37, abs=0.005))
+    by_first = rank([LINE4, PAIRS, NO_TRIMERS, NO_PAIRS], TABLE3, by="first")
+    assert by_first.places == (1, 2, 2, 4)  # neither the second nor the third joins a trimer before its first line
+    assert by_first.ties_of("line4_no12") == ("line4_pairs",)
+
+
+def test_bar_and_dimer_beat_the_papers_t_and_all_joins_ruin_it():
+    made = rank([T5, T5_ALL, T5_BAR], ClassRates.uniform(7e-5), runs=400, seed=3)
+    assert [c.name for c in made.candidates] == ["t5_bar", "t5", "t5_all"]
+    assert made.places == (1, 2, 3)
+    found = {c.name: (c.outcome.first.value, 12 * c.outcome.yield_.value) for c in made.candidates}
+    assert found["t5"] == (pytest.approx(99.7, abs=1.5), pytest.approx(7.0, abs=0.05))
+    assert found["t5_bar"] == (pytest.approx(72.7, abs=1.0), pytest.approx(9.5, abs=0.05))
+    worst = made.candidates[-1].outcome.yield_
+    assert worst.method == "ssa"
+    assert worst.high * 12 < 0.4
+
+
+# --- order and ties ---
+
+
+def test_the_order_of_the_books_does_not_matter():
+    books = [LINE4, PAIRS, NO_TRIMERS]
+    made = rank(books, TABLE3, cubes=12, runs=50, seed=5, max_states=0)
+    assert figures(rank(books[::-1], TABLE3, cubes=12, runs=50, seed=5, max_states=0)) == figures(made)
+    alone = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=5, max_states=0).candidates[0]
+    again = next(c for c in made.candidates if c.name == PAIRS.name)
+    assert alone.outcome.first.value == again.outcome.first.value
+    other = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=6, max_states=0).candidates[0]
+    assert other.outcome.first.value != again.outcome.first.value
+
+
+def test_differences_within_the_intervals_are_ties():
+    """Yields of 0.863 and 0.856: told apart by exact figures, not by 50 runs."""
+    exact, sampled = (rank([NO_TRIMERS, PAIRS], TABLE3, runs=50, max_states=n) for n in (100_000, 0))
+    assert exact.places == (1, 2)
+    assert sampled.places == (1, 1)
+    assert sampled.ties_of("line4_no12") == ("line4_pairs",)
+    assert "1=" in str(sampled)
+
+
+def test_a_place_is_shared_with_its_leader_only():
+    """0.50, 0.45, 0.40, each ± 0.04: the third ties with the second, but not with the first."""
+    one = rank([DIMER], ClassRates.uniform(1.0), cubes=2, horizon=1.0).candidates[0]
+
+    def like(name, value):
+        figure = replace(one.outcome.yield_, value=value, low=value - 0.04, high=value + 0.04)
+        return replace(one, name=name, outcome=replace(one.outcome, yield_=figure))
+
+    candidates = tuple(like(name, value) for name, value in (("x", 0.50), ("y", 0.45), ("z", 0.40)))
+    made = ranking.Ranking(candidates, "yield", 2, 1, 1.0, 100, 0, 0, 0)
+    assert made.places == (1, 1, 3)
+    assert [made.ties_of(name) for name in "xyz"] == [("y",), ("x", "z"), ("y",)]
+    assert "z is not told apart from y either" in made.table()
+    with pytest.raises(ValueError, match="unknown book 'w'; ranked are x, y, z"):
+        made.ties_of("w")
+
+
+# --- rates that are not known exactly ---
+
+
+def test_draws_follow_the_posterior_of_the_rates():
+    """Two cubes that wait for ever: the mean is 1 / (4 k), and k has 20 events behind it."""
+    rates = ClassRates(classes={"join": ClassRate(rate=2.0, events=20, exposure=10.0), "break": ClassRate(rate=0.0)})
+    made = rank([DIMER], rates, cubes=2, horizon=8.0, draws=400, seed=2)
+    drawn = 1 / (4 * made.candidates[0].drawn[:, 1])
+    assert_follows_cdf(drawn, gamma(20.5, scale=0.1).cdf)
+    with pytest.raises(AssertionError):
+        assert_follows_cdf(drawn, gamma(20.5, scale=0.08).cdf)
+    low, high = made.candidates[0].from_rates("first")
+    assert low < 1 / 8 < high
+    assert made.notes == ("the rates' intervals leave out break: taken as known, because without evidence",)
+
+
+def test_shared_draws_tell_books_apart_that_their_intervals_do_not():
+    """A poorly known rate moves both books up and down together."""
+    entry = ClassRate(rate=7e-5, events=4, exposure=4 / 7e-5)
+    rates = ClassRates(classes={"join": entry, "break": ClassRate(rate=3e-5)})
+    made = rank([PAIRS, NO_TRIMERS], rates, cubes=24, draws=60)
+    (low, high), (other_low, other_high) = (c.from_rates("yield") for c in made.candidates)
+    assert low < other_high  # the intervals overlap
+    assert other_low < high
+    assert made.places == (1, 2)
+    assert "[" in made.table()
+
+
+def test_draws_of_rates_without_evidence_are_not_made():
+    made = rank([PAIRS], TABLE3, cubes=8, draws=50)
+    assert made.draws == 0
+    assert made.candidates[0].from_rates("yield") is None
+    assert "taken as known" in made.notes[0]
+
+
+# --- around it ---
+
+
+def test_ctrl_c_keeps_what_was_finished(monkeypatch):
+    def interrupted(derivation, *rest):
+        if derivation.book.name == PAIRS.name:
+            raise KeyboardInterrupt
+        return candidate_of(derivation, *rest)
+
+    candidate_of = ranking.candidate_of
+    monkeypatch.setattr(ranking, "candidate_of", interrupted)
+    made = rank([LINE4, PAIRS], TABLE3, cubes=8)
+    assert [c.name for c in made.candidates] == ["line4"]
+    assert made.unfinished == ("line4_pairs",)
+    assert "interrupted before line4_pairs" in made.table()
+    with pytest.raises(KeyboardInterrupt):
+        rank([PAIRS, LINE4], TABLE3, cubes=8)
+
+
+def test_plot_shows_each_book_with_its_interval():
+    from matplotlib.figure import Figure
+
+    made = rank([LINE4, PAIRS], TABLE3, cubes=12, runs=20, max_states=30)
+    ax = Figure().add_subplot()
+    assert made.plot(ax) is ax
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        f"{c.name}: {', '.join(c.pathway)}" for c in made.candidates
+    ]
+    assert "(tu)" in ax.get_xlabel()
+
+
+@pytest.mark.parametrize(
+    ("books", "settings", "message"),
+    [
+        ([], {}, "no books"),
+        ([LINE4, T5], {}, "make different targets"),
+        ([LINE4, LINE4], {}, "two books are called 'line4'"),
+        ([LINE4, replace(PAIRS, target=None)], {}, "names no target"),
+        ([RuleBook.load("t5_as_printed")], {}, r"only correct books are ranked; .* \(target not reached\)"),
+        ([RuleBook.load("line4_as_printed")], {}, "only correct books are ranked"),
+        ([LINE4, replace(PAIRS, letters=("a", "b", "d", "s"), seed_letter="s")], {}, "from a seed"),
+        ([LINE4], {"cubes": 3}, "3 cubes do not suffice for a target of 4"),
+        ([LINE4], {"cubes": 0}, "cubes = 0"),
+        ([LINE4], {"horizon": 0.0}, "horizon = 0; expected a positive"),
+        ([LINE4], {"horizon": float("nan")}, "horizon = nan"),
+        ([LINE4], {"by": "speed"}, "by = 'speed'; expected one of yield, first"),
+        ([LINE4], {"runs": 1}, "runs = 1"),
+        ([LINE4], {"draws": 1}, "draws = 1"),
+        ([LINE4], {"seed": -1}, "seed = -1"),
+        ([LINE4, T5_BAR], {}, "different targets"),
+    ],
+)
+def test_bad_input(books, settings, message):
+    with pytest.raises(ValueError, match=message):
+        rank(books, TABLE3, **settings)
+
+
+def test_a_class_without_a_rate_is_told_before_any_work():
+    with pytest.raises(ValueError, match=r"no rate for class 'join 2 f1 \+ 2 f2'"):
+        rank([T5], TABLE3)
+
+
+# --- the command ---
+
+
+def test_the_command(wellmixed, tmp_path):
+    table, picture = tmp_path / "ranked.csv", tmp_path / "ranked.png"
+    done = wellmixed(
+        *("rules", "rank", "line4", "line4_pairs", "--rates", "table3"),
+        *("--json", "--csv", table, "--plot", picture),
+        cwd=tmp_path,
+    )
+    found = done.json
+    assert [(book["place"], book["book"]) for book in found["books"]] == [(1, "line4_pairs"), (2, "line4")]
+    assert found["pathways"]["line4_pairs"] == ["1+1", "2+2"]
+    assert found["rates"]["classes"]["join 1 f1 + 1 f1"]["rate"] == pytest.approx(7.88e-5 / 2)
+    assert found["books"][0]["yield"]["method"] == "exact"
+    assert len(table.read_text().splitlines()) == 1 + 2 * 3
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+TARGET = 'cubes = [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]]\ntops = ["z", "z", "z", "z"]\n'
+
+
+def test_the_command_compiles_a_target(wellmixed, tmp_path):
+    """Five choices of joins lead to lines of four; the best book can be used as it is."""
+    (tmp_path / "line.toml").write_text(TARGET, encoding="utf-8")
+    shared = ("--rates", "table3_geometric", "--json")
+    found = wellmixed("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
+    assert [(book["place"], ", ".join(found["pathways"][book["book"]])) for book in found["books"]] == [
+        (1, "1+1, 1+3, 2+2"),
+        (2, "1+1, 2+2"),
+        (3, "1+1, 1+2, 1+3, 2+2"),
+        (4, "1+1, 1+2, 1+3"),
+        (5, "1+1, 1+2, 2+2"),
+    ]
+    assert found["notes"] == ["5 books compiled of target 'line': all choices of joins for which one was found"]
+    again = wellmixed("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
+    assert again["books"][0]["book"] == "best"
+    assert again["books"][0]["yield"]["value"] == found["books"][0]["yield"]["value"]
+
+
+def test_the_command_takes_rates_by_class_and_uniform_ones(wellmixed, tmp_path):
+    TABLE3.save(tmp_path / "rates.toml")
+    shared = ("rules", "rank", "line4", "--cubes", "12", "--horizon", "100", "--json")
+    by_class = wellmixed(*shared, "--rates", "rates.toml", cwd=tmp_path).json
+    assert by_class["books"][0]["yield"]["value"] == pytest.approx(
+        rank([LINE4], TABLE3, cubes=12, horizon=100.0).candidates[0].outcome.yield_.value
+    )
+    uniform = wellmixed(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
+    assert uniform["rates"]["classes"] == {"join": {"rate": 1e-3}, "break": {"rate": 1e-4}}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("line4",), "give the rates by either"),
+        (("line4", "--rates", "table3", "--join", "1"), "give the rates by either"),
+        (("line4", "--rates", "table3", "--break", "1"), "--break goes with --join"),
+        (("line4", "--join", "1", "--rates-book", "line4"), "--rates-book goes with --rates"),
+        (("line4", "--join", "nan"), "uniform rates"),
+        (("t5", "--rates", "table3"), "Say which book by --rates-book"),
+        (("t5", "--rates", "table3", "--rates-book", "line4"), "no rate for class"),
+        (("line5", "--join", "1"), "unknown rule book 'line5'"),
+    ],
+)
+def test_mistakes_of_the_command(arguments, message):
+    from click.testing import CliRunner
+
+    from kinetics.commands.rank import rank as command
+
+    done = CliRunner().invoke(command, list(arguments))
+    assert isinstance(done.exception, ValueError)
+    assert message in str(done.exception)

@@ -1,0 +1,89 @@
+import pytest
+
+from kinetics import FiniteStateProjection, Network, Transient
+from kinetics.sampling import SAMPLING_METHODS
+from kinetics.solving import SOLVING_METHODS
+from kinetics.trust.hardcases import CASES, Attempt, Case
+from kinetics.trust.hardcases.case import attempt, refusal, relative
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+def test_hard_case(case: Case):
+    attempts = list(case.attempts())
+    assert attempts
+    assert [found for found in attempts if not found.passed] == []
+    assert all(isinstance(found, Attempt) for found in attempts)
+
+
+def test_names_differ_and_every_method_is_tried():
+    assert len({case.name for case in CASES}) == len(CASES)
+    (nothing,) = [case for case in CASES if case.name == "nothing to do"]
+    tried = {found.method.split(",")[0] for found in nothing.attempts()}
+    assert tried == {method.name for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
+
+
+def test_wrong_answers_are_seen():
+    assert not attempt("wrong", lambda: relative([1.0, 2.0], [1.0, 2.1]), 1e-3).passed
+    assert relative([1e-9], [0.0]) == float("inf")
+    assert relative([0.0], [0.0]) == 0.0
+    assert not attempt("nan", lambda: float("nan"), 1.0).passed
+    assert not refusal("answers", lambda: 1, "anything").passed
+    assert refusal("refuses", lambda: int("x"), "invalid literal").passed
+    assert not refusal("says something else", lambda: int("x"), "too stiff").passed
+
+
+@pytest.mark.parametrize(
+    ("rate", "message"), [(float("nan"), "finite"), (float("inf"), "finite"), (-1.0, "at least 0")]
+)
+def test_rates_that_are_none_are_refused(rate, message):
+    with pytest.raises(ValueError, match=message):
+        Network.from_reactions({"death": ({"X": 1}, {})}, [rate])
+
+
+@pytest.mark.parametrize(
+    ("counts", "message"),
+    [([0.5], "whole numbers"), ([-1], "at least 0"), ([2.0**63], "largest count"), ({"Y": 1}, "unknown species 'Y'")],
+)
+def test_counts_that_are_none_are_refused(counts, message):
+    with pytest.raises(ValueError, match=message):
+        Network.from_reactions({"death": ({"X": 1}, {})}, [1.0]).state(counts)
+
+
+def test_species_unknown_or_twice_are_refused():
+    with pytest.raises(ValueError, match="unknown species 'Z'; the network has X, Y"):
+        Network.from_reactions({"turn": ({"X": 1}, {"Z": 1})}, [1.0], ["X", "Y"])
+    with pytest.raises(ValueError, match="'X' twice"):
+        Network.from_reactions({"death": ({"X": 1}, {})}, [1.0], ["X", "X"])
+
+
+def test_reactions_without_effect_are_warned_of():
+    with pytest.warns(UserWarning, match="channel 'idle' changes nothing"):
+        Network.from_reactions({"idle": ({"X": 2}, {"X": 2}), "death": ({"X": 1}, {})}, [1.0, 1.0])
+
+
+def test_a_space_that_does_not_close_says_how_it_grows():
+    growth = Network.from_reactions({"birth": ({}, {"X": 1}), "move": ({"X": 1}, {"Y": 1})}, [1.0, 1.0])
+    with pytest.raises(
+        ValueError, match=r"over 500 states are reachable: \d+ events away .*X up to \d+, Y up to \d+ and rising"
+    ):
+        Transient(max_states=500).solve(growth, [0, 0], [1.0])
+
+
+@pytest.mark.parametrize(
+    "method", [lambda: Transient(tolerance=1e-30), lambda: FiniteStateProjection(1e-16)], ids=["exact", "fsp"]
+)
+def test_a_tolerance_that_doubles_cannot_hold_is_refused(method):
+    with pytest.raises(ValueError, match=r"tolerance = .*; expected between"):
+        method()
+
+
+def test_command(wellmixed, tmp_path):
+    told = wellmixed("hardcases", "--only", "ruin", "--json", cwd=tmp_path).json
+    assert told["failed"] == 0
+    assert {one["case"] for one in told["attempts"]} == {"gambler's ruin"}
+    text = wellmixed("hardcases", "--only", "bad rates", cwd=tmp_path).out
+    assert 'refused: "' in text
+    assert "3 attempts at 1 cases; 0 failed" in text
+    unknown = wellmixed("hardcases", "--only", "nonsense", cwd=tmp_path)
+    assert unknown.code == 2
+    assert "no hard case has 'nonsense'" in unknown.err

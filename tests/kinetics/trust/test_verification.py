@@ -1,0 +1,269 @@
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from known_systems import line, network, switch
+from verified_networks import FEW, MANY, dimers, enzyme
+
+from kinetics import Direct, FiniteStateProjection, JumpPath, Network
+from kinetics.network.sparse_tables import Terms
+from kinetics.runs import Ensemble
+from kinetics.sampling import SAMPLING_METHODS
+from kinetics.trust import verify
+from kinetics.trust.verification import Check, detectable
+
+
+@dataclass(frozen=True)
+class Slow:
+    """The direct method in numpy, all runs side by side; `mutation` makes it wrong."""
+
+    mutation: str = ""
+    name: ClassVar[str] = "slow"
+
+    def propensities(self, net, states):
+        if self.mutation == "combinatorics":  # s**2 for s(s-1)/2
+            net = network(net.species, reactions_of(net), net.rate_constants, "product")
+        if self.mutation == "off by one":  # one reactant too many is counted
+            return net.propensities(states + 1) * (net.propensities(states) > 0)
+        return net.propensities(states)
+
+    def simulate(self, net, initial, times, runs=1000, seed=0, threads=None):
+        rng = np.random.default_rng(seed)
+        states = np.tile(net.state(initial), (runs, 1))
+        seen = np.zeros((runs, len(times), states.shape[1]), dtype=np.int64)
+        clocks, stale = np.zeros(runs), self.propensities(net, states)
+        going = np.arange(runs)
+        while going.size:
+            rates = self.propensities(net, states[going])
+            if self.mutation == "stale":  # the propensities of before the last event, where they still can fire
+                old = np.where(rates > 0, stale[going], 0.0)
+                stale[going] = rates
+                rates = np.where(old.sum(axis=1, keepdims=True) > 0, old, rates)
+            total = rates.sum(axis=1)
+            with np.errstate(divide="ignore"):
+                after = clocks[going] + rng.exponential(size=going.size) / total
+            for t, time in enumerate(times):
+                reached = (clocks[going] <= time) & (after > time)
+                seen[going[reached], t] = states[going[reached]]
+            clocks[going] = after
+            moving = after <= times[-1]
+            going, rates, total = going[moving], rates[moving], total[moving]
+            chosen = (np.cumsum(rates, axis=1) <= (rng.random(going.size) * total)[:, None]).sum(axis=1)
+            states[going] += net.stoichiometry[np.minimum(chosen, rates.shape[1] - 1)]
+        return Ensemble(net, np.asarray(times, dtype=float), seen)
+
+
+@dataclass(frozen=True)
+class Redraw:
+    """Tau-leaping that draws again until no count is negative: biased, however short the leaps look."""
+
+    name: ClassVar[str] = "redraw"
+
+    def simulate(self, net, initial, times, runs=1000, seed=0, threads=None):
+        rng = np.random.default_rng(seed)
+        states = np.tile(net.state(initial), (runs, 1))
+        seen, now = np.zeros((runs, len(times), states.shape[1]), dtype=np.int64), 0.0
+        for t, time in enumerate(times):
+            while now < time:
+                leap = min(0.02, time - now)
+                rates = net.propensities(states) * leap
+                after = states + rng.poisson(rates) @ net.stoichiometry
+                while (bad := (after < 0).any(axis=1)).any():
+                    after[bad] = states[bad] + rng.poisson(rates[bad]) @ net.stoichiometry
+                states, now = after, now + leap
+            seen[:, t] = states
+        return Ensemble(net, np.asarray(times, dtype=float), seen)
+
+
+@dataclass(frozen=True)
+class ShortWords:
+    """Direct, but for waits from random numbers of so many bits."""
+
+    bits: int
+    name: ClassVar[str] = "short words"
+
+    def simulate(self, *arguments, **options):
+        return Direct().simulate(*arguments, **options)
+
+    def sample_path(self, net, initial, end, seed=0, run=0):
+        rng = np.random.default_rng((seed, run))
+        state, times, channels, now = net.state(initial), [], [], 0.0
+        while True:
+            rates = net.propensities(state)
+            word = int(rng.integers(1, 2**self.bits))
+            now -= np.log(word / 2.0**self.bits) / rates.sum() if rates.any() else -np.inf
+            if now > end:
+                return JumpPath(net, net.state(initial), np.array(times), np.array(channels, dtype=np.int64), end)
+            channels.append(int(np.searchsorted(np.cumsum(rates), rng.random() * rates.sum(), "right")))
+            times.append(now)
+            state = state + net.stoichiometry[channels[-1]]
+
+
+def reactions_of(net):
+    rows = zip(net.reactants, net.stoichiometry, strict=True)
+    return {name: (before, before + change) for name, (before, change) in zip(net.channels, rows, strict=True)}
+
+
+each_network = pytest.mark.parametrize(
+    ("net", "initial", "times"), [case[1:] for case in MANY], ids=[case[0] for case in MANY]
+)
+
+
+@each_network
+@pytest.mark.parametrize("method", SAMPLING_METHODS)
+def test_samplers_follow_the_exact_law(method, net, initial, times):
+    """Each of the checks on 32 networks and six methods gives a false alarm one time in a million, so all of
+    them together do less than once in 5000.
+    """
+    if method.name == "partial" and net.reactants.sum(axis=1).max() > 2:
+        with pytest.raises(ValueError, match="partial propensities take at most 2"):
+            verify(net, method(), initial, times)
+        return
+    found = verify(net, method(), initial, times, runs=1000, seed=7)
+    assert found.passed, str(found)
+    assert len(found.checks) > 10
+
+
+@pytest.mark.validate
+@each_network
+@pytest.mark.parametrize("method", SAMPLING_METHODS)
+def test_samplers_follow_the_exact_law_to_the_second_digit(method, net, initial, times):
+    if method.name == "partial" and net.reactants.sum(axis=1).max() > 2:
+        pytest.skip("partial propensities take at most 2 reactants")
+    found = verify(net, method(), initial, times, runs=200_000, seed=8)
+    assert found.passed, str(found)
+
+
+def test_there_are_thirty_networks():
+    assert len(MANY) >= 30
+
+
+def test_the_slow_sampler_without_a_mutation_passes():
+    for _, net, initial, times in (FEW[3], FEW[5]):
+        found = verify(net, Slow(), initial, times, runs=10_000, seed=1)
+        assert found.passed, str(found)
+
+
+def verified(mutation, net, initial):
+    return verify(net, Slow(mutation), initial, [0.5, 4.0], runs=10_000, seed=1)
+
+
+def test_squares_for_pairs_are_caught():
+    assert "chance" in str(verified("combinatorics", dimers(), [17, 0]))
+    assert not verified("combinatorics", dimers(), [17, 0]).passed
+    assert verified("combinatorics", enzyme(), [3, 12, 0, 0]).passed  # without like reactants it is the same
+
+
+@pytest.mark.parametrize(("net", "initial"), [(dimers(), [17, 0]), (enzyme(), [3, 12, 0, 0])])
+def test_an_off_by_one_reactant_is_caught(net, initial):
+    assert not verified("off by one", net, initial).passed
+
+
+@pytest.mark.parametrize(("net", "initial"), [(dimers(), [17, 0]), (enzyme(), [3, 12, 0, 0])])
+def test_a_stale_propensity_is_caught(net, initial):
+    assert not verified("stale", net, initial).passed
+
+
+def test_a_biased_redraw_is_caught():
+    # Pairs die out in large leaps: the last ones are drawn again and again.
+    net = network("X", {"pair": ((2,), (0,)), "death": ((1,), (0,))}, [5.0, 10.0])
+    assert not verify(net, Redraw(), [10], [0.04, 0.2], runs=20_000, seed=2).passed
+
+
+@pytest.mark.parametrize(("bits", "passes"), [(53, True), (32, False), (24, False)])
+def test_short_random_numbers_in_the_waits_are_caught(bits, passes):
+    found = verify(switch(3.0, 5.0), ShortWords(bits), [20, 0], [5.0], runs=100, seed=3)
+    assert found.passed is passes
+    assert passes or found.failures[0].what == "waits are finer than 32 bits"
+
+
+def rare_among_many(n=2**16):
+    """Births, each by a channel of chance just below 2**-32 that lies between the steps of 32-bit random numbers.
+
+    The other channels change nothing. All sums of propensities are exact, and the total is 1.
+    """
+    rare = 2.0**-32 - 2.0**-40
+    rates = np.tile([1.0 / n - rare, rare], n)
+    made = Terms.of_entries((2 * n, 1), 2 * np.arange(n) + 1, np.zeros(n, dtype=int), np.ones(n, dtype=int))
+    none = Terms.of_entries((2 * n, 1), *np.zeros((3, 0), dtype=int))
+    return Network.from_terms(("X",), [f"r{i}" for i in range(2 * n)], none, made, np.ones(2 * n), rates)
+
+
+@dataclass(frozen=True)
+class ShortChoice:
+    """Exact for channels without reactants, but that the choice is made by random numbers of so many bits."""
+
+    bits: int
+    name: ClassVar[str] = "short choice"
+
+    def simulate(self, net, initial, times, runs=1000, seed=0, threads=None):
+        rng = np.random.default_rng(seed)
+        ladder = np.cumsum(net.propensities(net.state(initial)))
+        seen = np.tile(net.state(initial), (runs, len(times), 1))
+        for run in range(runs):
+            for t, gap in enumerate(np.diff(times, prepend=0.0)):
+                words = rng.integers(0, 2**self.bits, rng.poisson(ladder[-1] * gap))
+                chosen = np.searchsorted(ladder, words / 2.0**self.bits * ladder[-1], "right")
+                seen[run, t:] += net.change_terms.at(chosen).sum()  # of one species: the keys are the channels
+        return Ensemble(net, np.asarray(times, dtype=float), seen)
+
+
+@pytest.mark.parametrize(("bits", "passes"), [(53, True), (32, False)])
+def test_short_random_numbers_in_the_choice_are_caught(bits, passes):
+    """A channel of chance below 2**-32 never fires, or too often; many of them together show it."""
+    found = verify(
+        rare_among_many(), ShortChoice(bits), [0], [2.0**16], runs=100, seed=3, solver=FiniteStateProjection()
+    )
+    assert found.passed is passes, str(found)
+
+
+def test_a_rate_wrong_by_four_percent_is_caught():
+    wrong = line()
+
+    class Misled(Direct):
+        def simulate(self, net, *arguments, **options):
+            return super().simulate(net.with_rates(net.rate_constants * 1.04), *arguments, **options)
+
+    assert not verify(wrong, Misled(), [16, 0, 0, 0], [60.0, 500.0], runs=40_000, seed=4).passed
+    assert detectable(0.5, 40_000) < 0.04
+
+
+def test_a_space_without_end():
+    net = network("X", {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [10.0, 1.0])
+    found = verify(net, Direct(), [0], [1.0, 8.0], runs=5000, seed=5, solver=FiniteStateProjection())
+    assert found.passed, str(found)
+    late = net.with_rates([10.5, 1.0])
+
+    class Other(Direct):
+        def simulate(self, _, *arguments, **options):
+            return super().simulate(late, *arguments, **options)
+
+    assert not verify(net, Other(), [0], [1.0, 8.0], runs=20_000, seed=5, solver=FiniteStateProjection()).passed
+
+
+def test_impossible_states_are_not_left_to_chance():
+    class Escapes(Direct):
+        def simulate(self, net, *arguments, **options):
+            sample = super().simulate(net, *arguments, **options)
+            counts = sample.counts.copy()
+            counts[0, 0] = [21, 0]
+            return Ensemble(net, sample.times, counts)
+
+    found = verify(switch(), Escapes(), [20, 0], [1.0], runs=5000, seed=6)
+    assert [check.what for check in found.failures] == ["states that cannot be at 1 tu"]
+
+
+def test_reading_a_verification():
+    found = verify(switch(), Direct(), [5, 0], [1.0], runs=1000, seed=9)
+    assert str(found).startswith(f"ssa: {len(found.checks)} checks on 1000 runs (seed 9), 0 failed; a right sampler")
+    assert Check("exact", 1.0, 1.0, 0.0).severity == 0.0
+    assert Check("exact", 1.0, 2.0, 0.0).severity == np.inf
+
+
+@pytest.mark.parametrize(
+    ("options", "message"), [({"runs": 10}, "runs = 10; expected"), ({"false_alarm": 0.0}, "false_alarm = 0")]
+)
+def test_bad_input(options, message):
+    with pytest.raises(ValueError, match=message):
+        verify(switch(), Direct(), [5, 0], [1.0], **options)

@@ -1,0 +1,125 @@
+"""A run that the guard stopped can be made again from its file alone, and its end looked at."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from mechsim.commands.replay import replay as command
+from mechsim.inspection.replay import replay, spec_of
+from mechsim.runs.record import RunSpec, execute
+from mechsim.runs.store import RunStore
+
+
+@pytest.fixture(scope="module")
+def stopped(line4, tmp_path_factory):
+    """A run stopped by the guard, and its file."""
+    wild = line4.changed("agitation", sigma=7.5)
+    record = execute(RunSpec(wild, {"monomer": 12, "dimer": 2}, 5.0, seed=1, run=0))
+    assert record.outcome.startswith("stopped: spin beyond what a step resolves: body")
+    assert record.facts["steps"] > 30
+    return record, RunStore(tmp_path_factory.mktemp("runs")).write(record)
+
+
+def test_the_file_is_a_bundle_that_replays_the_run(stopped):
+    record, file = stopped
+    again = replay(file, last=10)
+    assert again.is_same
+    assert again.record.outcome == record.outcome
+    assert again.record.spec == record.spec
+    arrays, step = again.record.arrays, record.spec.scene.numerics.step
+    assert arrays["pose_times"] == pytest.approx(record.path.end - step * np.arange(10, -1, -1))
+    assert arrays["centres"].shape == (11, 16, 3)
+    np.testing.assert_array_equal(arrays["times"], record.arrays["times"])
+    assert again.rows()[-1]["time"] == record.path.end
+    slot = arrays["slots"][-1, again.worst]
+    assert f"body {slot} " in record.outcome  # the cube to look at is of the body the guard named
+    assert again.spin[-1, again.worst] * step > 0.7
+    assert f"spin {again.spin[-1, again.worst]:.3g}" in record.outcome
+
+
+def test_a_completed_run_is_replayed_too(line4, tmp_path):
+    record = execute(RunSpec(line4, {"monomer": 6}, 0.1, seed=3, run=2, poses=0.05))
+    again = replay(RunStore(tmp_path).write(record), last=1000)
+    assert again.is_same
+    assert len(again.speed) == record.facts["steps"] + 1
+    assert again.speed[0].max() == 0.0
+
+
+RESULTS = Path(__file__).parents[3] / "results" / "line4" / "runs"
+
+
+def test_a_stored_run_of_the_study_begins_as_it_did():
+    """Bit for bit, whatever has been made faster since: the first joins of two held-out runs of 60 and 120 cubes."""
+    stored = sorted(RunStore(RESULTS).contents(), key=lambda run: run[1]["times"][1])
+    for n in (60, 120):
+        manifest, arrays = next(run for run in stored if run[0]["inputs"]["composition"] == {"monomer": n})
+        spec = spec_of(manifest["inputs"])
+        if spec.inputs["physics"] != manifest["inputs"]["physics"]:
+            pytest.skip("made with other versions of the engine or of numpy")
+        begun = execute(replace(spec, duration=float(arrays["times"][1]) + 0.1)).arrays  # of the same random streams
+        assert len(begun["times"]) >= 2
+        for name in ("times", "channels"):
+            np.testing.assert_array_equal(begun[name], arrays[name][: len(begun[name])])
+
+
+@pytest.mark.validate
+@pytest.mark.timeout(7200)
+def test_a_stored_run_of_the_study_comes_out_the_same():
+    """All 2,000 tu of it."""
+    file = min(path for path in RESULTS.glob("*.run"))
+    assert replay(file).is_same
+
+
+def test_another_outcome_is_told(stopped, tmp_path):
+    record, _ = stopped
+    other = replace(record, outcome="completed")
+    file = RunStore(tmp_path).write(other)
+    assert not replay(file).is_same
+    said = CliRunner().invoke(command, [str(file)])
+    assert said.exit_code == 4
+    assert "NOT the same" in said.output
+
+
+def test_what_cannot_be_replayed_is_refused(stopped, tmp_path, monkeypatch):
+    _, file = stopped
+    cut = tmp_path / "cut.run"
+    cut.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(ValueError, match=r"cut\.run is not a sound run file"):
+        replay(cut)
+    with pytest.raises(ValueError, match="last = 0; expected 1 step or more"):
+        replay(file, last=0)
+    monkeypatch.setattr("mechsim.runs.record.PHYSICS", 2)
+    with pytest.raises(
+        ValueError, match=r"cannot be made again here: physics differ; it was made with .*'wellmixed': 1"
+    ):
+        replay(file)
+
+
+def test_inputs_name_a_run_fully(stopped):
+    spec = stopped[0].spec
+    for other in (spec, replace(spec, restart=True, poses=0.5), replace(spec, until="quadmer")):
+        again = spec_of(json.loads(json.dumps(other.inputs, sort_keys=True)))
+        assert again.key == other.key
+        assert list(again.composition) == ["monomer", "dimer"]
+
+
+def test_the_command(stopped, tmp_path):
+    _, file = stopped
+    out = tmp_path / "end.npz"
+    told = CliRunner().invoke(
+        command, [str(file), "--last", "5", "--poses", str(out), "--json"], catch_exceptions=False
+    )
+    assert told.exit_code == 0
+    data = json.loads(told.output)
+    assert data["is_same"]
+    assert len(data["last"]) == 6
+    with np.load(out) as arrays:
+        assert arrays["centres"].shape == (6, 16, 3)
+        assert arrays["speed"].shape == (6, 16)
+    text = CliRunner().invoke(command, [str(file)], catch_exceptions=False)
+    assert "the same, bit for bit" in text.output
+    assert CliRunner().invoke(command, [str(file), "--poses", "end.txt"]).exit_code != 0

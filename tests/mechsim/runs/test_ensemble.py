@@ -1,0 +1,387 @@
+import contextlib
+import io
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import fake_runs
+import pytest
+from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
+
+from mechsim.runs.ensemble import TRIES, run_all
+from mechsim.runs.executors.processes import AWAY, Processes, _interrupts_wait
+from mechsim.runs.record import RunSpec
+from mechsim.runs.record import execute as execute_run
+from mechsim.runs.store import RunStore, digest_of
+from mechsim.scene import Scene
+
+ROOT = Path(__file__).parents[3]
+
+
+def wait_for(condition, seconds=60):
+    """Until it holds; the limit is only there to end a broken test."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never came to that"
+        time.sleep(0.01)
+
+
+def is_alive(pid):
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2]
+    except FileNotFoundError:
+        return False
+
+
+def driver(folder, specs, workers=2, timeout=60):
+    """A driver in a process group of its own, as a shell would start it."""
+    described = json.dumps([asdict(spec) for spec in specs])
+    return subprocess.Popen(
+        [sys.executable, fake_runs.__file__, folder, str(workers), described, str(timeout)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def test_one_digest_for_any_number_of_workers_and_any_order(tmp_path):
+    specs = specs_of(16)
+    expected = digest_of(map(record_of, specs))
+    for workers in (1, 2, 16):
+        store = RunStore(tmp_path / str(workers))
+        shuffled = random.Random(workers).sample(specs, len(specs))
+        outcome = run_all(shuffled, store, workers=workers, execute=execute)
+        assert [record.spec for record in outcome.records] == shuffled
+        assert (outcome.computed, outcome.reused, outcome.quarantined) == (16, 0, ())
+        assert outcome.digest == store.digest(shuffled)
+        assert run_all(specs, store, workers=workers, execute=execute).digest == store.digest(specs) == expected
+
+
+def test_only_what_is_missing_or_damaged_is_run(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    specs = specs_of(6, log=str(log))
+    whole = run_all(specs[:4], store, execute=execute)
+    assert (whole.computed, whole.reused) == (4, 0)
+    store.path(specs[2]).write_bytes(store.path(specs[2]).read_bytes()[:-1])
+    log.unlink()
+    with pytest.warns(RuntimeWarning, match="damaged"):
+        outcome = run_all([*specs, specs[0]], store, workers=2, execute=execute)
+    assert sorted(starts(log)) == [2, 4, 5]
+    assert (outcome.computed, outcome.reused) == (3, 3)
+    assert [record.spec for record in outcome.records] == [*specs, specs[0]]
+    assert outcome.digest == digest_of(map(record_of, [*specs, specs[0]]))
+    assert not list((store.folder / "claims").iterdir())
+
+
+def test_a_run_that_always_fails_is_quarantined_and_the_others_go_on(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    reasons = {
+        "segfault": "killed by SIGSEGV",
+        "raise": "RuntimeError: the cubes have left (fake_runs.py:",
+        "exit": "exit code 3",
+        "memory": "MemoryError",
+    }
+    bad = [FakeSpec(1, run, behaviour=kind, log=str(log)) for run, kind in enumerate(reasons, 100)]
+    good = specs_of(6, log=str(log))
+    specs = [good[0], bad[0], *good[1:4], bad[1], bad[2], *good[4:], bad[3]]
+    outcome = run_all(specs, store, workers=2, execute=execute)
+    assert outcome.digest == digest_of(map(record_of, good))
+    assert [one.spec for one in outcome.quarantined] == bad
+    for one, reason in zip(outcome.quarantined, reasons.values(), strict=True):
+        assert len(one.reasons) == TRIES == starts(log).count(one.spec.run)
+        assert all(reason in text for text in one.reasons)
+        note = json.loads((store.folder / "quarantine" / f"{one.spec.key}.json").read_text())
+        assert (note["title"], note["inputs"]) == (one.spec.title, one.spec.inputs)
+        assert note["reasons"] == list(one.reasons)
+    assert all(starts(log).count(spec.run) == 1 for spec in good)
+    again = run_all(bad[:1], store, execute=execute)  # a later call tries anew
+    assert [one.spec for one in again.quarantined] == bad[:1]
+    assert starts(log).count(100) == 2 * TRIES
+
+
+def test_a_run_that_crashes_once_is_run_again(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    specs = [FakeSpec(1, 0, log=str(log)), FakeSpec(1, 1, behaviour="segfault once", log=str(log))]
+    store.quarantine(specs[1], ["some earlier trouble"])
+    outcome = run_all(specs, store, workers=2, execute=execute)
+    assert outcome.digest == digest_of(map(record_of, specs))
+    assert starts(log).count(1) == 2
+    assert not list((store.folder / "quarantine").iterdir())
+
+
+def test_a_run_that_hangs_is_ended_and_a_slow_one_is_not(tmp_path):
+    store = RunStore(tmp_path)
+    hung = [FakeSpec(1, 0, behaviour="hang"), FakeSpec(1, 1, behaviour="hang in native code")]
+    slow = FakeSpec(1, 2, seconds=3.5)
+    outcome = run_all([*hung, slow], store, workers=Processes(3, timeout=1.5), execute=execute)
+    assert [record.spec for record in outcome.records] == [slow]
+    assert [one.spec for one in outcome.quarantined] == hung
+    assert all("no progress for 1.5 s" in reason for one in outcome.quarantined for reason in one.reasons)
+
+
+@pytest.mark.parametrize(("stopped", "starts_again"), [("all", False), ("workers", True)])
+def test_a_pause_is_no_fault_of_a_run(tmp_path, stopped, starts_again):
+    """Ctrl-Z, or a machine that sleeps, stops the driver too; a worker that alone makes no progress is ended."""
+    log, specs = tmp_path / "log", specs_of(1, seconds=3.0, log=str(tmp_path / "log"))
+    with driver(tmp_path / "runs", specs, timeout=1.5) as process:
+        wait_for(lambda: pids(log))
+        time.sleep(0.5)
+        signal_to = (os.killpg, process.pid) if stopped == "all" else (os.kill, pids(log)[0])
+        signal_to[0](signal_to[1], signal.SIGSTOP)
+        time.sleep(1.5 + AWAY + 1.0)
+        if not starts_again:
+            os.killpg(process.pid, signal.SIGCONT)
+        outcome = json.loads(process.communicate()[0])
+    assert len(starts(log)) == 1 + starts_again
+    assert outcome["digest"] == digest_of(map(record_of, specs))
+
+
+def test_workers_killed_at_random_cost_nothing_but_time(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    specs = specs_of(8, seconds=0.2, log=str(log))
+    chance, killed, over = random.Random(1), [], threading.Event()
+
+    def kill():
+        while not over.wait(chance.uniform(0.02, 0.15)):
+            victims = [one for one in begun(log) if is_alive(one[1]) and killed.count(one[0]) < TRIES - 1]
+            if victims:
+                run, pid = chance.choice(victims)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+                killed.append(run)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        outcome = run_all(specs, store, workers=2, execute=execute)
+    finally:
+        over.set()
+        killer.join()
+    assert len(killed) >= 4
+    assert outcome.digest == digest_of(map(record_of, specs))
+    assert outcome.computed == 8
+
+
+def test_the_server_of_workers_may_be_killed_too(tmp_path):
+    log, specs = tmp_path / "log", specs_of(4, seconds=0.5, log=str(tmp_path / "log"))
+
+    def kill():
+        wait_for(lambda: len(pids(log)) == 2)  # else a start is lost, and no run
+        worker = Path(f"/proc/{pids(log)[0]}/stat").read_text().rpartition(")")[2].split()
+        os.kill(int(worker[1]), signal.SIGKILL)  # its parent
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcome = run_all(specs, RunStore(tmp_path / "runs"), workers=2, execute=execute)
+    killer.join()
+    assert len(starts(log)) > 4
+    assert outcome.digest == digest_of(map(record_of, specs))
+
+
+def test_drivers_killed_at_random_lose_at_most_the_runs_in_hand(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    specs = specs_of(24, seconds=0.15, log=str(log))
+    chance, finished = random.Random(2), 0
+    for _ in range(4):
+        begun = len(pids(log))
+        with driver(store.folder, specs) as process:
+            wait_for(lambda: len(pids(log)) > begun)  # noqa: B023
+            time.sleep(chance.uniform(0.0, 0.3))
+            process.kill()
+        wait_for(lambda: not any(map(is_alive, pids(log))))  # workers end with their driver
+        assert len(list(store.folder.glob("*.run"))) >= finished
+        finished = len(list(store.folder.glob("*.run")))
+    assert finished < 24  # else nothing was interrupted
+    log.unlink()
+    outcome = run_all(specs, store, workers=2, execute=execute)
+    assert (outcome.computed, outcome.reused) == (24 - finished, finished)
+    assert len(starts(log)) == 24 - finished
+    assert outcome.digest == digest_of(map(record_of, specs))
+    assert not list((store.folder / "claims").iterdir())
+    assert not list(store.folder.glob(".*"))
+
+
+def test_a_worker_in_native_code_ends_with_its_driver(tmp_path):
+    log = tmp_path / "log"
+    with driver(tmp_path / "runs", [FakeSpec(1, 0, behaviour="hang in native code", log=str(log))]) as process:
+        wait_for(lambda: pids(log))
+        time.sleep(0.1)
+        process.kill()
+    wait_for(lambda: not is_alive(pids(log)[0]))
+
+
+def test_ctrl_c_stops_the_workers_and_keeps_what_is_finished(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    quick, slow = specs_of(2, log=str(log)), specs_of(4, seconds=60.0, log=str(log))[2:]
+    with driver(store.folder, [*quick, *slow]) as process:
+        wait_for(lambda: len(pids(log)) == 4)
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate()
+    assert process.returncode == -signal.SIGINT
+    assert errors.count("Traceback") == 1  # the driver's; workers go silently
+    assert errors.strip().endswith("KeyboardInterrupt")
+    assert not any(map(is_alive, pids(log)))
+    assert store.digest(quick) == digest_of(map(record_of, quick))
+    assert len(list(store.folder.glob("*.run"))) == 2
+
+
+def test_two_drivers_share_a_folder_and_run_nothing_twice(tmp_path):
+    log = tmp_path / "log"
+    specs = specs_of(12, seconds=0.3, log=str(log))
+    drivers = [driver(tmp_path / "runs", specs, workers=1) for _ in range(2)]
+    outcomes = [json.loads(process.communicate()[0]) for process in drivers]  # and nothing but JSON is said
+    assert sorted(starts(log)) == list(range(12))
+    assert sum(outcome["computed"] for outcome in outcomes) == 12
+    assert min(outcome["computed"] for outcome in outcomes) > 0
+    assert all(outcome["computed"] + outcome["reused"] == 12 for outcome in outcomes)
+    assert {outcome["digest"] for outcome in outcomes} == {digest_of(map(record_of, specs))}
+
+
+def test_a_run_claimed_elsewhere_is_waited_for(tmp_path):
+    log, store = tmp_path / "log", RunStore(tmp_path / "runs")
+    specs = specs_of(3, log=str(log))
+    claims = {run: store.claim(specs[run]) for run in (0, 1)}
+
+    def elsewhere():
+        wait_for(lambda: pids(log))
+        store.write(record_of(specs[0]))  # one is made,
+        claims[0].release()
+        time.sleep(0.3)
+        claims[1].release()  # and one is given up
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    outcome = run_all(specs, store, workers=2, execute=execute)
+    thread.join()
+    assert starts(log) == [2, 1]
+    assert (outcome.computed, outcome.reused) == (2, 1)
+    assert outcome.digest == digest_of(map(record_of, specs))
+
+
+def test_a_full_disk_ends_the_call(tmp_path):
+    store = RunStore(tmp_path)
+    specs = [replace(FakeSpec(1, 0), behaviour="full disk"), *specs_of(2, seconds=60.0)]
+    with pytest.raises(OSError, match=f"could not write.*{specs[0].key}"):
+        run_all(specs, store, workers=3, execute=execute)
+    assert not list(tmp_path.glob("*.run"))
+    assert not list((tmp_path / "claims").iterdir())
+
+
+def test_mistakes(tmp_path, capfd):
+    store = RunStore(tmp_path)
+    for workers in (0, -1):
+        with pytest.raises(ValueError, match=f"workers = {workers}; expected 1 or more"):
+            run_all(specs_of(1), store, workers=workers, execute=execute)
+    for timeout in (0.0, float("nan")):
+        with pytest.raises(ValueError, match="timeout = "):
+            Processes(timeout=timeout)
+    nowhere = type(execute)(execute.__code__, execute.__globals__, "execute")
+    with pytest.raises(Exception, match="not the same object"):  # a function that a worker could not find
+        run_all(specs_of(1), store, execute=nowhere)
+    store.claim(specs_of(1)[0]).release()  # it has not kept its claim
+    assert run_all([], store, execute=execute).records == ()
+
+
+def test_a_script_without_a_main_guard_is_told_so(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"from fake_runs import *\nrun_all(specs_of(3), RunStore({str(tmp_path / 'runs')!r}), execute=execute)\n"
+    )
+    paths = os.pathsep.join([str(ROOT), str(Path(fake_runs.__file__).parent)])
+    done = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert 'lack its `if __name__ == "__main__":`' in done.stderr
+    assert not list((tmp_path / "runs" / "quarantine").iterdir())
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_progress_is_for_terminals(tmp_path, monkeypatch):
+    specs = specs_of(4, seconds=0.1, duration=250.0)
+    for stream, wanted, shown in [
+        (io.StringIO(), None, False),
+        (Terminal(), None, True),
+        (Terminal(), False, False),
+        (io.StringIO(), True, True),
+    ]:
+        monkeypatch.setattr(sys, "stderr", stream)
+        store = RunStore(tmp_path / str(id(stream)))
+        run_all(specs, store, workers=2, progress=wanted, execute=execute)
+        text = stream.getvalue()
+        assert bool(text) == shown
+        if shown:
+            assert "4/4 runs" in text
+            assert "1000/1000 tu" in text
+            assert "tu/s" in text
+
+
+def test_real_runs_are_the_same_here_in_workers_and_on_disk(tmp_path):
+    pytest.importorskip("pybullet")
+    scene = Scene.load("line4")
+    specs = [RunSpec(scene, {"monomer": 20, "dimer": 4}, 0.5, seed=1, run=run) for run in range(3)]
+    outcome = run_all(specs, RunStore(tmp_path), workers=2)
+    assert outcome.digest == digest_of(map(execute_run, specs)) == RunStore(tmp_path).digest(specs)
+    assert all(one.path.end == pytest.approx(0.5, abs=scene.numerics.step) for one in outcome.records)
+
+
+@pytest.mark.validate
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("workers", [1, 2, 16])
+def test_every_step_of_real_runs_is_the_same_for_any_number_of_workers(tmp_path, workers):
+    """The digest is over the poses of all cubes at every step."""
+    pytest.importorskip("pybullet")
+    scene = Scene.load("line4")
+    step = scene.numerics.step
+    specs = [RunSpec(scene, {"monomer": 20, "dimer": 4}, 0.25, seed=1, run=run, poses=step) for run in range(16)]
+    shuffled = random.Random(workers).sample(specs, len(specs))
+    outcome = run_all(shuffled, RunStore(tmp_path), workers=workers)
+    assert RunStore(tmp_path).digest(specs) == digest_of(map(execute_run, specs))
+    assert all(len(record.arrays["pose_times"]) == record.facts["steps"] + 1 for record in outcome.records)
+
+
+@contextlib.contextmanager
+def masked():
+    """What does not suffice: the mask of the main thread alone."""
+    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
+
+
+@pytest.mark.parametrize(("waiting", "comes_through"), [(_interrupts_wait, True), (masked, False)])
+def test_ctrl_c_waits_until_a_worker_is_known(waiting, comes_through):
+    """A thread of some library takes the signal while the main one blocks it; Python then interrupts the main one."""
+    seen = []
+
+    def take_it():
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+
+    def start_worker():
+        thread = threading.Thread(target=take_it)
+        with waiting():
+            thread.start()
+            thread.join()
+            seen.append("worker is known")
+
+    with pytest.raises(KeyboardInterrupt):
+        start_worker()
+    assert bool(seen) is comes_through
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

@@ -1,0 +1,309 @@
+import errno
+import io
+import os
+import resource
+import threading
+import warnings
+import zipfile
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+import pandas as pd
+import pytest
+from fake_runs import FakeSpec, record_of, specs_of
+
+from mechsim.runs import store as store_module
+from mechsim.runs.record import RunRecord
+from mechsim.runs.store import FORMAT, HEADER, MAGIC, START, RunStore, decode, digest_of, encode
+
+SPEC = FakeSpec(seed=5, run=0)
+
+
+def sealed(payload, version=FORMAT):
+    """A file whose header and checksum are right, whatever it holds."""
+    header = HEADER.pack(MAGIC, version, len(payload))
+    return header + sha256(header + payload).digest() + payload
+
+
+def archive(members, compression=zipfile.ZIP_STORED):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compression) as file:
+        for name, data in members.items():
+            file.writestr(name, data)
+    return buffer.getvalue()
+
+
+def npy(header, data=b""):
+    """An npy 1.0 file with a header of our making."""
+    text = header.encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + data
+
+
+def assert_refused(store, data, reason=""):
+    path = store.path(SPEC)
+    path.write_bytes(data)
+    with pytest.warns(RuntimeWarning, match=f"damaged .*{reason}"):
+        assert store.read(SPEC) is None
+    assert not path.exists()
+    assert path.with_name(path.name + ".damaged").read_bytes() == data
+
+
+def test_a_run_comes_back_as_it_was(tmp_path):
+    store, record = RunStore(tmp_path / "a" / "b"), record_of(SPEC)
+    assert store.read(SPEC) is None
+    store.write(record)
+    again = store.read(SPEC)
+    assert (again.digest, again.outcome, again.facts, again.cost) == (
+        record.digest,
+        record.outcome,
+        record.facts,
+        record.cost,
+    )
+    assert again.arrays.keys() == record.arrays.keys()
+    for name, array in record.arrays.items():
+        np.testing.assert_array_equal(again.arrays[name], array, strict=True)
+        assert not again.arrays[name].flags.writeable
+    assert sorted(p.name for p in store.folder.iterdir()) == [
+        *sorted([f"{SPEC.key}.run", "claims", "format", "quarantine"])
+    ]
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.zeros(0),
+        np.zeros((0, 3), np.int64),
+        np.array(1.5),
+        np.arange(24.0).reshape(2, 3, 4)[:, ::2],
+        np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        np.array([True, False]),
+        np.array([np.nan, np.inf, -0.0, 5e-324]),
+        np.arange(3, dtype=">i4"),
+    ],
+)
+def test_every_kind_of_array_survives(array):
+    record = replace(record_of(SPEC), arrays={"x": array})
+    _, arrays = decode(encode(record), "x")
+    np.testing.assert_array_equal(arrays["x"], array, strict=True)
+    assert replace(record, arrays=arrays).digest == record.digest
+
+
+def test_objects_are_not_written(tmp_path):
+    with pytest.raises(ValueError, match="Object arrays"):
+        RunStore(tmp_path).write(replace(record_of(SPEC), arrays={"x": np.array([{}])}))
+    assert not list(tmp_path.glob("*.run"))
+
+
+def test_every_flipped_bit_and_every_truncation_is_refused(tmp_path):
+    store, rng = RunStore(tmp_path), np.random.default_rng(1)
+    whole = encode(record_of(SPEC))
+    bits = [*rng.choice(8 * START, 30, replace=False), *rng.choice(8 * len(whole), 30, replace=False)]
+    version_bits = 8 * len(MAGIC) + np.arange(16)  # must not pass for another format
+    for bit in [*bits, *version_bits]:
+        data = bytearray(whole)
+        data[bit // 8] ^= 1 << (bit % 8)
+        assert_refused(store, bytes(data))
+    for length in [0, 1, START - 1, START, len(whole) - 1, *rng.integers(0, len(whole), 15)]:
+        assert_refused(store, whole[:length])
+    assert_refused(store, whole + b"\0")
+    store.path(SPEC).write_bytes(whole)  # the control: nothing wrong, nothing refused
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert store.read(SPEC).digest == record_of(SPEC).digest
+
+
+def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
+    store = RunStore(tmp_path)
+    with zipfile.ZipFile(io.BytesIO(encode(record_of(SPEC))[START:])) as file:
+        good = {name: file.read(name) for name in file.namelist()}
+    giant = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }", b"12345678")
+    objects = npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", b"12345678")
+    lying = bytearray(archive(good))
+    entry = lying.rindex(b"PK\x01\x02")
+    lying[entry + 20 : entry + 28] = 2 * (1 << 30).to_bytes(4, "little")
+    for payload, reason in [
+        (b"not a zip", "zip"),
+        (archive(good, zipfile.ZIP_DEFLATED), "more bytes"),  # where a bomb could hide
+        (bytes(lying), "more bytes"),
+        (archive(good | {"times.npy": giant}), "too small"),
+        (archive(good | {"times.npy": objects}), "objects"),
+        (archive(good | {"times.npy": b""}), "EOF|magic"),
+        (archive({"times.npy": good["times.npy"]}), "manifest"),
+        (archive({"manifest.json": b"[" * 100_000}), "recursion"),
+        (archive({"manifest.json": b"\xff"}), "utf-8"),
+        (archive({"manifest.json": b"{}"}), "manifest should hold"),
+        (archive({"manifest.json": b"3"}), ""),
+    ]:
+        assert_refused(store, sealed(payload), reason)
+    store.path(SPEC).write_bytes(sealed(archive(good)))  # the control
+    assert store.read(SPEC).digest == record_of(SPEC).digest
+
+
+def test_a_run_under_another_name_is_refused(tmp_path):
+    assert_refused(RunStore(tmp_path), encode(record_of(replace(SPEC, run=1))), "holds the run")
+
+
+def test_another_format_is_a_mistake_to_report_not_damage(tmp_path):
+    store = RunStore(tmp_path / "runs")
+    newer = sealed(b"who knows", version=FORMAT + 1)
+    store.path(SPEC).write_bytes(newer)
+    with pytest.raises(ValueError, match=rf"{SPEC.key}.*format {FORMAT + 1}.*name another folder"):
+        store.read(SPEC)
+    assert store.path(SPEC).read_bytes() == newer
+    for marker in (f"wellmixed runs, format {FORMAT + 1}\n".encode(), b"", b"\xff" * 1000):
+        (store.folder / "format").write_bytes(marker)
+        with pytest.raises(ValueError, match="name another folder"):
+            RunStore(store.folder)
+        assert (store.folder / "format").read_bytes() == marker
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(ValueError, match="is a file"):
+        RunStore(tmp_path / "file")
+
+
+def test_a_damaged_file_replaced_by_another_process_meanwhile_stays(tmp_path, monkeypatch):
+    store = RunStore(tmp_path)
+    store.path(SPEC).write_bytes(b"damaged")
+
+    def slow_decode(data, source):
+        store.write(record_of(SPEC))
+        return decode(data, source)
+
+    monkeypatch.setattr(store_module, "decode", slow_decode)
+    with pytest.warns(RuntimeWarning, match="damaged"):
+        assert store.read(SPEC) is None
+    monkeypatch.undo()
+    assert store.read(SPEC).digest == record_of(SPEC).digest
+
+
+def fail_to_sync(descriptor):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("sync", [fail_to_sync, lambda descriptor: os.ftruncate(descriptor, 100)])
+def test_a_failing_disk_names_the_file_and_keeps_the_previous_one(tmp_path, monkeypatch, sync):
+    store = RunStore(tmp_path)
+    before = store.write(record_of(SPEC)).read_bytes()
+    monkeypatch.setattr(os, "fsync", sync)
+    with pytest.raises(OSError, match=f"could not write.*{SPEC.key}"):
+        store.write(record_of(SPEC, events=50))
+    assert store.path(SPEC).read_bytes() == before
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_full_disk_names_the_file_and_keeps_the_previous_one(tmp_path):
+    store = RunStore(tmp_path / "runs")
+    before = store.write(record_of(SPEC)).read_bytes()
+    table = store.export(tmp_path / "tables")[0].read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, limits[1]))
+    try:
+        with pytest.raises(OSError, match=SPEC.key) as run_failure:
+            store.write(record_of(SPEC, events=50))
+        with pytest.raises(OSError, match=r"runs\.parquet"):
+            store.export(tmp_path / "tables")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert run_failure.value.errno == errno.EFBIG
+    assert store.path(SPEC).read_bytes() == before
+    assert (tmp_path / "tables" / "runs.parquet").read_bytes() == table
+    assert not list(store.folder.glob(".*"))
+
+
+def test_what_a_killed_writer_left_is_taken_over(tmp_path):
+    store = RunStore(tmp_path)
+    (tmp_path / f".{SPEC.key}.run.tmp").write_bytes(b"x" * 100_000)
+    store.write(record_of(SPEC))
+    assert store.read(SPEC).digest == record_of(SPEC).digest
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_writers_of_the_same_runs_take_turns(tmp_path):
+    specs = specs_of(10)
+
+    def write_all():
+        store = RunStore(tmp_path)
+        for spec in specs:
+            store.write(record_of(spec))
+
+    threads = [threading.Thread(target=write_all) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert RunStore(tmp_path).digest(specs) == digest_of(map(record_of, specs))
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_claim_is_for_one_at_a_time(tmp_path):
+    one, other = RunStore(tmp_path), RunStore(tmp_path)
+    claim = one.claim(SPEC)
+    assert other.claim(SPEC) is None
+    assert one.claim(SPEC) is None
+    other.claim(replace(SPEC, run=1)).release()
+    claim.release()
+    other.claim(SPEC).release()
+    assert not list((tmp_path / "claims").iterdir())
+
+
+def test_the_digest_is_over_what_happened_in_order(tmp_path):
+    store, specs = RunStore(tmp_path), specs_of(3)
+    for spec in specs[::-1]:
+        store.write(replace(record_of(spec), cost={"cpu_seconds": spec.run}))
+    assert store.digest(specs) == digest_of(map(record_of, specs)) != store.digest(specs[::-1])
+    with pytest.raises(ValueError, match="run 9 is not in"):
+        store.digest([*specs, replace(SPEC, run=9)])
+
+
+class MixedSpec(FakeSpec):
+    """Another composition, and a setting that is now a number and now a word."""
+
+    @property
+    def inputs(self):
+        return super().inputs | {"composition": {"dimer": 30}, "behaviour": 7, "nested": {"deep": {"er": None}}}
+
+
+def test_tables_and_their_files(tmp_path):
+    store = RunStore(tmp_path / "runs")
+    specs = [*specs_of(2), MixedSpec(seed=5, run=2)]
+    for spec in specs:
+        store.write(record_of(spec))
+    store.path(specs[0]).with_name("0" * 64 + ".run").write_bytes(b"damaged")
+    with pytest.warns(RuntimeWarning, match="damaged"):
+        runs, events = store.to_frames()
+    runs = runs.set_index("key").loc[[spec.key for spec in specs]]
+    assert list(runs["inputs.run"]) == [0, 1, 2]
+    assert list(runs["inputs.composition.monomer"]) == [60, 60, 0]
+    assert list(runs["inputs.composition.dimer"]) == [0, 0, 30]
+    assert list(runs["inputs.sizes"]) == ["[2, 2, 3]"] * 3
+    assert list(runs["digest"]) == [record_of(spec).digest for spec in specs]
+    for spec in specs:
+        record, mine = record_of(spec), events[events["key"] == spec.key]
+        np.testing.assert_array_equal(mine["time"], record.arrays["times"])
+        names = np.array(["1+1->2", "2->1+1", "restart"])
+        assert list(mine["channel"]) == list(names[record.arrays["channels"]])
+        assert runs.loc[spec.key, "events"] == (mine["channel"] != "restart").sum()
+    paths = store.export(tmp_path / "tables")
+    assert [path.name for path in paths] == ["runs.parquet", "runs.csv", "events.parquet", "events.csv"]
+    assert set(pd.read_parquet(paths[0])["key"]) == {spec.key for spec in specs}
+    pd.testing.assert_frame_equal(pd.read_parquet(paths[2]), events)
+    pd.testing.assert_frame_equal(pd.read_csv(paths[3]), events)
+    with pytest.raises(ValueError, match="unknown format xlsx"):
+        store.export(tmp_path, ["xlsx"])
+
+
+def test_tables_of_no_runs(tmp_path):
+    runs, events = RunStore(tmp_path).to_frames()
+    assert len(runs) == len(events) == 0
+    assert {"key", "outcome"} <= set(runs)
+    RunStore(tmp_path).export(tmp_path / "tables")
+    assert list(pd.read_parquet(tmp_path / "tables" / "events.parquet")) == ["key", "time", "channel"]
+
+
+def test_a_run_without_events(tmp_path):
+    store = RunStore(tmp_path)
+    store.write(RunRecord(SPEC, "stopped: NaN", record_of(SPEC, events=0).arrays, record_of(SPEC).facts))
+    runs, events = store.to_frames()
+    assert len(events) == 0
+    assert list(runs["outcome"]) == ["stopped: NaN"]
+    assert list(runs["events"]) == [0]
