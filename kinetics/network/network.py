@@ -26,7 +26,7 @@ from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.program import Step
 from kinetics.network.propensity import AT_ZERO, check_homogeneous, checked_laws, law_steps, law_values, split_rates
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
 from kinetics.support.tables import text_table
 
@@ -36,7 +36,7 @@ from kinetics.support.tables import text_table
 #   product   s**m, zero below m copies: the paper's multiplicity M in eqs 9-10, taken to the letter
 COMBINATIONS = ("distinct", "ordered", "product")
 MAX_DENSE_HASH = 10**6  # entries of a table that the fingerprint reads in full; of a larger one, those other than 0
-TERMS = {"reactants": "reactant_terms", "stoichiometry": "change_terms"}
+SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
 Reaction = tuple[Mapping[str, int], Mapping[str, int]]  # copies needed and copies made, by species
 
 
@@ -56,9 +56,9 @@ class Network:
     events : what sets counts when a condition becomes true
     at_zero : what becomes of a law that is above 0 though reactants are missing, one of `AT_ZERO`
 
-    The two tables are also there as `reactant_terms` and `change_terms`, without their zeros. A network made by
-    `from_terms` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for: tens
-    of thousands of channels then cost milliseconds.
+    The two tables are also there without their zeros, as `sparse_reactants` and `sparse_stoichiometry`. A network made
+    by `from_sparse` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for:
+    tens of thousands of channels then cost milliseconds.
     """
 
     species: tuple[str, ...]
@@ -72,8 +72,8 @@ class Network:
     laws: Mapping[str, Expression] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     at_zero: str = "block"
-    reactant_terms: Terms = field(init=False, repr=False)
-    change_terms: Terms = field(init=False, repr=False)
+    sparse_reactants: SparseTable = field(init=False, repr=False)
+    sparse_stoichiometry: SparseTable = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         species = _names("species", self.species)
@@ -90,12 +90,12 @@ class Network:
             checked["rate_constants"] = reals("rate_constants", self.rate_constants, shape[:1], minimum=0)
         for name, minimum in (("reactants", 0), ("stoichiometry", None)):
             table = getattr(self, name)
-            if isinstance(table, Terms):
-                checked[TERMS[name]] = _checked_terms(name, table, shape, minimum)
+            if isinstance(table, SparseTable):
+                checked[SPARSE[name]] = _checked_table(name, table, shape, minimum)
                 del self.__dict__[name]  # `__getattr__` makes it when it is asked for
             else:
                 checked[name] = integers(name, _table(table, shape), shape, minimum)
-                checked[TERMS[name]] = Terms.of_table(checked[name])
+                checked[SPARSE[name]] = SparseTable.of_dense(checked[name])
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         if self.combinations not in COMBINATIONS:
@@ -113,19 +113,19 @@ class Network:
             event.check_names({name: s for s, name in enumerate(species)})
 
     def __getattr__(self, name: str) -> Ints:
-        """The dense table of a network that was made from terms."""
-        if name not in TERMS or TERMS[name] not in self.__dict__:
+        """The dense table of a network that was made from sparse tables."""
+        if name not in SPARSE or SPARSE[name] not in self.__dict__:
             raise AttributeError(f"a network has no {name!r}")
-        object.__setattr__(self, name, self.__dict__[TERMS[name]].table())
+        object.__setattr__(self, name, self.__dict__[SPARSE[name]].dense())
         return self.__dict__[name]
 
     @classmethod
-    def from_terms(
+    def from_sparse(
         cls,
         species: Sequence[str],
         channels: Sequence[str],
-        reactants: Terms,
-        stoichiometry: Terms,
+        reactants: SparseTable,
+        stoichiometry: SparseTable,
         ways: ArrayLike,
         rate_constants: ArrayLike | None = None,
         combinations: str = "distinct",
@@ -174,15 +174,15 @@ class Network:
         copies = integers("copies", [n for _, _, n, _ in entries], (None,), minimum=0)
         is_made = np.array([made for _, _, _, made in entries], dtype=bool)
         shape = (len(reactions), len(place))
-        change = Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
+        change = SparseTable.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
         idle = np.flatnonzero(np.diff(change.starts) == 0)
         if idle.size:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
-        return cls.from_terms(
+        return cls.from_sparse(
             named,
             tuple(reactions),
-            Terms.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
+            SparseTable.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
             change,
             np.ones(shape[0]) if ways is None else ways,
             constants,
@@ -195,18 +195,18 @@ class Network:
 
     def _check_no_overdraft(self) -> None:
         """A channel that took more copies than it needs could make a count negative."""
-        change = self.change_terms
-        short = np.flatnonzero(self.reactant_terms.at(change.keys) + change.copies < 0)
+        change = self.sparse_stoichiometry
+        short = np.flatnonzero(self.sparse_reactants.at(change.keys) + change.copies < 0)
         if short.size:
             r, s = change.rows[short[0]], change.columns[short[0]]
             raise ValueError(
                 f"channel {self.channels[r]!r} takes {-change.copies[short[0]]} of {self.species[s]!r} but needs "
-                f"only {self.reactant_terms.at(change.keys[short[:1]])[0]}; raise its reactants"
+                f"only {self.sparse_reactants.at(change.keys[short[:1]])[0]}; raise its reactants"
             )
 
     def _checked_conserved(self) -> dict[str, Floats]:
         weights_of = {}
-        change = self.change_terms
+        change = self.sparse_stoichiometry
         n_channels = len(self.channels)
         for name, weights in self.conserved.items():
             weights_of[name] = reals(f"conserved {name!r}", weights, (len(self.species),))
@@ -224,11 +224,11 @@ class Network:
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over species, channels, reactants, stoichiometry, laws and events: which network, whatever its k."""
-        terms = (self.reactant_terms, self.change_terms)
+        sparse = (self.sparse_reactants, self.sparse_stoichiometry)
         if len(self.channels) * len(self.species) <= MAX_DENSE_HASH:
-            tables = [table.table().tolist() for table in terms]
+            tables = [table.dense().tolist() for table in sparse]
         else:
-            tables = [[table.keys.tolist(), table.copies.tolist()] for table in terms]
+            tables = [[table.keys.tolist(), table.copies.tolist()] for table in sparse]
         content: list[Any] = [self.species, self.channels, *tables]
         if not self.is_mass_action:
             laws = [[name, law.text, sorted(law.parameters.items())] for name, law in self.laws.items()]
@@ -268,7 +268,7 @@ class Network:
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
         h = np.ones((*counts.shape[:-1], len(self.channels)))
-        needed = self.reactant_terms
+        needed = self.sparse_reactants
         places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
         for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
             alike = (places == place) & (needed.copies == taken)
@@ -314,8 +314,8 @@ class Network:
         return [(*row, *[""] * (width - len(row))) for row in rows]
 
     def _reaction(self, r: int) -> str:
-        before = dict(zip(*(part.tolist() for part in self.reactant_terms.row(r)), strict=True))
-        change = dict(zip(*(part.tolist() for part in self.change_terms.row(r)), strict=True))
+        before = dict(zip(*(part.tolist() for part in self.sparse_reactants.row(r)), strict=True))
+        change = dict(zip(*(part.tolist() for part in self.sparse_stoichiometry.row(r)), strict=True))
         after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
         return f"{self._side(before)} -> {self._side(after)}"
 
@@ -371,12 +371,12 @@ def _names(what: str, names: Sequence[str]) -> tuple[str, ...]:
     return checked
 
 
-def _checked_terms(name: str, terms: Terms, shape: tuple[int, int], minimum: int | None) -> Terms:
-    if terms.shape != shape:
-        raise ValueError(f"{name} has shape {terms.shape}; expected {shape}")
-    if minimum is not None and terms.copies.size and terms.copies.min() < minimum:
-        raise ValueError(f"{name} holds {terms.copies.min()}; expected at least {minimum}")
-    return terms
+def _checked_table(name: str, table: SparseTable, shape: tuple[int, int], minimum: int | None) -> SparseTable:
+    if table.shape != shape:
+        raise ValueError(f"{name} has shape {table.shape}; expected {shape}")
+    if minimum is not None and table.copies.size and table.copies.min() < minimum:
+        raise ValueError(f"{name} holds {table.copies.min()}; expected at least {minimum}")
+    return table
 
 
 def _table(values: ArrayLike, shape: tuple[int, int]) -> ArrayLike:

@@ -79,7 +79,7 @@ def check_homogeneous(network: Network) -> None:
 def law_steps(network: Network, channel: str) -> list[Step]:
     """The program of a channel's law, with what becomes of it where reactants are missing."""
     law = steps_of(network.laws[channel], {name: s for s, name in enumerate(network.species)})
-    needs = zip(*(part.tolist() for part in network.reactant_terms.row(network.channels.index(channel))), strict=True)
+    needs = zip(*(part.tolist() for part in network.sparse_reactants.row(network.channels.index(channel))), strict=True)
     if network.at_zero == "block":
         return [*(Step(Code.GUARD, s, float(copies)) for s, copies in needs), *law]
     return [*law, *(Step(Code.REFUSE, s, float(copies)) for s, copies in needs)]
@@ -99,7 +99,7 @@ def refusal(network: Network, channel: str, state: Ints, time: float) -> str:
     law = network.laws[channel]
     places = {name: s for s, name in enumerate(network.species)}
     value = float(evaluate(steps_of(law, places), state, time))
-    needed = network.reactant_terms.row(network.channels.index(channel))
+    needed = network.sparse_reactants.row(network.channels.index(channel))
     where = f"at {shown(network, state)}" + (f", t = {time:.17g} tu" if law.reads_time else "")
     if network.at_zero == "refuse" and value > 0 and np.any(state[needed[0]] < needed[1]):
         return (

@@ -136,7 +136,7 @@ class GeneralSampler(StepwiseSampler):
         steady = np.flatnonzero(~is_timed)
         starts, readers = changed_readers(network, [(steady[p], s) for p, s in read])
         timed_programs = [program for program, timed in zip(channels, is_timed, strict=True) if timed]
-        change = network.change_terms
+        change = network.sparse_stoichiometry
         model = general.Model(
             programs,
             change.starts,
@@ -177,7 +177,7 @@ def channel_programs(network: Network) -> list[list[Step]]:
 def _mass_action(network: Network, r: int, coefficient: float) -> list[Step]:
     """The factors of `methods.mass_action`, in the same order."""
     guards, factors = [], []
-    for species, copies in zip(*(part.tolist() for part in network.reactant_terms.row(r)), strict=True):
+    for species, copies in zip(*(part.tolist() for part in network.sparse_reactants.row(r)), strict=True):
         if network.combinations == "product":
             guards.append(Step(Code.GUARD, species, float(copies)))
             factors += [Step(Code.TIMES, species)] * copies
@@ -203,7 +203,7 @@ def changed_readers(network: Network, read: list[tuple[int, int]]) -> tuple[Ints
     """For each channel, the channels whose propensity its firing changes: where they start, and which they are."""
     from scipy.sparse import csr_array
 
-    change = network.change_terms
+    change = network.sparse_stoichiometry
     changes = csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
     owners, species = np.array(read, dtype=np.int64).reshape(-1, 2).T
     reads = csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
@@ -216,5 +216,5 @@ def touches(network: Network, programs: list[list[Step]]) -> NDArray[np.bool_]:
     """(R,) whether a firing changes what any of the programs reads."""
     is_read = np.zeros(len(network.species), dtype=bool)
     is_read[[species for _, species in readers_of(programs)]] = True
-    change = network.change_terms
+    change = network.sparse_stoichiometry
     return np.bincount(change.rows, is_read[change.columns], len(network.channels)) > 0

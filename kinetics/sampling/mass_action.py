@@ -41,7 +41,7 @@ def mass_action(network: Network) -> MassAction:
             f"the network has {what[0]}{more}; this method knows mass action only: use the method 'general', or 'auto'"
         )
     coefficients = network.known_rates * network.ways
-    needed = network.reactant_terms
+    needed = network.sparse_reactants
     n_channels = len(network.channels)
     if network.combinations == "distinct":
         for r in np.unique(needed.rows[needed.copies > 1]):

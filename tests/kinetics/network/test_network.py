@@ -6,7 +6,7 @@ from known_systems import bare_line, decay, line, network
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 
 ONE = {"species": ("A", "B"), "channels": ("r",), "reactants": [[2, 1]], "stoichiometry": [[-1, 1]], "ways": [3]}
 
@@ -134,8 +134,8 @@ def test_bad_shape_of_states():
 
 def test_networks_without_dense_tables_are_the_same_networks():
     net = bare_line()
-    same = Network.from_terms(
-        net.species, net.channels, net.reactant_terms, net.change_terms, net.ways, conserved=net.conserved
+    same = Network.from_sparse(
+        net.species, net.channels, net.sparse_reactants, net.sparse_stoichiometry, net.ways, conserved=net.conserved
     )
     assert "reactants" not in same.__dict__
     assert same.fingerprint == net.fingerprint
@@ -180,32 +180,32 @@ def test_bad_reactions(reactions, keywords, message):
 
 def test_bad_terms():
     good = bare_line()
-    narrow = Terms.of_entries((8, 3), [0], [1], [1])
+    narrow = SparseTable.of_entries((8, 3), [0], [1], [1])
     with pytest.raises(ValueError, match=r"stoichiometry has shape \(8, 3\); expected \(8, 4\)"):
-        Network.from_terms(good.species, good.channels, good.reactant_terms, narrow, good.ways)
-    negative = Terms.of_entries((8, 4), [0], [1], [-1])
+        Network.from_sparse(good.species, good.channels, good.sparse_reactants, narrow, good.ways)
+    negative = SparseTable.of_entries((8, 4), [0], [1], [-1])
     with pytest.raises(ValueError, match="reactants holds -1; expected at least 0"):
-        Network.from_terms(good.species, good.channels, negative, good.change_terms, good.ways)
+        Network.from_sparse(good.species, good.channels, negative, good.sparse_stoichiometry, good.ways)
     with pytest.raises(ValueError, match="rows holds 8; the table has only 8"):
-        Terms.of_entries((8, 4), [8], [1], [1])
+        SparseTable.of_entries((8, 4), [8], [1], [1])
 
 
-def test_terms():
+def test_sparse_tables():
     rng = np.random.default_rng(5)
     table = rng.integers(-2, 3, (9, 6)) * (rng.random((9, 6)) < 0.4)
-    terms = Terms.of_table(table)
-    assert terms.shape == (9, 6)
-    assert_array_equal(terms.table(), table)
+    sparse = SparseTable.of_dense(table)
+    assert sparse.shape == (9, 6)
+    assert_array_equal(sparse.dense(), table)
     places = rng.permutation(np.flatnonzero(table.ravel()))
     halves = table.ravel()[places]
     entries = [np.concatenate([part, part]) for part in (places // 6, places % 6, halves)]
-    assert_array_equal(Terms.of_entries((9, 6), *entries).table(), 2 * table)  # entries of one place are added up
-    assert_array_equal(Terms.of_entries((9, 6), [1, 1], [2, 2], [3, -3]).copies, [])
-    assert_array_equal(terms.at(np.arange(54)), table.ravel())
+    assert_array_equal(SparseTable.of_entries((9, 6), *entries).dense(), 2 * table)  # entries of one place are added up
+    assert_array_equal(SparseTable.of_entries((9, 6), [1, 1], [2, 2], [3, -3]).copies, [])
+    assert_array_equal(sparse.at(np.arange(54)), table.ravel())
     rows = np.array([4, 0, 4, 8])
-    owners, chosen = terms.entries_of(rows)
+    owners, chosen = sparse.entries_of(rows)
     again = np.zeros((4, 6), dtype=int)
-    again[owners, terms.columns[chosen]] = terms.copies[chosen]
+    again[owners, sparse.columns[chosen]] = sparse.copies[chosen]
     assert_array_equal(again, table[rows])
 
 
