@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
-from math import factorial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.network.laws.program import Code, Step, depth, steps_of
-from kinetics.network.propensity import refusal, shown
+from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.base import ExactMethod, StepwiseSampler
 from kinetics.support.arrays import Floats, Ints
 
@@ -84,7 +83,7 @@ class GeneralSampler(StepwiseSampler):
         if outcome <= general.OVERFLOW:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
-        where = f"at {shown(self.network, state)}, t = {t:.17g} tu"
+        where = f"at {state_text(self.network.species, state)}, t = {t:.17g} tu"
         if outcome == general.BAD_COUNT:
             event = self.events[int(np.searchsorted(self.model.assign_starts, about, side="right")) - 1]
             name = self.network.species[self.model.assigned[about]]
@@ -110,7 +109,7 @@ class GeneralSampler(StepwiseSampler):
                 f"the law of channel {channel!r}, {self.network.laws[channel]}, has no finite bound right after t = "
                 f"{t:.17g} tu {where}; without one there are no exact runs: keep it away from its pole, as by min(...)"
             )
-        raise ValueError(refusal(self.network, channel, state, t))
+        raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 
     def _model(self) -> tuple[general.Model, int]:
         """The network as the kernel reads it, and the deepest stack of its programs."""
@@ -167,7 +166,7 @@ def channel_programs(network: Network) -> list[list[Step]]:
         if k == 0.0:
             programs.append([Step(Code.CONSTANT)])
         elif name in network.laws:
-            law = network.law_programs[name]
+            law = network.channel_laws[name].program
             programs.append(law if k == 1.0 else [*law, Step(Code.CONSTANT, 0, k), Step(Code.MULTIPLY)])
         else:
             programs.append(_mass_action(network, r, k))
@@ -184,7 +183,7 @@ def _mass_action(network: Network, r: int, coefficient: float) -> list[Step]:
         else:
             factors += [Step(Code.TIMES, species, float(taken)) for taken in range(copies)]
         if network.combinations == "distinct" and copies > 1:
-            coefficient /= float(factorial(copies))
+            coefficient = over_factorial(coefficient, copies, network.channels[r])
     return [*guards, Step(Code.CONSTANT, 0, coefficient), *factors]
 
 

@@ -5,6 +5,7 @@ import pytest
 from known_systems import bare_line, decay, line, network
 from numpy.testing import assert_allclose, assert_array_equal
 
+from kinetics import Auto, Direct, General, Lockstep
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 
@@ -34,6 +35,30 @@ def test_propensity_is_rate_times_ways_times_combinations():
 def test_large_counts_do_not_overflow():
     pair = network(("A",), {"pair": ((2,), (0,))}, [1.0])
     assert_allclose(pair.propensities([10**15]), [5e29], rtol=1e-14)
+
+
+@pytest.mark.parametrize("order", [16, 17, 60, 171, 250])
+def test_combinations_of_high_order_are_right(order):
+    for name, count in (("distinct", comb), ("ordered", perm), ("product", lambda s, m: s**m if s >= m else 0)):
+        net = network(("A",), {"all": ((order,), (0,))}, [1.0], name)
+        for copies in (order - 1, order, order + 3, 10**6):
+            expected = count(copies, order)
+            if expected < 10**308:
+                assert_allclose(net.propensities([copies]), [float(expected)], rtol=1e-14)
+            else:
+                with pytest.raises(ValueError, match=f"{order} like reactants among {copies} copies have more"):
+                    net.propensities([copies])
+    assert_array_equal(net.combinations_of([[[0], [1]], [[2], [3]]]), np.zeros((2, 2, 1)))
+
+
+def test_orders_that_cannot_be_sampled_are_refused_by_name():
+    for order, rate in ((171, 1.0), (170, 1e-3), (100, 1e-200)):
+        net = network(("A",), {"all": ((order,), (0,))}, [rate])
+        for method in (Direct(), General(), Lockstep(), Auto()):
+            with pytest.raises(ValueError, match=f"'all' needs {order} copies of one species: .* too small"):
+                method.simulate(net, [order], [1.0], runs=1)
+    few = network(("A",), {"all": ((20,), (0,))}, [1.0]).with_rates([1e3])
+    assert Direct().simulate(few, [20], [1.0], runs=3).counts.max() == 0
 
 
 def test_no_channels():
