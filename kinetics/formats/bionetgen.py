@@ -20,7 +20,7 @@ from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression, quoted
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
@@ -71,11 +71,11 @@ class _Reader:
         columns = np.concatenate([needs[1], makes[1]])
         copies = np.repeat(np.array([-1, 1]), [needs[0].size, makes[0].size])
         kept = is_free[columns]
-        network = Network.from_terms(
+        network = Network.from_sparse(
             self.species,
             channels,
-            Terms.of_entries(shape, *needs, np.ones(needs[0].size, dtype=np.int64)),
-            Terms.of_entries(shape, rows[kept], columns[kept], copies[kept]),
+            SparseTable.of_entries(shape, *needs, np.ones(needs[0].size, dtype=np.int64)),
+            SparseTable.of_entries(shape, rows[kept], columns[kept], copies[kept]),
             ways,
             rates,
             "ordered",

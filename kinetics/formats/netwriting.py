@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.formats.model import Model
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
 
@@ -26,12 +26,12 @@ def net_text(model: Model) -> str:
         raise ValueError(f"a .net file is written for mass action alone; the {what} does not fit")
     ways = network.ways / _like_orders(network)
     constants, which = np.unique(network.known_rates, return_inverse=True)
-    needs = _sides(network.reactant_terms)
-    made = Terms.of_entries(
-        network.change_terms.shape,
-        np.concatenate([network.reactant_terms.rows, network.change_terms.rows]),
-        np.concatenate([network.reactant_terms.columns, network.change_terms.columns]),
-        np.concatenate([network.reactant_terms.copies, network.change_terms.copies]),
+    needs = _sides(network.sparse_reactants)
+    made = SparseTable.of_entries(
+        network.sparse_stoichiometry.shape,
+        np.concatenate([network.sparse_reactants.rows, network.sparse_stoichiometry.rows]),
+        np.concatenate([network.sparse_reactants.columns, network.sparse_stoichiometry.columns]),
+        np.concatenate([network.sparse_reactants.copies, network.sparse_stoichiometry.copies]),
     )
     reactions = zip(needs, _sides(made), ways.tolist(), which.tolist(), network.channels, strict=True)
     patterns = _patterns(network.species)
@@ -59,7 +59,7 @@ def net_text(model: Model) -> str:
 
 def _like_orders(network: Network) -> np.ndarray:
     """Orders (R,) in which each channel's like reactants can be taken: the format counts every one."""
-    terms = network.reactant_terms
+    terms = network.sparse_reactants
     orders = np.ones(len(network.channels))
     if network.combinations == "ordered" or not np.any(terms.copies > 1):
         return orders
@@ -73,7 +73,7 @@ def _like_orders(network: Network) -> np.ndarray:
     return orders
 
 
-def _sides(terms: Terms) -> list[str]:
+def _sides(terms: SparseTable) -> list[str]:
     """Numbers of the species on one side of each reaction, a species of two copies twice; 0 for none."""
     copies, columns, starts = terms.copies.tolist(), terms.columns.tolist(), terms.starts.tolist()
     return [

@@ -64,8 +64,8 @@ def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, 
     reaction.setName(name)
     reaction.setReversible(False)
     reaction.setFast(False)
-    before = dict(zip(*(part.tolist() for part in network.reactant_terms.row(r)), strict=True))
-    change = dict(zip(*(part.tolist() for part in network.change_terms.row(r)), strict=True))
+    before = dict(zip(*(part.tolist() for part in network.sparse_reactants.row(r)), strict=True))
+    change = dict(zip(*(part.tolist() for part in network.sparse_stoichiometry.row(r)), strict=True))
     after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
     for side, add in ((before, reaction.createReactant), (after, reaction.createProduct)):
         for s, copies in side.items():

@@ -2,42 +2,46 @@
 
 The propensity of a channel in state s is k * N * h(s): its rate constant k, its number of ways N and the number
 h(s) of combinations of its reactants. It is the probability per time unit that the channel fires (Gillespie 1977).
-A law of another form takes the place of h(s), and may depend on the time.
+A rate law of another form takes the place of h(s), and may depend on the time.
 """
 
 from __future__ import annotations
 
-import hashlib
-import html
-import json
 import warnings
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import factorial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network.laws.events import Event
-from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.program import Step
-from kinetics.network.propensity import AT_ZERO, check_homogeneous, checked_laws, law_steps, law_values, split_rates
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.checks import (
+    check_no_overdraft,
+    checked_choice,
+    checked_conserved,
+    checked_names,
+    checked_table,
+)
+from kinetics.network.display import NetworkTable, channel_rows, reaction_texts
+from kinetics.network.fingerprint import fingerprint
+from kinetics.network.laws.events import Event, checked_events
+from kinetics.network.laws.expression import Expression, some_names
+from kinetics.network.propensity import (
+    AT_ZERO,
+    COMBINATIONS,
+    ChannelLaw,
+    check_homogeneous,
+    checked_laws,
+    combinations,
+    split_rates,
+)
+from kinetics.network.reactions import Reaction, reaction_tables
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
-from kinetics.support.tables import text_table
 
-# What h(s) counts for m like reactants among s copies:
-#   distinct  sets of m copies, s!/(m!(s-m)!), for a pair s(s-1)/2
-#   ordered   sequences of m copies, s!/(s-m)!, for a pair s(s-1)
-#   product   s**m, zero below m copies: the paper's multiplicity M in eqs 9-10, taken to the letter
-COMBINATIONS = ("distinct", "ordered", "product")
-MAX_DENSE_HASH = 10**6  # entries of a table that the fingerprint reads in full; of a larger one, those other than 0
-TERMS = {"reactants": "reactant_terms", "stoichiometry": "change_terms"}
-Reaction = tuple[Mapping[str, int], Mapping[str, int]]  # copies needed and copies made, by species
+SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +60,9 @@ class Network:
     events : what sets counts when a condition becomes true
     at_zero : what becomes of a law that is above 0 though reactants are missing, one of `AT_ZERO`
 
-    The two tables are also there as `reactant_terms` and `change_terms`, without their zeros. A network made by
-    `from_terms` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for: tens
-    of thousands of channels then cost milliseconds.
+    The two tables are also there without their zeros, as `sparse_reactants` and `sparse_stoichiometry`. A network made
+    by `from_sparse` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for:
+    tens of thousands of channels then cost milliseconds.
     """
 
     species: tuple[str, ...]
@@ -72,60 +76,56 @@ class Network:
     laws: Mapping[str, Expression] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     at_zero: str = "block"
-    reactant_terms: Terms = field(init=False, repr=False)
-    change_terms: Terms = field(init=False, repr=False)
+    sparse_reactants: SparseTable = field(init=False, repr=False)
+    sparse_stoichiometry: SparseTable = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        species = _names("species", self.species)
-        channels = _names("channels", self.channels)
+        species = checked_names("species", self.species)
+        channels = checked_names("channels", self.channels)
         if not species:
             raise ValueError("a network needs at least one species")
         shape = (len(channels), len(species))
-        checked: dict[str, Any] = {
-            "species": species,
-            "channels": channels,
-            "ways": reals("ways", self.ways, shape[:1], minimum=0),
-        }
+        needed = checked_table("reactants", self.reactants, shape, minimum=0)
+        change = checked_table("stoichiometry", self.stoichiometry, shape)
+        for name in SPARSE:
+            del self.__dict__[name]  # `__getattr__` makes the dense table when it is asked for
+        self._set(species=species, channels=channels, sparse_reactants=needed, sparse_stoichiometry=change)
+        self._set(ways=self._checked_ways(self.ways))
         if self.rate_constants is not None:
-            checked["rate_constants"] = reals("rate_constants", self.rate_constants, shape[:1], minimum=0)
-        for name, minimum in (("reactants", 0), ("stoichiometry", None)):
-            table = getattr(self, name)
-            if isinstance(table, Terms):
-                checked[TERMS[name]] = _checked_terms(name, table, shape, minimum)
-                del self.__dict__[name]  # `__getattr__` makes it when it is asked for
-            else:
-                checked[name] = integers(name, _table(table, shape), shape, minimum)
-                checked[TERMS[name]] = Terms.of_table(checked[name])
-        for name, value in checked.items():
+            self._set(rate_constants=self._checked_rates(self.rate_constants))
+        checked_choice("combinations", self.combinations, COMBINATIONS)
+        checked_choice("at_zero", self.at_zero, AT_ZERO)
+        check_no_overdraft(species, channels, needed, change)
+        self._set(
+            conserved=checked_conserved(self.conserved, channels, change),
+            laws=checked_laws(self.laws, self.channel_places, self.species_places),
+            events=checked_events(self.events, self.species_places),
+        )
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
             object.__setattr__(self, name, value)
-        if self.combinations not in COMBINATIONS:
-            raise ValueError(f"combinations = {self.combinations!r}; expected one of {', '.join(COMBINATIONS)}")
-        if self.at_zero not in AT_ZERO:
-            raise ValueError(f"at_zero = {self.at_zero!r}; expected one of {', '.join(AT_ZERO)}")
-        self._check_no_overdraft()
-        object.__setattr__(self, "conserved", self._checked_conserved())
-        object.__setattr__(self, "laws", checked_laws(self.laws, channels, species))
-        object.__setattr__(self, "events", tuple(self.events))
-        if not all(isinstance(event, Event) for event in self.events):
-            raise ValueError(f"events are {self.events!r}; expected a sequence of kinetics.network.laws.Event")
-        _names("events", [event.name for event in self.events])
-        for event in self.events:
-            event.check_names({name: s for s, name in enumerate(species)})
+
+    def _checked_ways(self, ways: ArrayLike) -> Floats:
+        return reals("ways", ways, (len(self.channels),), minimum=0)
+
+    def _checked_rates(self, rate_constants: ArrayLike) -> Floats:
+        return reals("rate_constants", rate_constants, (len(self.channels),), minimum=0)
 
     def __getattr__(self, name: str) -> Ints:
-        """The dense table of a network that was made from terms."""
-        if name not in TERMS or TERMS[name] not in self.__dict__:
+        """The dense table of a network that was made from sparse tables."""
+        if name not in SPARSE or SPARSE[name] not in self.__dict__:
             raise AttributeError(f"a network has no {name!r}")
-        object.__setattr__(self, name, self.__dict__[TERMS[name]].table())
+        object.__setattr__(self, name, self.__dict__[SPARSE[name]].dense())
         return self.__dict__[name]
 
     @classmethod
-    def from_terms(
+    def from_sparse(
         cls,
         species: Sequence[str],
         channels: Sequence[str],
-        reactants: Terms,
-        stoichiometry: Terms,
+        reactants: SparseTable,
+        stoichiometry: SparseTable,
         ways: ArrayLike,
         rate_constants: ArrayLike | None = None,
         combinations: str = "distinct",
@@ -161,30 +161,17 @@ class Network:
         A channel that changes nothing is most likely a slip, and warned of.
         """
         constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
-        sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
-        in_order = dict.fromkeys(name for _, side, _ in sides for name in side)
-        named = _names("species", tuple(in_order) if species is None else species)
-        place = {name: s for s, name in enumerate(named)}
-        entries = [(r, name, n, made) for r, side, made in sides for name, n in side.items()]
-        unknown = [name for _, name, _, _ in entries if name not in place]
-        if unknown:
-            raise ValueError(f"unknown species {unknown[0]!r}; the network has {', '.join(place)}")
-        rows = np.array([r for r, _, _, _ in entries], dtype=np.int64)
-        columns = np.array([place[name] for _, name, _, _ in entries], dtype=np.int64)
-        copies = integers("copies", [n for _, _, n, _ in entries], (None,), minimum=0)
-        is_made = np.array([made for _, _, _, made in entries], dtype=bool)
-        shape = (len(reactions), len(place))
-        change = Terms.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
+        named, needed, change = reaction_tables(reactions, species)
         idle = np.flatnonzero(np.diff(change.starts) == 0)
         if idle.size:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
-        return cls.from_terms(
+        return cls.from_sparse(
             named,
             tuple(reactions),
-            Terms.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made]),
+            needed,
             change,
-            np.ones(shape[0]) if ways is None else ways,
+            np.ones(len(reactions)) if ways is None else ways,
             constants,
             combinations,
             conserved,
@@ -193,53 +180,71 @@ class Network:
             at_zero,
         )
 
-    def _check_no_overdraft(self) -> None:
-        """A channel that took more copies than it needs could make a count negative."""
-        change = self.change_terms
-        short = np.flatnonzero(self.reactant_terms.at(change.keys) + change.copies < 0)
-        if short.size:
-            r, s = change.rows[short[0]], change.columns[short[0]]
-            raise ValueError(
-                f"channel {self.channels[r]!r} takes {-change.copies[short[0]]} of {self.species[s]!r} but needs "
-                f"only {self.reactant_terms.at(change.keys[short[:1]])[0]}; raise its reactants"
-            )
+    def with_rates(
+        self, rate_constants: ArrayLike, ways: ArrayLike | None = None, combinations: str | None = None
+    ) -> Network:
+        """The same network with rate constants (R,) in 1/tu, and with other ways (R,) or combinations where given.
 
-    def _checked_conserved(self) -> dict[str, Floats]:
-        weights_of = {}
-        change = self.change_terms
-        n_channels = len(self.channels)
-        for name, weights in self.conserved.items():
-            weights_of[name] = reals(f"conserved {name!r}", weights, (len(self.species),))
-            gains = change.copies * weights_of[name][change.columns]
-            net = np.bincount(change.rows, gains, n_channels)
-            scale = np.bincount(change.rows, np.abs(gains), n_channels)
-            broken = np.flatnonzero(np.abs(net) > 1e-12 * scale)
-            if broken.size:
-                raise ValueError(
-                    f"channel {self.channels[broken[0]]!r} changes the conserved quantity {name!r} by "
-                    f"{net[broken[0]]:g}; correct the channel or the weights"
-                )
-        return weights_of
+        Nothing else is made or checked anew, so that it costs as much as the arrays are long.
+        """
+        counted = (
+            self.combinations if combinations is None else checked_choice("combinations", combinations, COMBINATIONS)
+        )
+        other = copy(self)
+        other._set(
+            rate_constants=self._checked_rates(rate_constants),
+            ways=self.ways if ways is None else self._checked_ways(ways),
+            combinations=counted,
+        )
+        return other
+
+    def with_laws(self, laws: Mapping[str, str | Expression], at_zero: str | None = None) -> Network:
+        """The same network with these rate laws, of the channels they name, and with no others."""
+        policy = self.at_zero if at_zero is None else checked_choice("at_zero", at_zero, AT_ZERO)
+        other = self._forgetting("fingerprint", "channel_laws")
+        other._set(laws=checked_laws(laws, self.channel_places, self.species_places), at_zero=policy)
+        return other
+
+    def with_events(self, events: Sequence[Event]) -> Network:
+        """The same network with these events, and with no others."""
+        other = self._forgetting("fingerprint")
+        other._set(events=checked_events(events, self.species_places))
+        return other
+
+    def with_conserved(self, conserved: Mapping[str, ArrayLike]) -> Network:
+        """The same network with these conserved quantities, name -> amount (S,) in one copy of each species."""
+        other = copy(self)
+        other._set(conserved=checked_conserved(conserved, self.channels, self.sparse_stoichiometry))
+        return other
+
+    def _forgetting(self, *known: str) -> Network:
+        """A copy without what was computed from what will differ."""
+        other = copy(self)
+        for name in known:
+            other.__dict__.pop(name, None)
+        return other
 
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over species, channels, reactants, stoichiometry, laws and events: which network, whatever its k."""
-        terms = (self.reactant_terms, self.change_terms)
-        if len(self.channels) * len(self.species) <= MAX_DENSE_HASH:
-            tables = [table.table().tolist() for table in terms]
-        else:
-            tables = [[table.keys.tolist(), table.copies.tolist()] for table in terms]
-        content: list[Any] = [self.species, self.channels, *tables]
-        if not self.is_mass_action:
-            laws = [[name, law.text, sorted(law.parameters.items())] for name, law in self.laws.items()]
-            content += [laws, [repr(event) for event in self.events], self.at_zero]
-        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        tables = (self.sparse_reactants, self.sparse_stoichiometry)
+        return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero)
+
+    @cached_property
+    def species_places(self) -> dict[str, int]:
+        """Species -> its position."""
+        return {name: s for s, name in enumerate(self.species)}
+
+    @cached_property
+    def channel_places(self) -> dict[str, int]:
+        """Channel -> its position."""
+        return {name: r for r, name in enumerate(self.channels)}
 
     def index(self, species: str) -> int:
         """Position of a species by its name."""
-        if species not in self.species:
-            raise ValueError(f"unknown species {species!r}; the network has {', '.join(self.species)}")
-        return self.species.index(species)
+        if species not in self.species_places:
+            raise ValueError(f"unknown species {species!r}; the network has {some_names(self.species)}")
+        return self.species_places[species]
 
     def state(self, counts: Mapping[str, int] | ArrayLike) -> Ints:
         """Counts (S,) from `{"monomer": 60}` (the others 0) or from S counts in the order of the species."""
@@ -254,13 +259,17 @@ class Network:
         return not self.laws and not self.events
 
     @cached_property
-    def law_programs(self) -> dict[str, list[Step]]:
-        """Channel -> its law as a program, see `laws.program`."""
-        return {name: law_steps(self, name) for name in self.laws}
+    def channel_laws(self) -> dict[str, ChannelLaw]:
+        """Channel -> its law with the channel's reactants, which it is refused or blocked without."""
+        rows = {name: self.sparse_reactants.row(self.channel_places[name]) for name in self.laws}
+        return {
+            name: ChannelLaw(name, law, self.species_places, rows[name], self.at_zero)
+            for name, law in self.laws.items()
+        }
 
     def check_homogeneous(self) -> None:
         """A ValueError where the rates depend on the time, or events set counts: no Markov chain with a generator."""
-        check_homogeneous(self)
+        check_homogeneous(self.laws, [event.name for event in self.events])
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
         """h (..., R): combinations of each channel's reactants in states (..., S), or its law at a time, tu."""
@@ -268,15 +277,15 @@ class Network:
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
         h = np.ones((*counts.shape[:-1], len(self.channels)))
-        needed = self.reactant_terms
+        needed = self.sparse_reactants
         places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
         for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
             alike = (places == place) & (needed.copies == taken)
-            h[..., needed.rows[alike]] *= _choices(counts[..., needed.columns[alike]], taken, self.combinations)
+            h[..., needed.rows[alike]] *= combinations(counts[..., needed.columns[alike]], taken, self.combinations)
         if self.laws and time is None:
             self.check_homogeneous()
-        for name in self.laws:
-            h[..., self.channels.index(name)] = law_values(self, name, counts, time or 0.0)
+        for name, law in self.channel_laws.items():
+            h[..., self.channel_places[name]] = law.values(counts, time or 0.0)
         return h
 
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
@@ -294,91 +303,27 @@ class Network:
             )
         return self.rate_constants
 
-    def with_rates(self, rate_constants: ArrayLike) -> Network:
-        """The same network with rate constants (R,) in 1/tu."""
-        other = copy(self)  # all else was checked before
-        checked = reals("rate_constants", rate_constants, (len(self.channels),), minimum=0)
-        object.__setattr__(other, "rate_constants", checked)
-        return other
-
     def rows(self) -> list[tuple[str, ...]]:
         """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
-        rows = []
-        for r, name in enumerate(self.channels):
-            rate: tuple[str, ...] = () if self.rate_constants is None else (f"{self.rate_constants[r]:.4g}",)
-            if name in self.laws:
-                factor = "" if rate in ((), ("1",)) else f"{rate[0]} * "
-                rate = (f"{factor}[{self.laws[name]}]",)
-            rows.append((name, self._reaction(r), f"{self.ways[r]:g}", *rate))
-        width = max(map(len, rows), default=0)
-        return [(*row, *[""] * (width - len(row))) for row in rows]
+        reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
+        return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws)
 
-    def _reaction(self, r: int) -> str:
-        before = dict(zip(*(part.tolist() for part in self.reactant_terms.row(r)), strict=True))
-        change = dict(zip(*(part.tolist() for part in self.change_terms.row(r)), strict=True))
-        after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
-        return f"{self._side(before)} -> {self._side(after)}"
-
-    def _side(self, copies: Mapping[int, int]) -> str:
-        terms = [self.species[s] if n == 1 else f"{n} {self.species[s]}" for s, n in copies.items() if n]
-        return " + ".join(terms) or "0"
-
-    def _headline(self) -> str:
-        laws = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
+    def _display(self) -> NetworkTable:
+        conserved = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
         missing = f"; a law without its reactants: {self.at_zero}" if self.laws else ""
         events = f"; {len(self.events)} events" if self.events else ""
         size = f"{len(self.species)} species, {len(self.channels)} channels"
-        return f"{size}; {self.combinations} combinations{laws}{missing}{events}"
-
-    def _titles(self) -> tuple[str, ...]:
-        last = "k, or law (1/tu)" if self.laws else "k (1/tu)"
-        titles = ("channel", "reaction", "N", last)
-        return titles if self.laws or self.rate_constants is not None else titles[:3]
+        titles = ("channel", "reaction", "N", "k, or law (1/tu)" if self.laws else "k (1/tu)")
+        has_rates = bool(self.laws) or self.rate_constants is not None
+        return NetworkTable(
+            f"{size}; {self.combinations} combinations{conserved}{missing}{events}",
+            titles if has_rates else titles[:3],
+            self.rows(),
+            [str(event) for event in self.events],
+        )
 
     def __str__(self) -> str:
-        lines = [self._headline(), text_table(self._titles(), self.rows()), *map(str, self.events)]
-        return "\n".join(lines)
+        return self._display().text
 
     def _repr_html_(self) -> str:
-        lines = [f"<th>{title}</th>" for title in self._titles()]
-        table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in [lines, *self._html_rows()])
-        events = "".join(f"<p>{html.escape(str(event))}</p>" for event in self.events)
-        return f"<p>{html.escape(self._headline())}</p><table>{table}</table>{events}"
-
-    def _html_rows(self) -> list[list[str]]:
-        return [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in self.rows()]
-
-
-def _choices(copies: Ints, taken: int, combinations: str) -> Floats:
-    """Ways to take `taken` of `copies`, as counted by `combinations`. Floats: 1e15 copies do not overflow."""
-    available = copies.astype(np.float64)
-    if combinations == "product":
-        return np.where(copies >= taken, available**taken, 0.0)
-    # With fewer copies than taken, one of the factors is exactly 0; the clip keeps the others from going below.
-    ordered = np.prod([np.maximum(available - i, 0.0) for i in range(taken)], axis=0)
-    return ordered if combinations == "ordered" else ordered / factorial(taken)
-
-
-def _names(what: str, names: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(names, str):
-        raise ValueError(f"{what} = {names!r}; expected a sequence of names")
-    checked = tuple(names)
-    if not all(isinstance(name, str) and name for name in checked):
-        raise ValueError(f"{what} must be non-empty names; {checked} came")
-    if len(set(checked)) < len(checked):
-        doubled = {name for name, count in Counter(checked).items() if count > 1}
-        raise ValueError(f"{what} has {min(doubled)!r} twice; every name must differ")
-    return checked
-
-
-def _checked_terms(name: str, terms: Terms, shape: tuple[int, int], minimum: int | None) -> Terms:
-    if terms.shape != shape:
-        raise ValueError(f"{name} has shape {terms.shape}; expected {shape}")
-    if minimum is not None and terms.copies.size and terms.copies.min() < minimum:
-        raise ValueError(f"{name} holds {terms.copies.min()}; expected at least {minimum}")
-    return terms
-
-
-def _table(values: ArrayLike, shape: tuple[int, int]) -> ArrayLike:
-    """An empty list stands for a table without rows."""
-    return np.zeros(shape, dtype=np.int64) if shape[0] == 0 and np.size(values) == 0 else values
+        return self._display().html

@@ -1,9 +1,15 @@
-"""Rate laws in the place of the combinations of reactants: h(s, t) of a channel, and what it must not be."""
+"""The factor h(s, t) of a propensity k * N * h: combinations of reactants under mass action, or a rate law.
+
+It is computed from rows: the reactants of a channel, their copies, and the law that takes the place of h, if any.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial, perm
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,28 +18,125 @@ from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.program import Code, Step, evaluate, steps_of
 from kinetics.support.arrays import Floats, Ints
 
-if TYPE_CHECKING:
-    from kinetics.network.network import Network
-
+# What h(s) counts for m like reactants among s copies:
+#   distinct  sets of m copies, s!/(m!(s-m)!), for a pair s(s-1)/2
+#   ordered   sequences of m copies, s!/(s-m)!, for a pair s(s-1)
+#   product   s**m, zero below m copies: the paper's multiplicity M in eqs 9-10, taken to the letter
+COMBINATIONS = ("distinct", "ordered", "product")
+# So many like reactants among 2**63 - 1 copies still have fewer combinations than a float can hold.
+LOW_ORDER = 16
 # What becomes of a law that is above 0 though reactants are missing:
 #   block   the channel waits until they are there
 #   refuse  a ValueError that names the channel and the state
 AT_ZERO = ("block", "refuse")
 
 
+def combinations(copies: Ints, taken: int, counted: str) -> Floats:
+    """Ways (...) to take `taken` of `copies` (...), counted as one of `COMBINATIONS`; cost: `taken` products.
+
+    Floats: 1e15 copies do not overflow. A ValueError where the number is beyond all floats, 1.8e308.
+    """
+    if taken > LOW_ORDER:
+        return _combinations_of_many(copies, taken, counted)
+    available = copies.astype(np.float64)
+    if counted == "product":
+        return np.where(copies >= taken, available**taken, 0.0)
+    # With fewer copies than taken, one of the factors is exactly 0; the clip keeps the others from going below.
+    ordered = np.prod([np.maximum(available - i, 0.0) for i in range(taken)], axis=0)
+    return ordered if counted == "ordered" else ordered / factorial(taken)
+
+
+def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
+    """The same in whole numbers without limit, each rounded once: numerator and denominator may be no floats."""
+    exact = {"distinct": comb, "ordered": perm, "product": lambda s, m: s**m if s >= m else 0}[counted]
+    found, where = np.unique(copies, return_inverse=True)
+    try:
+        values = np.array([float(exact(s, taken)) for s in found.tolist()])
+    except OverflowError:
+        raise ValueError(
+            f"{taken} like reactants among {found[-1]} copies have more combinations ({counted!r}) than a float can "
+            f"hold, 1.8e308; start from fewer copies, or write the reaction in steps of fewer reactants"
+        ) from None
+    return values[where].reshape(copies.shape)
+
+
+def over_factorial(coefficient: float, copies: int, channel: str) -> float:
+    """A coefficient divided by copies!, as sampling needs it for like reactants counted as distinct sets.
+
+    A ValueError where that is no normal float any more, from 171 copies on or with a small rate constant.
+    """
+    share = coefficient / float(factorial(copies)) if copies <= 170 else 0.0
+    if coefficient > 0 and share < np.finfo(np.float64).tiny:
+        raise ValueError(
+            f"channel {channel!r} needs {copies} copies of one species: {coefficient:g} over {copies}! is too small "
+            f"for a float, so it cannot be sampled; write the reaction in steps of fewer reactants"
+        )
+    return share
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelLaw:
+    """The rate law of one channel, h(s, t) in the place of the combinations of its reactants.
+
+    places : species -> its position, for all species
+    needed : positions (n,) and copies (n,) of the channel's reactants
+    at_zero : one of `AT_ZERO`
+    """
+
+    channel: str
+    law: Expression
+    places: Mapping[str, int]
+    needed: tuple[Ints, Ints]
+    at_zero: str
+
+    @cached_property
+    def program(self) -> list[Step]:
+        """The law as a program, with what becomes of it where reactants are missing."""
+        needs = list(zip(*(part.tolist() for part in self.needed), strict=True))
+        if self.at_zero == "block":
+            return [*(Step(Code.GUARD, s, float(copies)) for s, copies in needs), *self._bare]
+        return [*self._bare, *(Step(Code.REFUSE, s, float(copies)) for s, copies in needs)]
+
+    @cached_property
+    def _bare(self) -> list[Step]:
+        return steps_of(self.law, self.places)
+
+    def values(self, states: Ints, time: float) -> Floats:
+        """h (...) at states (..., S) and a time in tu; a ValueError where it is below 0, infinite or undefined."""
+        values = evaluate(self.program, states, time)
+        bad = ~((values >= 0.0) & (values < np.inf))
+        if bad.any():
+            raise ValueError(self.refusal(states[bad][0], time))
+        return values
+
+    def refusal(self, state: Ints, time: float) -> str:
+        """What is wrong with the law in a state (S,)."""
+        value = float(evaluate(self._bare, state, time))
+        where = f"at {state_text(list(self.places), state)}" + (f", t = {time:.17g} tu" if self.law.reads_time else "")
+        came = f"the law of channel {self.channel!r}, {self.law}, is {value:g} {where}"
+        if self.at_zero == "refuse" and value > 0 and np.any(state[self.needed[0]] < self.needed[1]):
+            return (
+                f"{came}, where its reactants are missing; correct the law, or let it wait for them with "
+                f"at_zero='block'"
+            )
+        return (
+            f"{came}; expected a finite number of at least 0: correct it, or write max(0, ...) or piecewise(...) where "
+            f"that is meant"
+        )
+
+
 def checked_laws(
-    laws: Mapping[str, str | Expression], channels: Sequence[str], species: Sequence[str]
+    laws: Mapping[str, str | Expression], channels: Mapping[str, int], species: Mapping[str, int]
 ) -> dict[str, Expression]:
-    """The laws, parsed, of channels that exist, in terms of species that exist."""
-    places = {name: s for s, name in enumerate(species)}
+    """The laws, parsed, of channels that exist, in terms of species that exist; in the order of the channels."""
     checked = {}
     for name, law in laws.items():
         if name not in channels:
             raise ValueError(f"a law for channel {name!r}, which the network does not have")
         checked[name] = _parsed(name, law, {})
-        checked[name].check_names(f"law of channel {name!r}", places)
-        steps_of(checked[name], places)
-    return {name: checked[name] for name in channels if name in checked}
+        checked[name].check_names(f"law of channel {name!r}", species)
+        steps_of(checked[name], species)
+    return {name: checked[name] for name in sorted(checked, key=channels.__getitem__)}
 
 
 def _parsed(channel: str, law: str | Expression, parameters: Mapping[str, float]) -> Expression:
@@ -61,59 +164,24 @@ def split_rates(
     return rates, laws
 
 
-def check_homogeneous(network: Network) -> None:
-    """A ValueError where rates depend on the time, or events set counts: no Markov chain with a constant generator."""
-    for name, law in network.laws.items():
+def check_homogeneous(laws: Mapping[str, Expression], events: Iterable[str]) -> None:
+    """A ValueError where laws depend on the time, or events (by name) set counts: no constant generator then."""
+    for name, law in laws.items():
         if law.reads_time:
             raise ValueError(
                 f"the law of channel {name!r}, {law}, depends on the time; without a time there is no propensity, "
                 f"and the chain has no constant generator: sample it with the method 'general'"
             )
-    if network.events:
+    names = ", ".join(events)
+    if names:
         raise ValueError(
-            f"the network has events ({', '.join(event.name for event in network.events)}), so its counts are no "
+            f"the network has events ({names}), so its counts are no "
             f"Markov chain with a constant generator: sample it with the method 'general'"
         )
 
 
-def law_steps(network: Network, channel: str) -> list[Step]:
-    """The program of a channel's law, with what becomes of it where reactants are missing."""
-    law = steps_of(network.laws[channel], {name: s for s, name in enumerate(network.species)})
-    needs = zip(*(part.tolist() for part in network.reactant_terms.row(network.channels.index(channel))), strict=True)
-    if network.at_zero == "block":
-        return [*(Step(Code.GUARD, s, float(copies)) for s, copies in needs), *law]
-    return [*law, *(Step(Code.REFUSE, s, float(copies)) for s, copies in needs)]
-
-
-def law_values(network: Network, channel: str, states: Ints, time: float) -> Floats:
-    """h (...) of a channel at states (..., S); a ValueError where it is below 0, infinite or undefined."""
-    values = evaluate(network.law_programs[channel], states, time)
-    bad = ~((values >= 0.0) & (values < np.inf))
-    if bad.any():
-        raise ValueError(refusal(network, channel, states[bad][0], time))
-    return values
-
-
-def refusal(network: Network, channel: str, state: Ints, time: float) -> str:
-    """What is wrong with a law in a state."""
-    law = network.laws[channel]
-    places = {name: s for s, name in enumerate(network.species)}
-    value = float(evaluate(steps_of(law, places), state, time))
-    needed = network.reactant_terms.row(network.channels.index(channel))
-    where = f"at {shown(network, state)}" + (f", t = {time:.17g} tu" if law.reads_time else "")
-    if network.at_zero == "refuse" and value > 0 and np.any(state[needed[0]] < needed[1]):
-        return (
-            f"the law of channel {channel!r}, {law}, is {value:g} {where}, where its reactants are missing; correct "
-            f"the law, or let it wait for them with at_zero='block'"
-        )
-    return (
-        f"the law of channel {channel!r}, {law}, is {value:g} {where}; expected a finite number of at least 0: correct "
-        f"it, or write max(0, ...) or piecewise(...) where that is meant"
-    )
-
-
-def shown(network: Network, state: Ints) -> str:
+def state_text(species: Sequence[str], state: Ints) -> str:
     """A state by the names of its species, those at 0 left out where there are many."""
-    pairs = [(name, int(n)) for name, n in zip(network.species, state, strict=True) if n or len(network.species) <= 8]
+    pairs = [(name, int(n)) for name, n in zip(species, state, strict=True) if n or len(species) <= 8]
     text = ", ".join(f"{name} = {n}" for name, n in pairs[:12])
     return text + (f" and {len(pairs) - 12} more" if len(pairs) > 12 else "") if pairs else "no copies at all"

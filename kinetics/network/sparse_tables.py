@@ -14,14 +14,14 @@ MAX_BYTES = 2**31  # of a dense table
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
+class SparseTable:
     """The entries other than 0 of a table (rows, columns), in the order of rows, then columns.
 
     starts : (rows + 1,) row i has the entries starts[i] to starts[i + 1]
     columns, copies : (entries,)
     n_columns : width of the table
 
-    Of a network's `reactant_terms` and `change_terms` the rows are channels and the columns species.
+    Of a network's `sparse_reactants` and `sparse_stoichiometry` the rows are channels and the columns species.
     """
 
     starts: Ints
@@ -30,13 +30,13 @@ class Terms:
     n_columns: int
 
     @classmethod
-    def of_table(cls, table: Ints) -> Terms:
+    def of_dense(cls, table: Ints) -> SparseTable:
         """The entries of a dense table (rows, columns)."""
         rows, columns = np.nonzero(table)
         return cls._sorted(table.shape, rows, columns, table[rows, columns])
 
     @classmethod
-    def of_entries(cls, shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, copies: ArrayLike) -> Terms:
+    def of_entries(cls, shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, copies: ArrayLike) -> SparseTable:
         """Entries in any order; those of one place are added up."""
         given = integers("copies", copies, (None,))
         places = []
@@ -52,7 +52,7 @@ class Terms:
         return cls._sorted(shape, *np.divmod(keys, shape[1]), total)
 
     @classmethod
-    def _sorted(cls, shape: tuple[int, ...], rows: Ints, columns: Ints, copies: Ints) -> Terms:
+    def _sorted(cls, shape: tuple[int, ...], rows: Ints, columns: Ints, copies: Ints) -> SparseTable:
         starts = np.searchsorted(rows, np.arange(shape[0] + 1))
         parts = [read_only(part.astype(np.int64)) for part in (starts, columns, copies)]
         return cls(parts[0], parts[1], parts[2], shape[1])
@@ -91,14 +91,14 @@ class Terms:
         near = np.minimum(np.searchsorted(self.keys, keys), self.keys.size - 1)
         return np.where(self.keys[near] == keys, self.copies[near], 0)
 
-    def table(self) -> Ints:
+    def dense(self) -> Ints:
         """The dense table (rows, columns), closed for writing."""
         size = 8 * self.shape[0] * self.shape[1]
         if size > MAX_BYTES:
             raise ValueError(
                 f"{self.shape[0]} channels by {self.shape[1]} species as a dense table need {size / 2**30:.1f} GB; "
-                f"read the network's reactant_terms and change_terms, which hold only what is not 0"
+                f"read the network's sparse_reactants and sparse_stoichiometry, which hold only what is not 0"
             )
-        dense = np.zeros(self.shape, dtype=np.int64)
-        dense[self.rows, self.columns] = self.copies
-        return read_only(dense)
+        table = np.zeros(self.shape, dtype=np.int64)
+        table[self.rows, self.columns] = self.copies
+        return read_only(table)

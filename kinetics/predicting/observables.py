@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
 from kinetics.solving import Distribution, StateSpace
 from kinetics.support.arrays import Ints, integers, rising_times
@@ -43,8 +43,8 @@ class Watch:
     @cached_property
     def network(self) -> Network:
         """The names as a network's species, without a reaction: results are told by it."""
-        none = Terms.of_entries((0, len(self.names)), [], [], [])
-        return Network.from_terms(self.names, (), none, none, np.ones(0), np.ones(0))
+        none = SparseTable.of_entries((0, len(self.names)), [], [], [])
+        return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0))
 
     def sampling(self, method: SamplingMethod, model: Network) -> WatchedSampling:
         """A method that samples `model` and gives the sums."""

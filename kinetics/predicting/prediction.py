@@ -195,7 +195,8 @@ def _drawn(model: Network, rates: Rates, seed: int, draws: int) -> list[Network]
     # A stream of its own: spawned, so that it shares nothing with the runs of the same seed.
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1,))
     table = rates.sample(np.random.default_rng(sequence), whole_number("draws", draws, 2))
-    order = [list(rates.channels).index(name) for name in model.channels]
+    column = {name: r for r, name in enumerate(rates.channels)}
+    order = [column[name] for name in model.channels]
     return [model.with_rates(constants) for constants in table[:, order]]
 
 

@@ -157,16 +157,7 @@ class ClassRates(Settings):
         bare = derivation.network
         constants = {rate_class: self.rate(rate_class) for rate_class in derivation.rate_classes}
         totals = [sum(n * constants[c] for c, n in ways.items()) for ways in derivation.events.values()]
-        return Network(
-            bare.species,
-            bare.channels,
-            bare.reactants,
-            bare.stoichiometry,
-            bare.ways,
-            np.divide(totals, bare.ways),
-            self.convention.combinations,
-            bare.conserved,
-        )
+        return bare.with_rates(np.divide(totals, bare.ways), combinations=self.convention.combinations)
 
     def draws(self, rng: np.random.Generator, n: int) -> list[ClassRates]:
         """n sets of rates; within a set, all channels that share an entry move together.

@@ -86,7 +86,7 @@ class Rates(Settings):
         A ValueError where the channels are not the same ones (in whatever order), or the fingerprints differ.
         """
         missing = [name for name in network.channels if name not in self.channels]
-        extra = [name for name in self.channels if name not in network.channels]
+        extra = [name for name in self.channels if name not in network.channel_places]
         if missing or extra:
             parts = [
                 f"{what} {', '.join(names[:8])}{f' and {len(names) - 8} more' if len(names) > 8 else ''}"
@@ -100,18 +100,10 @@ class Rates(Settings):
                 f"{self.network[:12]}, not {network.fingerprint[:12]}"
             )
         ordered = [self.channels[name] for name in network.channels]
-        return Network(
-            network.species,
-            network.channels,
-            network.reactants,
-            network.stoichiometry,
-            np.array([channel.ways for channel in ordered]),
-            np.array([channel.rate for channel in ordered]),
+        return network.with_rates(
+            [channel.rate for channel in ordered],
+            [channel.ways for channel in ordered],
             self.convention.combinations,
-            network.conserved,
-            network.laws,
-            network.events,
-            network.at_zero,
         )
 
     def without_evidence(self) -> list[str]:

@@ -64,7 +64,7 @@ class JumpPath:
         closed = np.flatnonzero(~is_open[channels])
         if closed.size:
             raise ValueError(f"channel {self.network.channels[channels[closed[0]]]!r} fired but is not open")
-        needs = self.network.reactant_terms
+        needs = self.network.sparse_reactants
         owners, entries = needs.entries_of(channels)
         events, species, needed = fired[owners], needs.columns[entries], needs.copies[entries]
         there = self._counts_before(events, species)
@@ -83,10 +83,10 @@ class JumpPath:
             return self.states[events, species]
         # All that ever changes, and the questions after it, in order of stretch between restarts, species and event.
         fired = np.flatnonzero(self.channels != RESTART)
-        owners, entries = self.network.change_terms.entries_of(self.channels[fired])
-        gains = self.network.change_terms.copies[entries]
+        owners, entries = self.network.sparse_stoichiometry.entries_of(self.channels[fired])
+        gains = self.network.sparse_stoichiometry.copies[entries]
         when = np.concatenate([fired[owners] + 1, events])  # an event counts from the next row on
-        who = np.concatenate([self.network.change_terms.columns[entries], species])
+        who = np.concatenate([self.network.sparse_stoichiometry.columns[entries], species])
         gained = np.concatenate([gains, np.zeros_like(species)])
         is_question = np.repeat([False, True], [gains.size, species.size])
         stretch = self._last_restart[np.concatenate([fired[owners], events])]
@@ -132,7 +132,7 @@ class JumpPath:
         rows = np.searchsorted(self.times, asked, side="right")
         if self._is_small:
             return self.states[rows]
-        change = self.network.change_terms
+        change = self.network.sparse_stoichiometry
         counts = np.tile(self.initial, (rows.size, 1))
         for state, row in zip(counts, rows, strict=True):
             fired = np.bincount(self.channels[self._last_restart[row] : row], minlength=len(self.network.channels))

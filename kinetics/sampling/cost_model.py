@@ -27,7 +27,7 @@ class Shape:
     @classmethod
     def of(cls, network: Network) -> Shape:
         """The shape of a network."""
-        needed, change = network.reactant_terms, network.change_terms
+        needed, change = network.sparse_reactants, network.sparse_stoichiometry
         n_channels, n_species = needed.shape
         readers = np.bincount(needed.columns, minlength=n_species)
         order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=0))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import StepwiseSampler
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Ints
@@ -40,11 +40,11 @@ def model_of(network: Network) -> grouped.Model:
     from kinetics.kernels import grouped
 
     laws = mass_action(network)
-    needed, change = network.reactant_terms, network.change_terms
+    needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     n_blocks = -(-n_channels // grouped.BLOCK)
-    readers = Terms.of_entries((n_species, n_channels), needed.columns, needed.rows, needed.copies)
-    touched = Terms.of_entries((n_species, n_blocks), needed.columns, needed.rows // grouped.BLOCK, needed.copies)
+    readers = SparseTable.of_entries((n_species, n_channels), needed.columns, needed.rows, needed.copies)
+    touched = SparseTable.of_entries((n_species, n_blocks), needed.columns, needed.rows // grouped.BLOCK, needed.copies)
     pairs = [laws.first, laws.second, laws.less, laws.is_general, change.starts[:-1], change.starts[1:]]
     bounds = [readers.starts[:-1], readers.starts[1:], touched.starts[:-1], touched.starts[1:]]
     return grouped.Model(

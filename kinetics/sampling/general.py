@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
-from math import factorial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.network.laws.program import Code, Step, depth, steps_of
-from kinetics.network.propensity import refusal, shown
+from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.base import ExactMethod, StepwiseSampler
 from kinetics.support.arrays import Floats, Ints
 
@@ -84,7 +83,7 @@ class GeneralSampler(StepwiseSampler):
         if outcome <= general.OVERFLOW:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
-        where = f"at {shown(self.network, state)}, t = {t:.17g} tu"
+        where = f"at {state_text(self.network.species, state)}, t = {t:.17g} tu"
         if outcome == general.BAD_COUNT:
             event = self.events[int(np.searchsorted(self.model.assign_starts, about, side="right")) - 1]
             name = self.network.species[self.model.assigned[about]]
@@ -110,7 +109,7 @@ class GeneralSampler(StepwiseSampler):
                 f"the law of channel {channel!r}, {self.network.laws[channel]}, has no finite bound right after t = "
                 f"{t:.17g} tu {where}; without one there are no exact runs: keep it away from its pole, as by min(...)"
             )
-        raise ValueError(refusal(self.network, channel, state, t))
+        raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 
     def _model(self) -> tuple[general.Model, int]:
         """The network as the kernel reads it, and the deepest stack of its programs."""
@@ -136,7 +135,7 @@ class GeneralSampler(StepwiseSampler):
         steady = np.flatnonzero(~is_timed)
         starts, readers = changed_readers(network, [(steady[p], s) for p, s in read])
         timed_programs = [program for program, timed in zip(channels, is_timed, strict=True) if timed]
-        change = network.change_terms
+        change = network.sparse_stoichiometry
         model = general.Model(
             programs,
             change.starts,
@@ -167,7 +166,7 @@ def channel_programs(network: Network) -> list[list[Step]]:
         if k == 0.0:
             programs.append([Step(Code.CONSTANT)])
         elif name in network.laws:
-            law = network.law_programs[name]
+            law = network.channel_laws[name].program
             programs.append(law if k == 1.0 else [*law, Step(Code.CONSTANT, 0, k), Step(Code.MULTIPLY)])
         else:
             programs.append(_mass_action(network, r, k))
@@ -177,14 +176,14 @@ def channel_programs(network: Network) -> list[list[Step]]:
 def _mass_action(network: Network, r: int, coefficient: float) -> list[Step]:
     """The factors of `methods.mass_action`, in the same order."""
     guards, factors = [], []
-    for species, copies in zip(*(part.tolist() for part in network.reactant_terms.row(r)), strict=True):
+    for species, copies in zip(*(part.tolist() for part in network.sparse_reactants.row(r)), strict=True):
         if network.combinations == "product":
             guards.append(Step(Code.GUARD, species, float(copies)))
             factors += [Step(Code.TIMES, species)] * copies
         else:
             factors += [Step(Code.TIMES, species, float(taken)) for taken in range(copies)]
         if network.combinations == "distinct" and copies > 1:
-            coefficient /= float(factorial(copies))
+            coefficient = over_factorial(coefficient, copies, network.channels[r])
     return [*guards, Step(Code.CONSTANT, 0, coefficient), *factors]
 
 
@@ -203,7 +202,7 @@ def changed_readers(network: Network, read: list[tuple[int, int]]) -> tuple[Ints
     """For each channel, the channels whose propensity its firing changes: where they start, and which they are."""
     from scipy.sparse import csr_array
 
-    change = network.change_terms
+    change = network.sparse_stoichiometry
     changes = csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
     owners, species = np.array(read, dtype=np.int64).reshape(-1, 2).T
     reads = csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
@@ -216,5 +215,5 @@ def touches(network: Network, programs: list[list[Step]]) -> NDArray[np.bool_]:
     """(R,) whether a firing changes what any of the programs reads."""
     is_read = np.zeros(len(network.species), dtype=bool)
     is_read[[species for _, species in readers_of(programs)]] = True
-    change = network.change_terms
+    change = network.sparse_stoichiometry
     return np.bincount(change.rows, is_read[change.columns], len(network.channels)) > 0

@@ -6,12 +6,12 @@ kernel of the method `general`.
 
 from __future__ import annotations
 
-from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.network.propensity import over_factorial
 
 
 class MassAction(NamedTuple):
@@ -41,12 +41,12 @@ def mass_action(network: Network) -> MassAction:
             f"the network has {what[0]}{more}; this method knows mass action only: use the method 'general', or 'auto'"
         )
     coefficients = network.known_rates * network.ways
-    needed = network.reactant_terms
+    needed = network.sparse_reactants
     n_channels = len(network.channels)
     if network.combinations == "distinct":
         for r in np.unique(needed.rows[needed.copies > 1]):
             for copies in needed.row(r)[1].tolist():
-                coefficients[r] /= float(factorial(copies))
+                coefficients[r] = over_factorial(coefficients[r], copies, network.channels[r])
     order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=2))
     factors = np.zeros((n_channels, order, 3), dtype=np.int32)
     factors[:, :, 0] = len(network.species)  # the constant 1, until a reactant takes the place

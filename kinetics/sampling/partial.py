@@ -62,7 +62,7 @@ def model_of(network: Network) -> tuple[partial.Model, Ints]:
     """What the kernel reads, and the network's channels in the order of the kernel's."""
     from kinetics.kernels import partial
 
-    needed, change = network.reactant_terms, network.change_terms
+    needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     reactants_of = np.bincount(needed.rows, needed.copies, minlength=n_channels)
     if reactants_of.max(initial=0) > MOST_REACTANTS:

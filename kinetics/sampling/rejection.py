@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import Candidate, StepwiseSampler
 from kinetics.sampling.cost_model import Shape
 from kinetics.sampling.mass_action import mass_action
@@ -72,7 +72,7 @@ def model_of(network: Network) -> tuple[rejection.Model, Ints]:
     from kinetics.kernels import rejection
 
     laws = mass_action(network)
-    needed, change = network.reactant_terms, network.change_terms
+    needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     first, second = laws.first.astype(np.int64), laws.second.astype(np.int64)
     is_pair = ~laws.is_general & (second < n_species) & (second != first)
@@ -106,7 +106,7 @@ def model_of(network: Network) -> tuple[rejection.Model, Ints]:
         (partner[is_pair], group[is_pair], np.full(is_pair.sum(), deep)),
         (needed.columns[is_general], group[needed.rows[is_general]], np.full(is_general.sum(), deep)),
     ]
-    readers = Terms.of_entries(
+    readers = SparseTable.of_entries(
         (n_species + 1, groups.size), *(np.concatenate(part) for part in zip(*ways, strict=True))
     )
     kinds = np.where(readers.copies >= deep, DEEP, SHALLOW)
@@ -118,7 +118,7 @@ def model_of(network: Network) -> tuple[rejection.Model, Ints]:
 
 
 def _lists(
-    changed_by: Ints, species: Ints, readers: Terms, kinds: Ints, n_channels: int
+    changed_by: Ints, species: Ints, readers: SparseTable, kinds: Ints, n_channels: int
 ) -> tuple[Ints, Ints, NDArray[np.uint32]]:
     """Lists of groups to renew: of each channel, of each species, and the lists as `kernels.rejection` reads them.
 
@@ -132,7 +132,7 @@ def _lists(
     is_joint = lengths <= LONGEST_LIST
     joined = is_joint[changed_by]
     which, entries = readers.entries_of(species[joined])
-    joint = Terms.of_entries(
+    joint = SparseTable.of_entries(
         (n_channels, readers.n_columns), changed_by[joined][which], readers.columns[entries], kinds[entries]
     )
     groups = np.concatenate([readers.columns, joint.columns])

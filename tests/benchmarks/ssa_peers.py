@@ -29,7 +29,7 @@ Run = Callable[[float, int, int, int], np.ndarray]
 
 def sides(network: Network) -> list[tuple[list[int], list[int], float]]:
     """Species on both sides of each channel, with their copies, and its rate."""
-    before, change = network.reactant_terms, network.change_terms
+    before, change = network.sparse_reactants, network.sparse_stoichiometry
     rates = network.known_rates * network.ways
     reactions = []
     for r in range(len(network.channels)):

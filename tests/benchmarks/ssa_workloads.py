@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 
 Workload = tuple[Network, np.ndarray, float]
 
@@ -16,7 +16,7 @@ def paper_line(cubes: int) -> Workload:
     from kinetics.assembly import RuleBook, derive
 
     line = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
-    is_join = np.bincount(line.reactant_terms.rows, line.reactant_terms.copies) == 2
+    is_join = np.bincount(line.sparse_reactants.rows, line.sparse_reactants.copies) == 2
     model = line.with_rates(line.rate_constants * np.where(is_join, 60 / cubes, 1.0))
     return model, model.state({"monomer": cubes}), 2000.0
 
@@ -34,11 +34,11 @@ def polymer(longest: int = 100, monomers: int = 5000) -> Workload:
     rows = np.concatenate([joins, joins, breaks])
     rates = np.where(np.arange(shape[0]) < len(pairs), 1e-3, 0.1)
     names = [f"{i}+{j}" for i, j in pairs] + [f"{i}|{j}" for i, j in pairs]
-    net = Network.from_terms(
+    net = Network.from_sparse(
         [f"chain{i}" for i in range(1, longest + 1)],
         names,
-        Terms.of_entries(shape, rows, columns, np.concatenate([ones, ones, ones])),
-        Terms.of_entries(
+        SparseTable.of_entries(shape, rows, columns, np.concatenate([ones, ones, ones])),
+        SparseTable.of_entries(
             shape,
             np.concatenate([joins, joins, joins, breaks, breaks, breaks]),
             np.concatenate([before[:, 0], before[:, 1], after] * 2),
@@ -56,7 +56,7 @@ def tanks_in_a_row(n_tanks: int, monomers: int = 60, hops: float = 0.5, pace: fl
     size = len(line.species)
     tank = np.arange(n_tanks)
 
-    def repeated(terms: Terms) -> list[np.ndarray]:
+    def repeated(terms: SparseTable) -> list[np.ndarray]:
         shift = np.repeat(tank, terms.rows.size)
         return [
             np.tile(terms.rows, n_tanks) + shift * len(line.channels),
@@ -69,14 +69,14 @@ def tanks_in_a_row(n_tanks: int, monomers: int = 60, hops: float = 0.5, pace: fl
     hop = np.arange(sources.size) + n_tanks * len(line.channels)
     ones = np.ones(hop.size, dtype=np.int64)
     shape = (n_tanks * len(line.channels) + hop.size, n_tanks * size)
-    needed = [np.concatenate(p) for p in zip(repeated(line.reactant_terms), (hop, sources, ones), strict=True)]
-    gained = zip(repeated(line.change_terms), (hop, sources, -ones), (hop, targets, ones), strict=True)
-    net = Network.from_terms(
+    needed = [np.concatenate(p) for p in zip(repeated(line.sparse_reactants), (hop, sources, ones), strict=True)]
+    gained = zip(repeated(line.sparse_stoichiometry), (hop, sources, -ones), (hop, targets, ones), strict=True)
+    net = Network.from_sparse(
         [f"{name}@{i}" for i in tank for name in line.species],
         [f"{name}@{i}" for i in tank for name in line.channels]
         + [f"{a}>{b}" for a, b in zip(sources, targets, strict=True)],
-        Terms.of_entries(shape, *needed),
-        Terms.of_entries(shape, *(np.concatenate(p) for p in gained)),
+        SparseTable.of_entries(shape, *needed),
+        SparseTable.of_entries(shape, *(np.concatenate(p) for p in gained)),
         np.concatenate([np.tile(line.ways, n_tanks), ones]),
         np.concatenate([np.tile(line.rate_constants * pace, n_tanks), hops * ones]),
     )

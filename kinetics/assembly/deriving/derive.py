@@ -14,6 +14,7 @@ from kinetics.assembly.deriving.ways import RateClass
 from kinetics.assembly.rules.rule_book import LivelockError, RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.network import Network
+from kinetics.network.sparse_tables import SparseTable
 
 SIZE_NAMES = (
     *("monomer", "dimer", "trimer", "quadmer", "pentamer"),
@@ -57,17 +58,17 @@ class Derivation:
         sizes = [len(structure) for structure in structures]
         names = list(self.structures)
         short = [str(size) if sizes.count(size) == 1 else name for size, name in zip(sizes, names, strict=True)]
-        before, after = (
-            np.array([np.bincount(event[side], minlength=len(names)) for event in self.events]).reshape(-1, len(names))
-            for side in (0, 1)
-        )
-        return Network(
-            species=tuple(names),
-            channels=tuple("->".join("+".join(short[s] for s in side) for side in event) for event in self.events),
-            reactants=before.astype(np.int64),
-            stoichiometry=(after - before).astype(np.int64),
-            ways=np.array([sum(ways.values()) for ways in self.events.values()], dtype=float),
-            conserved={"cubes": np.array(sizes, dtype=float)},
+        shape = (len(self.events), len(names))
+        entries = [(r, s, made) for r, event in enumerate(self.events) for made in (0, 1) for s in event[made]]
+        channel, species, is_made = np.array(entries, dtype=np.int64).reshape(-1, 3).T
+        needed = is_made == 0
+        return Network.from_sparse(
+            names,
+            ["->".join("+".join(short[s] for s in side) for side in event) for event in self.events],
+            SparseTable.of_entries(shape, channel[needed], species[needed], np.ones(needed.sum(), dtype=np.int64)),
+            SparseTable.of_entries(shape, channel, species, 2 * is_made - 1),
+            [sum(ways.values()) for ways in self.events.values()],
+            conserved={"cubes": sizes},
         )
 
     def species_of(self, structure: Structure) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -101,3 +101,17 @@ class Event:
             return Expression(given if isinstance(given, str) else repr(float(given)), self.parameters)
         except (ValueError, TypeError) as error:
             raise ValueError(f"event {self.name!r}: {error}") from None
+
+
+def checked_events(events: Sequence[Event], species: Mapping[str, int]) -> tuple[Event, ...]:
+    """Events with different names, in terms of species that exist."""
+    checked = tuple(events)
+    if not all(isinstance(event, Event) for event in checked):
+        raise ValueError(f"events are {checked!r}; expected a sequence of kinetics.network.laws.Event")
+    seen: set[str] = set()
+    for event in checked:
+        if event.name in seen:
+            raise ValueError(f"events has {event.name!r} twice; every name must differ")
+        seen.add(event.name)
+        event.check_names(species)
+    return checked

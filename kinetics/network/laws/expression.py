@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -110,7 +110,7 @@ class Expression:
             if name not in species and name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ValueError(
-                    f"{what}: unknown name {name!r} {self._place(node)}; the species are {_some(species)}, "
+                    f"{what}: unknown name {name!r} {self._place(node)}; the species are {some_names(species)}, "
                     f"the parameters {known}"
                 )
             if name in species and name in self.parameters:
@@ -211,6 +211,7 @@ def _meaning(name: str) -> str:
     return "the time" if name == TIME else "3.14159..."
 
 
-def _some(names: Mapping[str, int]) -> str:
+def some_names(names: Collection[str]) -> str:
+    """The first dozen of the names, and how many more there are."""
     shown = list(names)[:12]
     return ", ".join(shown) + (f" and {len(names) - 12} more" if len(names) > 12 else "")

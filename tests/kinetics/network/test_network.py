@@ -5,8 +5,9 @@ import pytest
 from known_systems import bare_line, decay, line, network
 from numpy.testing import assert_allclose, assert_array_equal
 
+from kinetics import Auto, Direct, General, Lockstep
 from kinetics.network import Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 
 ONE = {"species": ("A", "B"), "channels": ("r",), "reactants": [[2, 1]], "stoichiometry": [[-1, 1]], "ways": [3]}
 
@@ -34,6 +35,30 @@ def test_propensity_is_rate_times_ways_times_combinations():
 def test_large_counts_do_not_overflow():
     pair = network(("A",), {"pair": ((2,), (0,))}, [1.0])
     assert_allclose(pair.propensities([10**15]), [5e29], rtol=1e-14)
+
+
+@pytest.mark.parametrize("order", [16, 17, 60, 171, 250])
+def test_combinations_of_high_order_are_right(order):
+    for name, count in (("distinct", comb), ("ordered", perm), ("product", lambda s, m: s**m if s >= m else 0)):
+        net = network(("A",), {"all": ((order,), (0,))}, [1.0], name)
+        for copies in (order - 1, order, order + 3, 10**6):
+            expected = count(copies, order)
+            if expected < 10**308:
+                assert_allclose(net.propensities([copies]), [float(expected)], rtol=1e-14)
+            else:
+                with pytest.raises(ValueError, match=f"{order} like reactants among {copies} copies have more"):
+                    net.propensities([copies])
+    assert_array_equal(net.combinations_of([[[0], [1]], [[2], [3]]]), np.zeros((2, 2, 1)))
+
+
+def test_orders_that_cannot_be_sampled_are_refused_by_name():
+    for order, rate in ((171, 1.0), (170, 1e-3), (100, 1e-200)):
+        net = network(("A",), {"all": ((order,), (0,))}, [rate])
+        for method in (Direct(), General(), Lockstep(), Auto()):
+            with pytest.raises(ValueError, match=f"'all' needs {order} copies of one species: .* too small"):
+                method.simulate(net, [order], [1.0], runs=1)
+    few = network(("A",), {"all": ((20,), (0,))}, [1.0]).with_rates([1e3])
+    assert Direct().simulate(few, [20], [1.0], runs=3).counts.max() == 0
 
 
 def test_no_channels():
@@ -134,8 +159,8 @@ def test_bad_shape_of_states():
 
 def test_networks_without_dense_tables_are_the_same_networks():
     net = bare_line()
-    same = Network.from_terms(
-        net.species, net.channels, net.reactant_terms, net.change_terms, net.ways, conserved=net.conserved
+    same = Network.from_sparse(
+        net.species, net.channels, net.sparse_reactants, net.sparse_stoichiometry, net.ways, conserved=net.conserved
     )
     assert "reactants" not in same.__dict__
     assert same.fingerprint == net.fingerprint
@@ -180,32 +205,32 @@ def test_bad_reactions(reactions, keywords, message):
 
 def test_bad_terms():
     good = bare_line()
-    narrow = Terms.of_entries((8, 3), [0], [1], [1])
+    narrow = SparseTable.of_entries((8, 3), [0], [1], [1])
     with pytest.raises(ValueError, match=r"stoichiometry has shape \(8, 3\); expected \(8, 4\)"):
-        Network.from_terms(good.species, good.channels, good.reactant_terms, narrow, good.ways)
-    negative = Terms.of_entries((8, 4), [0], [1], [-1])
+        Network.from_sparse(good.species, good.channels, good.sparse_reactants, narrow, good.ways)
+    negative = SparseTable.of_entries((8, 4), [0], [1], [-1])
     with pytest.raises(ValueError, match="reactants holds -1; expected at least 0"):
-        Network.from_terms(good.species, good.channels, negative, good.change_terms, good.ways)
+        Network.from_sparse(good.species, good.channels, negative, good.sparse_stoichiometry, good.ways)
     with pytest.raises(ValueError, match="rows holds 8; the table has only 8"):
-        Terms.of_entries((8, 4), [8], [1], [1])
+        SparseTable.of_entries((8, 4), [8], [1], [1])
 
 
-def test_terms():
+def test_sparse_tables():
     rng = np.random.default_rng(5)
     table = rng.integers(-2, 3, (9, 6)) * (rng.random((9, 6)) < 0.4)
-    terms = Terms.of_table(table)
-    assert terms.shape == (9, 6)
-    assert_array_equal(terms.table(), table)
+    sparse = SparseTable.of_dense(table)
+    assert sparse.shape == (9, 6)
+    assert_array_equal(sparse.dense(), table)
     places = rng.permutation(np.flatnonzero(table.ravel()))
     halves = table.ravel()[places]
     entries = [np.concatenate([part, part]) for part in (places // 6, places % 6, halves)]
-    assert_array_equal(Terms.of_entries((9, 6), *entries).table(), 2 * table)  # entries of one place are added up
-    assert_array_equal(Terms.of_entries((9, 6), [1, 1], [2, 2], [3, -3]).copies, [])
-    assert_array_equal(terms.at(np.arange(54)), table.ravel())
+    assert_array_equal(SparseTable.of_entries((9, 6), *entries).dense(), 2 * table)  # entries of one place are added up
+    assert_array_equal(SparseTable.of_entries((9, 6), [1, 1], [2, 2], [3, -3]).copies, [])
+    assert_array_equal(sparse.at(np.arange(54)), table.ravel())
     rows = np.array([4, 0, 4, 8])
-    owners, chosen = terms.entries_of(rows)
+    owners, chosen = sparse.entries_of(rows)
     again = np.zeros((4, 6), dtype=int)
-    again[owners, terms.columns[chosen]] = terms.copies[chosen]
+    again[owners, sparse.columns[chosen]] = sparse.copies[chosen]
     assert_array_equal(again, table[rows])
 
 

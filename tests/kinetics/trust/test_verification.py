@@ -7,7 +7,7 @@ from known_systems import line, network, switch
 from verified_networks import FEW, MANY, dimers, enzyme
 
 from kinetics import Direct, FiniteStateProjection, JumpPath, Network
-from kinetics.network.sparse_tables import Terms
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.trust import verify
@@ -185,9 +185,9 @@ def rare_among_many(n=2**16):
     """
     rare = 2.0**-32 - 2.0**-40
     rates = np.tile([1.0 / n - rare, rare], n)
-    made = Terms.of_entries((2 * n, 1), 2 * np.arange(n) + 1, np.zeros(n, dtype=int), np.ones(n, dtype=int))
-    none = Terms.of_entries((2 * n, 1), *np.zeros((3, 0), dtype=int))
-    return Network.from_terms(("X",), [f"r{i}" for i in range(2 * n)], none, made, np.ones(2 * n), rates)
+    made = SparseTable.of_entries((2 * n, 1), 2 * np.arange(n) + 1, np.zeros(n, dtype=int), np.ones(n, dtype=int))
+    none = SparseTable.of_entries((2 * n, 1), *np.zeros((3, 0), dtype=int))
+    return Network.from_sparse(("X",), [f"r{i}" for i in range(2 * n)], none, made, np.ones(2 * n), rates)
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class ShortChoice:
             for t, gap in enumerate(np.diff(times, prepend=0.0)):
                 words = rng.integers(0, 2**self.bits, rng.poisson(ladder[-1] * gap))
                 chosen = np.searchsorted(ladder, words / 2.0**self.bits * ladder[-1], "right")
-                seen[run, t:] += net.change_terms.at(chosen).sum()  # of one species: the keys are the channels
+                seen[run, t:] += net.sparse_stoichiometry.at(chosen).sum()  # of one species: the keys are the channels
         return Ensemble(net, np.asarray(times, dtype=float), seen)
 
 

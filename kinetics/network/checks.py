@@ -1,0 +1,79 @@
+"""What a network must satisfy: names that differ, tables that fit, counts that stay above 0, quantities that last."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network.sparse_tables import SparseTable
+from kinetics.support.arrays import Floats, integers, reals
+
+
+def checked_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
+    """The names; a ValueError where one is empty or comes twice."""
+    if isinstance(names, str):
+        raise ValueError(f"{what} = {names!r}; expected a sequence of names")
+    checked = tuple(names)
+    if not all(isinstance(name, str) and name for name in checked):
+        raise ValueError(f"{what} must be non-empty names; {checked} came")
+    if len(set(checked)) < len(checked):
+        doubled = {name for name, count in Counter(checked).items() if count > 1}
+        raise ValueError(f"{what} has {min(doubled)!r} twice; every name must differ")
+    return checked
+
+
+def checked_choice(what: str, value: str, choices: Sequence[str]) -> str:
+    """The value, one of some."""
+    if value not in choices:
+        raise ValueError(f"{what} = {value!r}; expected one of {', '.join(choices)}")
+    return value
+
+
+def checked_table(
+    name: str, table: SparseTable | ArrayLike, shape: tuple[int, int], minimum: int | None = None
+) -> SparseTable:
+    """A sparse table of this shape (channels, species), also from a dense one; [] stands for one without rows."""
+    if not isinstance(table, SparseTable):
+        is_empty = shape[0] == 0 and np.size(table) == 0
+        dense = integers(name, np.zeros(shape, dtype=np.int64) if is_empty else table, shape, minimum)
+        return SparseTable.of_dense(dense)
+    if table.shape != shape:
+        raise ValueError(f"{name} has shape {table.shape}; expected {shape}")
+    if minimum is not None and table.copies.size and table.copies.min() < minimum:
+        raise ValueError(f"{name} holds {table.copies.min()}; expected at least {minimum}")
+    return table
+
+
+def check_no_overdraft(
+    species: Sequence[str], channels: Sequence[str], reactants: SparseTable, change: SparseTable
+) -> None:
+    """A ValueError where a channel takes more copies than it needs: it could make a count negative."""
+    short = np.flatnonzero(reactants.at(change.keys) + change.copies < 0)
+    if short.size:
+        r, s = change.rows[short[0]], change.columns[short[0]]
+        raise ValueError(
+            f"channel {channels[r]!r} takes {-change.copies[short[0]]} of {species[s]!r} but needs only "
+            f"{reactants.at(change.keys[short[:1]])[0]}; raise its reactants"
+        )
+
+
+def checked_conserved(
+    conserved: Mapping[str, ArrayLike], channels: Sequence[str], change: SparseTable
+) -> dict[str, Floats]:
+    """Amounts (S,) of each conserved quantity in one copy of each species; a ValueError where a channel changes it."""
+    amounts = {}
+    for name, given in conserved.items():
+        amounts[name] = reals(f"conserved {name!r}", given, (change.n_columns,))
+        gains = change.copies * amounts[name][change.columns]
+        net = np.bincount(change.rows, gains, len(channels))
+        scale = np.bincount(change.rows, np.abs(gains), len(channels))
+        broken = np.flatnonzero(np.abs(net) > 1e-12 * scale)
+        if broken.size:
+            raise ValueError(
+                f"channel {channels[broken[0]]!r} changes the conserved quantity {name!r} by {net[broken[0]]:g}; "
+                f"correct the channel or the weights"
+            )
+    return amounts

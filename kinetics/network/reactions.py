@@ -1,0 +1,38 @@
+"""Reactions as a person writes them, `({"A": 1, "B": 1}, {"AB": 1})`, as sparse tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from kinetics.network.checks import checked_names
+from kinetics.network.laws.expression import some_names
+from kinetics.network.sparse_tables import SparseTable
+from kinetics.support.arrays import integers
+
+Reaction = tuple[Mapping[str, int], Mapping[str, int]]  # copies needed and copies made, by species
+
+
+def reaction_tables(
+    reactions: Mapping[str, Reaction], species: Sequence[str] | None
+) -> tuple[tuple[str, ...], SparseTable, SparseTable]:
+    """The species, and of each channel the reactants and the net change (R, S).
+
+    species : their order; None for that in which the reactions name them
+    """
+    sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
+    in_order = dict.fromkeys(name for _, side, _ in sides for name in side)
+    named = checked_names("species", tuple(in_order) if species is None else species)
+    place = {name: s for s, name in enumerate(named)}
+    entries = [(r, name, n, made) for r, side, made in sides for name, n in side.items()]
+    unknown = [name for _, name, _, _ in entries if name not in place]
+    if unknown:
+        raise ValueError(f"unknown species {unknown[0]!r}; the network has {some_names(named)}")
+    rows = np.array([r for r, _, _, _ in entries], dtype=np.int64)
+    columns = np.array([place[name] for _, name, _, _ in entries], dtype=np.int64)
+    copies = integers("copies", [n for _, _, n, _ in entries], (None,), minimum=0)
+    is_made = np.array([made for _, _, _, made in entries], dtype=bool)
+    shape = (len(reactions), len(place))
+    reactants = SparseTable.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made])
+    return named, reactants, SparseTable.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
