@@ -22,7 +22,8 @@ from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
 from kinetics.networkfree.tank import Event, Known, Rate, Tank
 from kinetics.rates import ClassRates
-from kinetics.sampling.base import StalledClockError, whole_number
+from kinetics.sampling.base import StalledClockError
+from kinetics.support.arrays import whole_number
 from kinetics.support.arrays import rising_times
 
 BLOCK = 4096  # random numbers drawn at once

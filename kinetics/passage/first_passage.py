@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error, totals
-from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import whole_number
 from kinetics.solving import reachable
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES

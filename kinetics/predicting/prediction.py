@@ -16,7 +16,7 @@ from kinetics.predicting.observables import Watch
 from kinetics.rates import Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import whole_number
 from kinetics.solving import Distribution, SolvingMethod, solve
 from kinetics.support.arrays import Floats
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.sampling import sample_path
-from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import whole_number
 from kinetics.solving import StateSpace, reachable
 from kinetics.solving.poisson import poisson_window, window_error
 from kinetics.solving.states import TooManyStatesError
