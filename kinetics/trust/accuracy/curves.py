@@ -5,9 +5,9 @@ Every solving method has its curve from `SOLVING_METHODS`; any other is a line i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
@@ -83,15 +83,13 @@ def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, i
     return lambda task, setting, _: method(setting).solve(task.network, task.initial, task.times)
 
 
-def solver_curves() -> Iterator[Curve]:
-    """One curve a solving method: over its tolerances where it has one, else a single point."""
-    for method in SOLVING_METHODS:
-        kind: Any = method
-        if "tolerance" in {field.name for field in fields(kind)}:
-            settings = tuple(each for each in TOLERANCES if each >= method.least_tolerance)
-            yield Curve(method.name, "tolerance", settings, solved(lambda setting, kind=kind: kind(tolerance=setting)))
-        else:
-            yield Curve(method.name, "", NO_KNOB, solved(lambda _, kind=kind: kind()))
+def solver_curve(method: type[SolvingMethod]) -> Curve:
+    """The curve of a solving method: over its tolerances where it has one, else a single point."""
+    kind: Callable[..., SolvingMethod] = method
+    if not hasattr(method, "tolerance"):
+        return Curve(method.name, "", NO_KNOB, solved(lambda _: kind()))
+    settings = tuple(each for each in TOLERANCES if each >= method.least_tolerance)
+    return Curve(method.name, "tolerance", settings, solved(lambda setting: kind(tolerance=setting)))
 
 
 RUNS = (1e2, 1e3, 1e4, 1e5, 1e6)
@@ -101,7 +99,7 @@ NO_KNOB = (0.0,)
 CURVES: tuple[Curve, ...] = (
     Curve("SSA, direct", "runs", RUNS, sampled(Direct())),
     Curve("SSA, lockstep", "runs", RUNS, sampled(Lockstep())),
-    *solver_curves(),
+    *map(solver_curve, SOLVING_METHODS),
     Curve("scipy expm_multiply", "", NO_KNOB, solved(lambda _: ExpmMultiply())),
     Curve("rate equation", "", NO_KNOB, lambda task, *_: rate_equation(task.network, task.initial, task.times)),
 )

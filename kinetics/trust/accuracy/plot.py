@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.plots import colour
-from kinetics.trust.accuracy.diagram import Diagram, CostPoint
+from kinetics.trust.accuracy.diagram import CostPoint, Diagram
 
 MARKERS = ("o", "s", "^", "D", "v", "*")
 LOWEST = 1e-15  # of the errors shown: smaller ones are drawn here
