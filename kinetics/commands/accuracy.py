@@ -63,7 +63,7 @@ def kinetics(
     with progress_line() as progress:
         made = measure(
             f"{book}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed, budget=60 * budget,
-            tell=lambda text: click.echo(text, err=as_json), progress=progress,
+            report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False, float_format="%.6g")

@@ -22,8 +22,8 @@ from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
 from kinetics.networkfree.tank import Event, Known, Rate, Tank
 from kinetics.rates import ClassRates
-from kinetics.sampling.base import StalledClockError, whole_number
-from kinetics.support.arrays import rising_times
+from kinetics.sampling.base import StalledClockError
+from kinetics.support.arrays import rising_times, whole_number
 
 BLOCK = 4096  # random numbers drawn at once
 PROGRESS_EVERY = 500  # draws

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.passage.elimination import equations, relative_error, totals
 from kinetics.runs import JumpPath
-from kinetics.sampling.base import whole_number
 from kinetics.solving import StateSpace, reachable
 from kinetics.solving.states import MAX_STATES
-from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.support.arrays import Floats, Ints, read_only, whole_number
 
 Target = Callable[[Ints], NDArray[np.bool_]]
 

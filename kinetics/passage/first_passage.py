@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error, totals
-from kinetics.sampling.base import whole_number
 from kinetics.solving import reachable
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
-from kinetics.support.arrays import Floats, Ints, reals
+from kinetics.support.arrays import Floats, Ints, reals, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.level_chain import Bins, Progress, Watch
-from kinetics.sampling.base import whole_number
-from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 
 Level = Callable[[Ints], NDArray[np.float64]]
 Value = Callable[[Floats, Floats], NDArray[np.float64]]  # of levels (n,) and clocks (n,)

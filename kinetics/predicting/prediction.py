@@ -16,9 +16,8 @@ from kinetics.predicting.observables import Watch
 from kinetics.rates import Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.sampling.base import whole_number
 from kinetics.solving import Distribution, SolvingMethod, solve
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, whole_number
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,7 +21,7 @@ from kinetics.ranking.candidates import (
 )
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
 from kinetics.rates import ClassRates
-from kinetics.sampling.base import whole_number
+from kinetics.support.arrays import whole_number
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.sampling import sample_path
-from kinetics.sampling.base import whole_number
 from kinetics.solving import StateSpace, reachable
 from kinetics.solving.poisson import poisson_window, window_error
 from kinetics.solving.states import TooManyStatesError
 from kinetics.solving.uniformisation import DiscreteChain
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, whole_number
 
 MAX_STATES = 100_000
 MAX_WORK = 2e10  # multiplications of one exact figure, about half a minute

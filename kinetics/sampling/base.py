@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import Shape
-from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 from kinetics.support.memory import check_memory
 
 PIECE = 1000  # runs; an interrupt waits for a piece only
@@ -187,10 +187,3 @@ def check_outcome(outcome: int, run: int) -> None:
         )
     if outcome == ssa.OVERFLOW:
         raise ValueError(f"run {run}: a count went beyond 2**63 - 1, or a propensity beyond 1e308")
-
-
-def whole_number(name: str, value: int, least: int) -> int:
-    """`value` where it is a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ValueError(f"{name} = {value!r}; expected a whole number of at least {least}")
-    return int(value)

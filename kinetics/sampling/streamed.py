@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling.base import whole_number
-from kinetics.support.arrays import rising_times
+from kinetics.support.arrays import rising_times, whole_number
 
 if TYPE_CHECKING:
     from kinetics.sampling.methods import SamplingMethod

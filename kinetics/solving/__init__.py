@@ -1,8 +1,9 @@
-"""The master equation solved for the probability of every state: one file a method."""
+"""Solution of the master equation: the probability of every state over time, one file a method."""
 
+from kinetics.solving.base import SolvingMethod
 from kinetics.solving.dense import Dense
 from kinetics.solving.distribution import Distribution
-from kinetics.solving.methods import SOLVING_METHODS, SolvingMethod, solve
+from kinetics.solving.methods import SOLVING_METHODS, solve
 from kinetics.solving.projection import FiniteStateProjection
 from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transient import Transient

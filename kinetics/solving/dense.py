@@ -7,14 +7,14 @@ from math import comb, exp, floor, log2
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.solving.base import SolvingMethod
 from kinetics.solving.certificate import distance, exact_entries
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds
 from kinetics.solving.states import reachable
-from kinetics.support.arrays import Floats, rising_times
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.memory import check_memory
 
 MAX_DENSE = 2000  # states
@@ -27,7 +27,7 @@ OTHER_UNIT = 0.7  # makes q smaller, so the step that was short enough still is
 
 
 @dataclass(frozen=True)
-class Dense:
+class Dense(SolvingMethod):
     """Non-negative scaling and squaring: every probability comes with its own relative accuracy, at any stiffness.
 
     exp(Q h) of a short step by a Taylor series of a positive matrix (Xue & Ye 2013), then squared. Products of positive
@@ -45,24 +45,19 @@ class Dense:
     max_states: int = MAX_DENSE
     certified_states: int = CERTIFIED
 
-    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
-        """Probabilities of all states at `times`, tu, rising, starting from one state at time 0."""
-        network.known_rates  # noqa: B018  # fails early, before the states are explored
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
-        space = reachable(network, initial, max_states=self.max_states)
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """Probabilities of all reachable states; `start` is row 0 of the space."""
+        space = reachable(network, start, max_states=self.max_states)
         check_memory(f"{len(space)} states", 8.0 * len(space) * (6 * len(space) + grid.size), "ask for fewer times")
         rates = space.generator().toarray()
         np.fill_diagonal(rates, 0.0)
-        start = np.zeros(len(space))
-        start[0] = 1.0
-        probabilities = exponential_action(rates, start, grid)
+        certain = np.eye(1, len(space))[0]
+        probabilities = exponential_action(rates, certain, grid)
         if len(space) > self.certified_states:
-            error = estimated_error(rates, start, grid, probabilities)
+            error = estimated_error(rates, certain, grid, probabilities)
             return Distribution(space, grid, probabilities, error, is_bound=False)
         entries = exact_entries(space)
-        error = distance(entries, start, grid, probabilities)
+        error = distance(entries, certain, grid, probabilities)
         return Distribution(space, grid, probabilities, error, is_bound=entries.is_exact)
 
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
+from kinetics.solving.base import SolvingMethod
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES, Search, StateSpace, TooManyStatesError
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain, Mixtures, mixtures
-from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.memory import check_memory
 
-MIN_TOLERANCE = 1e-13
 FIRST_STEPS = 32.0  # uniformised steps of the first window; each window that goes well makes the next one longer
 MOST_STEPS = 20_000.0
 MOST_LAYERS = 8  # events that the states are extended by at a time
@@ -30,7 +30,7 @@ WINDOW_SECONDS = 1e-3  # that a window takes however few its states, on a common
 
 
 @dataclass(frozen=True)
-class FiniteStateProjection:
+class FiniteStateProjection(SolvingMethod):
     """Probabilities on a set of states that follows the probability (Munsky & Khammash 2006), of a space without end.
 
     In windows of time, mass that leaves the set is lost to a sink; where that is too much, the states from which it
@@ -43,27 +43,15 @@ class FiniteStateProjection:
     """
 
     name: ClassVar[str] = "fsp"
+    least_tolerance: ClassVar[float] = 1e-13
 
     tolerance: float = 1e-9
     max_states: int = MAX_STATES
     max_seconds: float = 7200.0
 
-    def __post_init__(self) -> None:
-        if not self.max_seconds > 0:
-            raise ValueError(f"max_seconds = {self.max_seconds}; expected a time above 0")
-        if not MIN_TOLERANCE <= self.tolerance < 1:
-            raise ValueError(f"tolerance = {self.tolerance}; expected between {MIN_TOLERANCE:.0e} and 1")
-
-    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
-        """Probabilities of the states that matter at `times`, tu, rising, starting from one state at time 0.
-
-        `error` is all that was lost, the drift from a settled law, and rounding.
-        """
-        network.known_rates  # noqa: B018
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
-        front = _Front(network, network.state(initial), grid, self)
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """Probabilities of the states that matter; `error` is all that was lost, the last drift, and rounding."""
+        front = _Front(network, start, grid, self)
         while front.time < grid[-1]:
             try:
                 front.advance()

@@ -6,22 +6,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.solving.base import SolvingMethod
 from kinetics.solving.dense import MAX_DENSE, Dense
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.states import MAX_STATES, reachable
 from kinetics.solving.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
-from kinetics.support.arrays import rising_times
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.memory import check_memory
 
 MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays small
-MIN_TOLERANCE = 1e-18  # below, the error is rounding anyway
 
 
 @dataclass(frozen=True)
-class Transient:
+class Transient(SolvingMethod):
     """Exact transient solution over all reachable states; no sampling, no truncated states.
 
     tolerance : largest probability that uniformisation may leave out at a time
@@ -34,24 +33,15 @@ class Transient:
     """
 
     name: ClassVar[str] = "exact"
+    least_tolerance: ClassVar[float] = 1e-18  # below, the error is rounding anyway
 
     tolerance: float = 1e-13
     max_states: int = MAX_STATES
     max_seconds: float = 7200.0
 
-    def __post_init__(self) -> None:
-        if not self.max_seconds > 0:
-            raise ValueError(f"max_seconds = {self.max_seconds}; expected a time above 0")
-        if not MIN_TOLERANCE <= self.tolerance < 1:
-            raise ValueError(f"tolerance = {self.tolerance}; expected between {MIN_TOLERANCE:.0e} and 1")
-
-    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
-        """Probabilities of all states at `times`, tu, rising, starting from one state at time 0."""
-        network.known_rates  # noqa: B018  # fails early, before the states are explored
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
-        space = reachable(network, initial, max_states=self.max_states)
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """Probabilities of all reachable states; `start` is row 0 of the space."""
+        space = reachable(network, start, max_states=self.max_states)
         n = len(space)
         # the answer, and a transition a channel while the generator is built; then the vectors that are mixed
         numbers = n * (grid.size + len(network.species) + 6 * len(network.channels))
@@ -61,7 +51,7 @@ class Transient:
         events = chain.rate * float(grid[-1])
         steps = chain.steps_until(grid[-1], self.tolerance) if events < np.inf else np.inf
         if steps > MANY_STEPS and n <= MAX_DENSE:
-            return Dense().solve(network, initial, grid)
+            return Dense().distribution(network, start, grid)
         if steps > MAX_STEPS:
             raise ValueError(
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
@@ -75,7 +65,5 @@ class Transient:
                 f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
                 f"sample with the direct method"
             )
-        start = np.zeros(n)
-        start[0] = 1.0
-        probabilities, _, error = mixtures(chain, start, grid, self.tolerance)
+        probabilities, _, error = mixtures(chain, np.eye(1, n)[0], grid, self.tolerance)
         return Distribution(space, grid, probabilities, error)

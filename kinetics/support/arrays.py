@@ -53,6 +53,13 @@ def rising_times(times: ArrayLike, strictly: bool = True) -> Floats:
     return checked
 
 
+def whole_number(name: str, value: int, least: int) -> int:
+    """`value` where it is a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name} = {value!r}; expected a whole number of at least {least}")
+    return int(value)
+
+
 def read_only(array: Any) -> Any:
     """The same array, closed for writing."""
     array.setflags(write=False)

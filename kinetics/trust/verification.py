@@ -17,11 +17,10 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.runs import Ensemble
 from kinetics.sampling import SamplingMethod
-from kinetics.sampling.base import whole_number
 from kinetics.solving import Distribution, SolvingMethod, Transient
 from kinetics.solving.transient import MANY_STEPS
 from kinetics.solving.uniformisation import DiscreteChain, mixtures
-from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""What accuracy of the kinetics costs in time: every method's distance from the exact law against its CPU time."""
+"""The cost of accuracy: every method's distance from the exact distribution against its CPU time."""

@@ -1,4 +1,7 @@
-"""What the diagram compares: one curve a method, its settings from cheap to dear. One more is a line in `CURVES`."""
+"""Curves of the accuracy diagram, one a method, each with its settings from cheap to dear.
+
+Every solving method has its curve from `SOLVING_METHODS`; any other is a line in `CURVES`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import NamedTuple
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Lockstep, SamplingMethod, simulate_statistics
-from kinetics.solving import Distribution, FiniteStateProjection, SolvingMethod, Transient
+from kinetics.solving import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.accuracy.distances import Certainty, Marginals
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
@@ -20,7 +23,7 @@ SOLUTIONS = 3  # of the same, for their time
 
 
 class Task(NamedTuple):
-    """What every method is asked: the law of each species at `times` (T,), tu."""
+    """What every method is asked: the distribution of each species at `times` (T,), tu."""
 
     network: Network
     initial: Ints
@@ -80,6 +83,15 @@ def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, i
     return lambda task, setting, _: method(setting).solve(task.network, task.initial, task.times)
 
 
+def solver_curve(method: type[SolvingMethod]) -> Curve:
+    """The curve of a solving method: over its tolerances where it has one, else a single point."""
+    kind: Callable[..., SolvingMethod] = method
+    if not hasattr(method, "tolerance"):
+        return Curve(method.name, "", NO_KNOB, solved(lambda _: kind()))
+    settings = tuple(each for each in TOLERANCES if each >= method.least_tolerance)
+    return Curve(method.name, "tolerance", settings, solved(lambda setting: kind(tolerance=setting)))
+
+
 RUNS = (1e2, 1e3, 1e4, 1e5, 1e6)
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 NO_KNOB = (0.0,)
@@ -87,15 +99,14 @@ NO_KNOB = (0.0,)
 CURVES: tuple[Curve, ...] = (
     Curve("SSA, direct", "runs", RUNS, sampled(Direct())),
     Curve("SSA, lockstep", "runs", RUNS, sampled(Lockstep())),
-    Curve("projection (fsp)", "tolerance", TOLERANCES, solved(FiniteStateProjection)),
-    Curve("uniformisation (exact)", "tolerance", TOLERANCES, solved(Transient)),
+    *map(solver_curve, SOLVING_METHODS),
     Curve("scipy expm_multiply", "", NO_KNOB, solved(lambda _: ExpmMultiply())),
     Curve("rate equation", "", NO_KNOB, lambda task, *_: rate_equation(task.network, task.initial, task.times)),
 )
 
 
-def law_of(result: Result, species: tuple[str, ...]) -> Marginals | Certainty:
-    """What an answer says of each species."""
+def shape_of(result: Result, species: tuple[str, ...]) -> Marginals | Certainty:
+    """What an answer says of each species: a distribution, or a number alone."""
     if isinstance(result, EnsembleStatistics | Distribution):
-        return Marginals([result.marginal(name) for name in species])
+        return Marginals.of(result, species)
     return Certainty(result)

@@ -1,4 +1,4 @@
-"""The work-precision diagram of the kinetics: every method at every setting, its CPU time and its error."""
+"""The accuracy diagram of the kinetics: CPU time and error of every method at every setting."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kinetics.network import Network
 from kinetics.solving import Distribution, Transient
 from kinetics.support.arrays import rising_times
 from kinetics.support.tables import text_table
-from kinetics.trust.accuracy.curves import CURVES, Curve, Task, law_of
+from kinetics.trust.accuracy.curves import CURVES, Curve, Task, shape_of
 from kinetics.trust.accuracy.distances import Distance, Marginals, sampling_floor
 
 if TYPE_CHECKING:
@@ -24,16 +24,18 @@ if TYPE_CHECKING:
 REFERENCE = Transient(tolerance=1e-16)
 FIRST_RUNS, MOST_RUNS = 16.0, 5000.0  # of a pilot, which stops after about so many CPU s
 PILOT_SECONDS = 0.2
-PILOT_TIMES = 6  # of those asked for; what they cost tells what all will
+PILOT_TIMES = 6  # of those asked for; their cost foretells that of all
+
+Timed = Callable[[Callable[[], Any]], tuple[Any, float]]
 
 
 @dataclass(frozen=True)
-class Point:
+class CostPoint:
     """What a method came to at a setting.
 
     repeats : how often it was tried; cpu_seconds : of one try, the median
     error : mean over the repeats; low, high : smallest and largest distance in copies among them
-    bound : proven bound on the distance from the exact law, copies; None where none is proven
+    bound : proven bound on the distance from the exact distribution, copies; None where none is proven
     """
 
     curve: str
@@ -61,9 +63,9 @@ class LeftOut:
 class Diagram:
     """All points, and what they are measured against.
 
-    times : (T,) tu at which the laws are compared
-    reference_bound : bound on the distance of the reference from the exact law, copies; smaller errors of others are
-        differences from the reference and nothing more
+    times : (T,) tu at which the distributions are compared
+    reference_bound : bound on the distance of the reference from the exact distribution, copies; smaller errors of
+        others are differences from the reference and nothing more
     is_proven : whether that bound is proven, else an estimate
     floors : runs -> expected error of so many independent exact runs at the time where it is largest
     is_complete : whether all was tried that the budget allowed; not so where someone interrupted
@@ -77,13 +79,13 @@ class Diagram:
     reference_cpu: float
     reference_bound: float
     is_proven: bool
-    points: tuple[Point, ...]
+    points: tuple[CostPoint, ...]
     floors: dict[int, float]
     left_out: tuple[LeftOut, ...] = ()
     is_complete: bool = True
     cpu_seconds: float = field(compare=False, default=0.0)
 
-    def of(self, curve: str) -> list[Point]:
+    def of(self, curve: str) -> list[CostPoint]:
         """The points of one curve, in the order of its settings."""
         return [point for point in self.points if point.curve == curve]
 
@@ -158,7 +160,7 @@ class Diagram:
         within = f"within {self.reference_bound:.1e} copies, {'proven' if self.is_proven else 'estimated'}"
         lines = [
             f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}",
-            "error: largest Wasserstein distance of a species' law from the exact one, over times and species",
+            "error: largest Wasserstein distance of a species' distribution from the exact one, over times and species",
             f"reference: {REFERENCE.name}, tolerance {REFERENCE.tolerance:g}, {self.reference_cpu:.3g} CPU s; {within}",
             text_table(heads, rows),
         ]
@@ -167,7 +169,7 @@ class Diagram:
             lines.append(f"exponent of the error against runs (-1/2 expected): {', '.join(slopes)}")
         lines += [f"left out: {x.curve} {x.label}: {x.reason}" for x in self.left_out]
         if not self.is_complete:
-            lines.append("interrupted: only what was finished is told")
+            lines.append("interrupted: only what was finished is shown")
         return "\n".join(lines)
 
 
@@ -180,31 +182,32 @@ def measure(
     seed: int = 0,
     budget: float = 1200.0,
     curves: Sequence[Curve] = CURVES,
-    tell: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
+    clock: Callable[[], float] = time.process_time,
 ) -> Diagram:
-    """Ask every method for the laws of all species at `times` (T,), tu, evenly spaced from 0; all in one thread.
+    """Ask every method for the marginals of all species at `times` (T,), tu, evenly spaced from 0; all in one thread.
 
     budget : CPU s; settings that are predicted not to fit in it, after all cheaper ones, are left out
-    tell : is given the predicted cost before anything is run; progress : what is at work
-    ValueError: the states are too many for the exact law. After Ctrl-C the diagram has what was finished, if any.
+    report : is given the predicted cost before anything is run; progress : what is at work
+    clock : s; costs are differences of its readings
+    ValueError: the states are too many for an exact solution. After Ctrl-C the diagram has what was finished, if any.
     """
-    began = time.process_time()
+    began = clock()
+    timed = partial(_timed, clock)
     task = Task(network, network.state(initial), rising_times(times), seed)
     if task.times.size < PILOT_TIMES:
         raise ValueError(f"{task.times.size} times; the diagram needs at least {PILOT_TIMES}")
     progress("trying the reference")
     REFERENCE.solve(task.network, task.initial, task.times[:PILOT_TIMES])  # refuses before others work in vain
-    prices, left_out = _prices(task, curves, progress)
+    prices, left_out = _prices(task, curves, progress, timed)
     total = sum(prices.values())
-    tell(f"{title}: {len(prices)} settings, predicted cost {total:.3g} CPU s, budget {budget:.3g}")
+    report(f"{title}: {len(prices)} settings, predicted cost {total:.3g} CPU s, budget {budget:.3g}")
     progress("the reference")
-    exact, reference_cpu = _timed(partial(REFERENCE.solve, *task[:3]))
-    law = law_of(exact, network.species)
-    if not isinstance(law, Marginals):
-        raise TypeError("the reference is a law")
-    bound = law.top * exact.error
-    points: dict[tuple[Curve, float], Point] = {}
+    exact, reference_cpu = timed(partial(REFERENCE.solve, *task[:3]))
+    marginals = Marginals.of(exact, network.species)
+    bound = marginals.top * exact.error
+    points: dict[tuple[Curve, float], CostPoint] = {}
     spent, is_complete = reference_cpu, True
     try:
         for (curve, setting), price in sorted(prices.items(), key=lambda item: item[1]):
@@ -213,7 +216,7 @@ def measure(
                 continue
             progress(f"{curve.name} {curve.label(setting)}, {spent:.3g} of {total:.3g} CPU s")
             try:
-                points[curve, setting] = point = _point(task, curve, setting, law)
+                points[curve, setting] = point = _point(task, curve, setting, marginals, timed)
             except ValueError as refusal:
                 left_out.append(LeftOut(curve.name, curve.label(setting), str(refusal)))
                 continue
@@ -224,8 +227,8 @@ def measure(
         is_complete = False
     ordered = [points[c, s] for c in curves for s in c.settings if (c, s) in points]
     runs = sorted({int(p.setting) for p in ordered if p.knob == "runs" and p.setting})
-    floors = {n: sampling_floor(law, n) for n in runs}
-    used = time.process_time() - began
+    floors = {n: sampling_floor(marginals, n) for n in runs}
+    used = clock() - began
     return Diagram(
         title, network, task.times, seed, len(exact.space), reference_cpu, bound, exact.is_bound,
         tuple(ordered), floors, tuple(left_out), is_complete, used,
@@ -233,14 +236,14 @@ def measure(
 
 
 def _prices(
-    task: Task, curves: Sequence[Curve], progress: Callable[[str], None]
+    task: Task, curves: Sequence[Curve], progress: Callable[[str], None], timed: Timed
 ) -> tuple[dict[tuple[Curve, float], float], list[LeftOut]]:
     """Predicted CPU s of every setting with its repeats, and the curves that cannot be tried at all."""
     prices, refused = {}, []
     for curve in curves:
         progress(f"trying {curve.name}")
         try:
-            price = _sampled_price(task, curve) if curve.is_sampled else _solved_price(task, curve)
+            price = (_sampled_price if curve.is_sampled else _solved_price)(task, curve, timed)
         except ValueError as refusal:
             refused.append(LeftOut(curve.name, "", str(refusal)))
             continue
@@ -249,36 +252,36 @@ def _prices(
     return prices, refused
 
 
-def _sampled_price(task: Task, curve: Curve) -> float:
+def _sampled_price(task: Task, curve: Curve, timed: Timed) -> float:
     """CPU s of a run, from as many as take a fraction of a second."""
     curve.make(task, FIRST_RUNS, 0)  # compiles, or reads what was compiled before
-    _, cost = _timed(partial(curve.make, task, FIRST_RUNS, 0))
+    _, cost = timed(partial(curve.make, task, FIRST_RUNS, 0))
     runs = min(max(FIRST_RUNS, FIRST_RUNS * PILOT_SECONDS / max(cost, 1e-6)), MOST_RUNS)
-    return _timed(partial(curve.make, task, runs, 0))[1] / int(runs)
+    return timed(partial(curve.make, task, runs, 0))[1] / int(runs)
 
 
-def _solved_price(task: Task, curve: Curve) -> float:
+def _solved_price(task: Task, curve: Curve, timed: Timed) -> float:
     """CPU s of a solution, from one that goes to a few of the times."""
     short = task._replace(times=task.times[:PILOT_TIMES])
     curve.make(short, curve.settings[-1], 0)
-    _, cost = _timed(partial(curve.make, short, curve.settings[-1], 0))
+    _, cost = timed(partial(curve.make, short, curve.settings[-1], 0))
     return cost * (task.times.size - 1) / (PILOT_TIMES - 1)
 
 
-def _point(task: Task, curve: Curve, setting: float, exact: Marginals) -> Point:
+def _point(task: Task, curve: Curve, setting: float, exact: Marginals, timed: Timed) -> CostPoint:
     costs: list[float] = []
     found: list[Distance] = []
     for repeat in range(curve.repeats(setting)):
-        result, cost = _timed(partial(curve.make, task, setting, repeat))
+        result, cost = timed(partial(curve.make, task, setting, repeat))
         costs.append(cost)
         if not found or curve.is_sampled:
-            found.append(law_of(result, task.network.species).distance(exact))
+            found.append(shape_of(result, task.network.species).distance(exact))
     copies = [one.copies for one in found]
     bound = None
     if isinstance(result, Distribution) and result.is_bound:
         # No event is more than `error` likelier or less likely than it is, at each count up to the largest.
         bound = exact.top * result.error
-    return Point(
+    return CostPoint(
         curve.name,
         curve.knob,
         setting if curve.knob else None,
@@ -292,8 +295,8 @@ def _point(task: Task, curve: Curve, setting: float, exact: Marginals) -> Point:
     )
 
 
-def _timed(make: Callable[[], Any]) -> tuple[Any, float]:
-    """What it makes, and CPU s."""
-    began = time.process_time()
+def _timed(clock: Callable[[], float], make: Callable[[], Any]) -> tuple[Any, float]:
+    """What it makes, and what that cost, s."""
+    began = clock()
     made = make()
-    return made, time.process_time() - began
+    return made, clock() - began

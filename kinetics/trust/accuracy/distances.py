@@ -1,10 +1,10 @@
-"""How far an answer is from the exact law of each species, and how far sampling must leave it."""
+"""Distances of an answer from the exact distribution of each species, and the expected one of exact sampling."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from kinetics.support.arrays import Floats
 class Distance(NamedTuple):
     """The largest over times and species.
 
-    copies : Wasserstein distance of the two laws, the area between their distribution functions
-    total_variation : largest difference in the probability of any set of counts; nan for an answer that is no law
+    copies : Wasserstein distance, the area between their distribution functions
+    total_variation : largest difference in the probability of any set of counts; nan for a number alone
     mean : difference of the means, copies
     """
 
@@ -24,15 +24,27 @@ class Distance(NamedTuple):
     mean: float
 
 
+class Answer(Protocol):
+    """A distribution, exact or sampled."""
+
+    def marginal(self, species: str) -> Floats:
+        """Probabilities (T, M + 1) of 0, 1, ..., M copies of one species."""
+
+
 @dataclass(frozen=True)
 class Marginals:
-    """The law of each species at each time.
+    """The distribution of each species at each time.
 
     tables : one (T, M + 1) a species, probabilities of 0, 1, ..., M copies. They may sum to less than one: what is
         missing counts as if it were at the largest count of either table
     """
 
     tables: Sequence[Floats]
+
+    @classmethod
+    def of(cls, result: Answer, species: Sequence[str]) -> Marginals:
+        """Those of anything that has a `marginal` a species."""
+        return cls([result.marginal(name) for name in species])
 
     def distance(self, exact: Marginals) -> Distance:
         """From the exact marginals."""

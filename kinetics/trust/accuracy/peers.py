@@ -1,4 +1,4 @@
-"""What others would use: scipy's action of the matrix exponential, and the rate equation."""
+"""What others would use: the matrix exponential's action by scipy, and the rate equation."""
 
 from __future__ import annotations
 
@@ -10,42 +10,40 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.sampling.mass_action import mass_action
-from kinetics.solving import Distribution, reachable
-from kinetics.support.arrays import Floats, rising_times
+from kinetics.solving import Distribution, SolvingMethod, reachable
+from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.memory import check_memory
 
 TOLERANCE = 1e-10  # relative, of the solver of the rate equation
 
 
 @dataclass(frozen=True)
-class ExpmMultiply:
-    """`scipy.sparse.linalg.expm_multiply` (Al-Mohy & Higham 2011) on all reachable states. No bound, no tolerance.
+class ExpmMultiply(SolvingMethod):
+    """`scipy.sparse.linalg.expm_multiply` (Al-Mohy & Higham 2011, doi:10.1137/100788860) on all reachable states.
 
-    For times that begin at 0 and are evenly spaced: those it takes in one go.
+    No bound, no tolerance. For times that begin at 0 and are evenly spaced: those it takes in one go.
     """
 
     name: ClassVar[str] = "expm_multiply"
 
-    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
-        """Probabilities of all states at `times`, tu. What rounding takes below zero is set to zero."""
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """Probabilities of all reachable states. What rounding takes below zero is set to zero."""
         from scipy.sparse.linalg import expm_multiply
 
-        grid = rising_times(times)
         if grid.size < 2 or grid[0] != 0 or not np.allclose(np.diff(grid), grid[1]):
             raise ValueError(f"times {grid[:3]}...; expected evenly spaced ones from 0")
-        space = reachable(network, initial)
+        space = reachable(network, start)
         check_memory(f"{len(space)} states at {grid.size} times", 16.0 * len(space) * grid.size, "ask for fewer times")
-        start = np.zeros(len(space))
-        start[0] = 1.0
+        certain = np.eye(1, len(space))[0]
         forward = space.generator().T.tocsr()
-        found = expm_multiply(forward, start, start=0.0, stop=float(grid[-1]), num=grid.size, endpoint=True)
+        found = expm_multiply(forward, certain, start=0.0, stop=float(grid[-1]), num=grid.size, endpoint=True)
         return Distribution(space, grid, np.maximum(found, 0.0), float("nan"), is_bound=False)
 
 
 def rate_equation(network: Network, initial: ArrayLike, times: ArrayLike) -> Floats:
     """Counts (T, S) at `times`, tu, of the deterministic rate equation: m like reactants react as x**m / m!.
 
-    Exact in the limit of many copies; for few it is off, and it tells nothing of the spread.
+    Exact in the limit of many copies; for few it is off, and says nothing of the spread.
     """
     from scipy.integrate import solve_ivp
 

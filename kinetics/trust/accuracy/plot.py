@@ -1,4 +1,4 @@
-"""The work-precision diagram drawn: error against CPU time, one curve a method."""
+"""The plot of an accuracy diagram: error against CPU time, one curve a method."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.plots import colour
-from kinetics.trust.accuracy.diagram import Diagram, Point
+from kinetics.trust.accuracy.diagram import CostPoint, Diagram
 
 MARKERS = ("o", "s", "^", "D", "v", "*")
 LOWEST = 1e-15  # of the errors shown: smaller ones are drawn here
@@ -36,7 +36,7 @@ def draw(diagram: Diagram, ax: Any) -> Any:
     ax.set(xscale="log", yscale="log", xlabel="CPU time (s), one thread")
     ax.xaxis.set_minor_formatter("")
     ax.margins(x=0.08)  # room for the labels
-    ax.set_ylabel("largest Wasserstein distance to the exact law of a species (copies)", fontsize=8)
+    ax.set_ylabel("largest Wasserstein distance to the exact distribution of a species (copies)", fontsize=8)
     ax.set_ylim(LOWEST / 3, None)
     ax.set_title(
         f"{diagram.title}: {diagram.n_states} states, {diagram.times.size} times to {diagram.times[-1]:g} tu",
@@ -46,7 +46,7 @@ def draw(diagram: Diagram, ax: Any) -> Any:
     return ax
 
 
-def _curve(ax: Any, points: list[Point], marker: str, shade: str) -> None:
+def _curve(ax: Any, points: list[CostPoint], marker: str, shade: str) -> None:
     x = np.array([point.cpu_seconds for point in points])
     y = np.array([max(point.error.copies, LOWEST) for point in points])
     whiskers = [y - [max(p.low, LOWEST) for p in points], [max(p.high, LOWEST) for p in points] - y]

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_systems import bare_line, decay, line, network, switch
+from known_systems import decay, line, network, switch
 from numpy.testing import assert_allclose
 from scipy.stats import binom, poisson
 
@@ -193,19 +193,6 @@ def test_a_time_at_the_end_of_a_window():
     law = FiniteStateProjection().solve(decay(), [4], [8.0, 9.0])
     for t, time in enumerate(law.times):
         assert distance(law, t, binom(4, np.exp(-time))) < law.error
-
-
-@pytest.mark.parametrize("tolerance", [0.0, 1e-15, np.nan, 1.0])
-def test_bad_tolerance(tolerance):
-    with pytest.raises(ValueError, match="tolerance ="):
-        FiniteStateProjection(tolerance)
-
-
-def test_bad_input():
-    with pytest.raises(ValueError, match="no rate constants"):
-        FiniteStateProjection().solve(bare_line(), [4, 0, 0, 0], [1.0])
-    with pytest.raises(ValueError, match="times is empty"):
-        FiniteStateProjection().solve(line(), [4, 0, 0, 0], [])
 
 
 def test_roundings_of_an_exit_count_what_leads_out_of_the_set(monkeypatch):

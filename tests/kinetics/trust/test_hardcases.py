@@ -1,6 +1,6 @@
 import pytest
 
-from kinetics import FiniteStateProjection, Network, Transient
+from kinetics import Network, Transient
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.solving import SOLVING_METHODS
 from kinetics.trust.hardcases import CASES, Attempt, Case
@@ -32,30 +32,6 @@ def test_wrong_answers_are_seen():
     assert not refusal("says something else", lambda: int("x"), "too stiff").passed
 
 
-@pytest.mark.parametrize(
-    ("rate", "message"), [(float("nan"), "finite"), (float("inf"), "finite"), (-1.0, "at least 0")]
-)
-def test_rates_that_are_none_are_refused(rate, message):
-    with pytest.raises(ValueError, match=message):
-        Network.from_reactions({"death": ({"X": 1}, {})}, [rate])
-
-
-@pytest.mark.parametrize(
-    ("counts", "message"),
-    [([0.5], "whole numbers"), ([-1], "at least 0"), ([2.0**63], "largest count"), ({"Y": 1}, "unknown species 'Y'")],
-)
-def test_counts_that_are_none_are_refused(counts, message):
-    with pytest.raises(ValueError, match=message):
-        Network.from_reactions({"death": ({"X": 1}, {})}, [1.0]).state(counts)
-
-
-def test_species_unknown_or_twice_are_refused():
-    with pytest.raises(ValueError, match="unknown species 'Z'; the network has X, Y"):
-        Network.from_reactions({"turn": ({"X": 1}, {"Z": 1})}, [1.0], ["X", "Y"])
-    with pytest.raises(ValueError, match="'X' twice"):
-        Network.from_reactions({"death": ({"X": 1}, {})}, [1.0], ["X", "X"])
-
-
 def test_reactions_without_effect_are_warned_of():
     with pytest.warns(UserWarning, match="channel 'idle' changes nothing"):
         Network.from_reactions({"idle": ({"X": 2}, {"X": 2}), "death": ({"X": 1}, {})}, [1.0, 1.0])
@@ -67,14 +43,6 @@ def test_a_space_that_does_not_close_says_how_it_grows():
         ValueError, match=r"over 500 states are reachable: \d+ events away .*X up to \d+, Y up to \d+ and rising"
     ):
         Transient(max_states=500).solve(growth, [0, 0], [1.0])
-
-
-@pytest.mark.parametrize(
-    "method", [lambda: Transient(tolerance=1e-30), lambda: FiniteStateProjection(1e-16)], ids=["exact", "fsp"]
-)
-def test_a_tolerance_that_doubles_cannot_hold_is_refused(method):
-    with pytest.raises(ValueError, match=r"tolerance = .*; expected between"):
-        method()
 
 
 def test_command(wellmixed, tmp_path):

@@ -1,112 +1,33 @@
-"""Laws computed outside: by mpmath to a hundred digits, and by the model checker Storm in rational numbers.
+"""Stationary distributions and passages computed outside: by mpmath to a hundred digits, by Storm in rational numbers.
 
-The states, combinations and matrices are made here anew, from the reactions alone; Storm makes even those itself.
+States, combinations and matrices are made anew from the reactions alone; Storm makes even those itself.
 """
 
-from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
-from math import comb
 
 import mpmath
 import numpy as np
 import pytest
-from known_systems import network
+from exact_distributions import (
+    DIGITS,
+    DIMERS,
+    ENZYME,
+    REDUCIBLE,
+    SYSTEMS,
+    TRIMERS,
+    blurred,
+    explored,
+    matrix,
+    relative_errors,
+    transient_distribution,
+)
 
-from kinetics import Dense, FiniteStateProjection, Network, Transient, first_passage, splitting, stationary
+from kinetics import Dense, first_passage, splitting, stationary
 
-DIGITS = 100
-
-
-@dataclass(frozen=True)
-class System:
-    """A network with its start, a time, and a species whose first `copies` are waited for."""
-
-    name: str
-    net: Network
-    start: tuple[int, ...]
-    time: float
-    waited: str
-    copies: int = 1
-
-
-def system(name, start, time, waited, copies, species, **reactions):
-    """Rates are powers of two or sums of few, so that they are the same numbers everywhere."""
-    sides = {channel: (before, after) for channel, (before, after, _) in reactions.items()}
-    rates = [rate for _, _, rate in reactions.values()]
-    return System(name, network(species, sides, rates), start, time, waited, copies)
-
-
-STIFF = system(
-    "stiff", (2, 0, 0), 0.5, "C", 2, "ABC",
-    ab=((1, 0, 0), (0, 1, 0), 2.0**30), ba=((0, 1, 0), (1, 0, 0), 2.0**29), leak=((0, 1, 0), (0, 0, 1), 2.0**-10),
-)  # fmt: skip
-DECOMPOSABLE = system(
-    "nearly decomposable", (1, 0, 0, 0), 8.0, "D", 1, "ABCD",
-    ab=((1, 0, 0, 0), (0, 1, 0, 0), 1.0), ba=((0, 1, 0, 0), (1, 0, 0, 0), 2.0),
-    ac=((1, 0, 0, 0), (0, 0, 1, 0), 2.0**-50), ca=((0, 0, 1, 0), (1, 0, 0, 0), 3 * 2.0**-50),
-    cd=((0, 0, 1, 0), (0, 0, 0, 1), 5.0), dc=((0, 0, 0, 1), (0, 0, 1, 0), 7.0),
-)  # fmt: skip
-REDUCIBLE = system(
-    "reducible", (2, 0, 0, 0), 3.0, "D", 1, "ABCD",
-    pair=((1, 0, 0, 0), (0, 1, 0, 0), 1.0), trap=((1, 0, 0, 0), (0, 0, 0, 1), 3.0),
-    bc=((0, 1, 0, 0), (0, 0, 1, 0), 2.0), cb=((0, 0, 1, 0), (0, 1, 0, 0), 8.0),
-)  # fmt: skip
-DIMERS = system(
-    "dimers", (9, 0), 2.0, "B", 4, "AB", join=((2, 0), (0, 1), 0.125), part=((0, 1), (2, 0), 0.5)
-)  # fmt: skip
-TRIMERS = system(
-    "trimers", (6, 0, 0), 1.0, "B", 2, "ABC",
-    join=((3, 0, 0), (0, 1, 0), 0.0625), part=((0, 1, 0), (3, 0, 0), 0.25),
-    turn=((1, 0, 0), (0, 0, 1), 1.0), back=((0, 0, 1), (1, 0, 0), 2.0),
-)  # fmt: skip
-ENZYME = system(
-    "enzyme", (2, 4, 0, 0), 4.0, "P", 4, "ESCP",
-    bind=((1, 1, 0, 0), (0, 0, 1, 0), 0.5), free=((0, 0, 1, 0), (1, 1, 0, 0), 1.0),
-    make=((0, 0, 1, 0), (1, 0, 0, 1), 0.25),
-)  # fmt: skip
-SYSTEMS = (STIFF, DECOMPOSABLE, REDUCIBLE, DIMERS, TRIMERS, ENZYME)
 each_system = pytest.mark.parametrize("system", SYSTEMS, ids=[one.name for one in SYSTEMS])
 
 
-def explored(system):
-    """Reachable states in order of discovery, and {(from, to): rate} in exact fractions."""
-    net, states, rates = system.net, {system.start: 0}, {}
-    queue = [system.start]
-    for state in queue:
-        for needed, change, rate in zip(net.reactants, net.stoichiometry, net.rate_constants, strict=True):
-            ways = np.prod([comb(have, need) for have, need in zip(state, needed.tolist(), strict=True)], dtype=object)
-            if not ways:
-                continue
-            after = tuple(int(x) for x in np.array(state) + change)
-            if after not in states:
-                states[after] = len(states)
-                queue.append(after)
-            step = (states[state], states[after])
-            rates[step] = rates.get(step, 0) + Fraction(float(rate)) * int(ways)
-    return list(states), rates
-
-
-def matrix(n, rates):
-    """The generator in mpmath's numbers; rows sum to zero."""
-    generator = mpmath.matrix(n)
-    for (i, j), rate in rates.items():
-        exact = mpmath.mpf(rate.numerator) / rate.denominator
-        generator[i, j] += exact
-        generator[i, i] -= exact
-    return generator
-
-
-@cache
-def transient_law(system, time):
-    """Probabilities by mpmath's matrix exponential, 100 digits: {state: mpf}."""
-    with mpmath.workdps(DIGITS):
-        states, rates = explored(system)
-        law = mpmath.expm(matrix(len(states), rates) * mpmath.mpf(time))[0, :]
-        return {state: law[i] for i, state in enumerate(states)}
-
-
-def passage_law(system):
+def passage_moments(system):
     """Chance of ever reaching the target, and the first two moments of the time, inf where it may be missed."""
     with mpmath.workdps(DIGITS):
         states, rates = explored(system)
@@ -143,65 +64,22 @@ def passage_law(system):
         return chance, mean[0], mpmath.lu_solve(left, 2 * mean)[0]
 
 
-def stationary_law(system):
-    """The last law: at a time so late that a hundred digits show no rest of what came before."""
-    return transient_law(system, 2.0**70)
-
-
-def blurred(net, by):
-    """The same network with rates wrong by up to a few times `by`."""
-    return net.with_rates(net.rate_constants * (1 + by * np.arange(len(net.channels))))
-
-
-def summed_error(law, t, exact):
-    """Sum over all states of the two laws; a state that only one has counts in full."""
-    found = dict(zip(map(tuple, law.space.states.tolist()), law.probabilities[t].tolist(), strict=True))
-    with mpmath.workdps(DIGITS):
-        return float(sum(abs(mpmath.mpf(found.get(state, 0.0)) - p) for state, p in exact.items())) + sum(
-            p for state, p in found.items() if state not in exact
-        )
-
-
-def relative_errors(found, exact):
-    """Relative error of each; 0 where both are 0."""
-    with mpmath.workdps(DIGITS):
-        pairs = ((mpmath.mpf(float(a)), mpmath.mpf(b)) for a, b in zip(found, exact, strict=True))
-        return np.array([float(abs(a - b) / b) if b else float(abs(a)) for a, b in pairs])
-
-
-# Not the projection on the stiff one: it would take 10**9 steps.
-SOLVED = [
-    pytest.param(one, method, id=f"{one.name}-{method.name}")
-    for one in SYSTEMS
-    for method in (Transient(), Dense(), FiniteStateProjection(1e-12))
-    if one is not STIFF or method.name != "fsp"
-]
-
-
-@pytest.mark.parametrize(("system", "method"), SOLVED)
-def test_transient_law_within_its_own_bound(system, method):
-    times = [0.0, system.time / 2, system.time]
-    law = method.solve(system.net, system.start, times)
-    exact = [transient_law(system, time) for time in times]
-    for t in range(len(times)):
-        assert summed_error(law, t, exact[t]) <= law.error
-    assert law.error < 1e-10
-    # The control: rates wrong by parts in 10**9.
-    wrong = method.solve(blurred(system.net, 1e-9), system.start, times)
-    assert summed_error(wrong, 2, exact[2]) > wrong.error
+def stationary_distribution(system):
+    """The stationary distribution: at a time so late that a hundred digits show no rest of what came before."""
+    return transient_distribution(system, 2.0**70)
 
 
 @each_system
 def test_dense_has_all_digits_of_every_probability(system):
     law = Dense().solve(system.net, system.start, [system.time])
-    exact = transient_law(system, system.time)
+    exact = transient_distribution(system, system.time)
     assert relative_errors([law.probability(state)[0] for state in exact], exact.values()).max() < 1e-13
 
 
 @each_system
-def test_stationary_law_within_its_own_bound(system):
+def test_stationary_distribution_within_its_own_bound(system):
     rest = stationary(system.net, system.start)
-    exact = stationary_law(system)
+    exact = stationary_distribution(system)
     gone = mpmath.mpf(10) ** -60  # of states that are left for good, what is there still at 2**70 tu
     found = {state: rest.probability(state) for state in exact}
     kept = [state for state, p in exact.items() if p > gone]
@@ -218,7 +96,7 @@ def test_stationary_law_within_its_own_bound(system):
 @each_system
 def test_passage_within_its_own_bound(system):
     found = first_passage(system.net, system.start, system.waited, system.copies)
-    chance, mean, square = passage_law(system)
+    chance, mean, square = passage_moments(system)
     assert relative_errors([found.probability], [chance])[0] <= max(found.error, 2.0**-52)
     if mpmath.isinf(mean):
         assert found.mean == np.inf
@@ -237,7 +115,7 @@ def test_passage_within_its_own_bound(system):
 
 @pytest.mark.parametrize("system", [DIMERS, TRIMERS, REDUCIBLE, ENZYME], ids=lambda one: one.name)
 def test_passage_cdf(system):
-    """With the target made a trap, the transient law outside is the distribution function."""
+    """With the target made a trap, the transient distribution outside is the distribution function."""
     index = system.net.species.index(system.waited)
     with mpmath.workdps(DIGITS):
         states, rates = explored(system)

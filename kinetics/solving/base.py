@@ -1,0 +1,60 @@
+"""The base of all methods that solve the master equation; to add one, follow the steps in `SolvingMethod`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.solving.distribution import Distribution
+from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+
+
+class SolvingMethod(ABC):
+    """Computes the probability of every state at given times, without sampling.
+
+    To add a method:
+
+    1. In a file of its own, write a frozen dataclass that inherits from this class. Its fields are its settings, each
+       with a default; fields named `tolerance`, `max_states` and `max_seconds` are checked here. Its docstring says
+       the source, the cost and when to choose it.
+    2. Give it a `name`, which the command line uses, and `least_tolerance` if it has a tolerance.
+    3. Write `distribution`, from a state and times that have been checked. Enumerate the states by
+       `kinetics.solving.reachable` where all are wanted; refuse what would take too long or too much memory by a
+       ValueError that says what to do instead.
+    4. Return a `Distribution` whose `error` covers the truncation and every rounding, those of the rates included. Set
+       `is_bound=False` unless that is proven.
+    5. Put the class into `SOLVING_METHODS` in `kinetics.solving.methods`. Command line, hard cases, accuracy diagram
+       and the contract in tests/contracts/test_solving.py read that tuple.
+    """
+
+    name: ClassVar[str]
+    least_tolerance: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        tolerance = getattr(self, "tolerance", None)
+        if tolerance is not None and not (0 < tolerance < 1 and tolerance >= self.least_tolerance):
+            raise ValueError(f"tolerance = {tolerance}; expected between {self.least_tolerance:.0e} and 1")
+        max_seconds = getattr(self, "max_seconds", None)
+        if max_seconds is not None and not max_seconds > 0:
+            raise ValueError(f"max_seconds = {max_seconds}; expected a time above 0")
+        max_states = getattr(self, "max_states", None)
+        if max_states is not None:
+            whole_number("max_states", max_states, 1)
+
+    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
+        """Probability of every state at `times` (T,), tu, rising, starting from the state `initial` (S,) at time 0.
+
+        ValueError: rates are missing, times do not rise, or the states are too many or the time too long to solve for.
+        """
+        network.known_rates  # noqa: B018  # fails before the states are explored
+        grid = rising_times(times)
+        if not grid.size:
+            raise ValueError("times is empty; give at least one time")
+        return self.distribution(network, network.state(initial), grid)
+
+    @abstractmethod
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """The same from a checked state (S,), at checked times (T,)."""
