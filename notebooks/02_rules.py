@@ -34,7 +34,6 @@ from kinetics import ClassRates, grow, rank
 from kinetics.assembly import RuleBook, Senses, check, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, compile_book
 from kinetics.assembly.deriving.history import random_growth
-from kinetics.assembly.drawing.counterexamples import finding_drawing
 from kinetics.assembly.drawing.pictures import strip
 from kinetics.assembly.rules.conditions import Combination
 
@@ -87,7 +86,7 @@ print(check(RuleBook.load("line4")))
 # %%
 report = check(RuleBook.load("line4_as_printed"), max_cubes=6)
 fig, ax = plt.subplots(figsize=(7, 3))
-finding_drawing(report.findings[0], "two").onto(ax)
+report.findings[0].plot(ax)
 [finding.kind for finding in report.findings]
 
 # %% [markdown]

@@ -9,12 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, IntArray, compose, scheme_of, turned
-
-Position = tuple[int, int, int]
+from kinetics.assembly.faces import NORMALS, ROTATIONS, IntArray, Position, compose, scheme_of, turned
 
 # Plain tuples: looking up single numbers in NumPy arrays costs ten times as much.
-NORMALS: tuple[Position, ...] = tuple((int(x), int(y), int(z)) for x, y, z in FACE_NORMALS)
 _MATRICES = ROTATIONS.reshape(-1, 9).tolist()
 _COMPOSE = compose.tolist()
 _TURNED = turned.tolist()
@@ -144,6 +141,10 @@ class Structure:
         places = tuple(placement.of(position) for position in self.positions)
         return Structure.unchecked(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
 
+    def turned(self, rotation: int) -> Structure:
+        """The same structure turned about the lattice's origin; rotation is an index into ROTATIONS."""
+        return self.moved(Placement(rotation, (0, 0, 0)))
+
     def with_letters(self, letters: Sequence[str]) -> Structure:
         """The same cubes in other states."""
         changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
@@ -209,9 +210,9 @@ class Structure:
 
     def plot(self, ax: Any, scheme: str = "two", **options: Any) -> Any:
         """Draw onto axes, faces coloured by type; options as of `pictures.structure_drawing`. Returns `ax`."""
-        from kinetics.assembly.drawing import pictures
+        from kinetics.assembly.drawing.pictures import structure_drawing
 
-        return pictures.structure_drawing(self, scheme, **options).onto(ax)
+        return structure_drawing(self, scheme, **options).onto(ax)
 
     def _beside(self, cube: int, direction: int) -> Position:
         (x, y, z), (u, v, w) = self.positions[cube], NORMALS[direction]

@@ -43,9 +43,7 @@ def check(
     if shows:
         click.echo("\r\033[K", err=True, nl=False)
     if plot_file is not None:
-        from kinetics.assembly.drawing.counterexamples import report_drawing
-
-        report_drawing(report).save(plot_file)
+        report.drawing().save(plot_file)
     if as_json:
         echo_json(
             {

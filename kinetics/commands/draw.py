@@ -107,22 +107,18 @@ def _finished(name: str) -> tuple[Structure, str]:
 
 
 def _book(book: RuleBook) -> Drawn:
-    from kinetics.assembly.drawing.diagrams import book_drawing
-
-    n_rules = len(book.combine) + len(book.dissociate) + len(book.internal)
-    return book_drawing(book), {"letters": len(book.letters), "rules": n_rules}
+    return book.drawing(), {"letters": len(book.letters), "rules": len(book.all_rules)}
 
 
 def _network(derivation: Derivation) -> Drawn:
-    from kinetics.assembly.drawing.network_diagram import network_drawing
-
-    return network_drawing(derivation), _size(derivation)
+    return derivation.drawing(), _size(derivation)
 
 
 def _species(derivation: Derivation) -> Drawn:
     from kinetics.assembly.drawing.pictures import species_sheet
 
-    return species_sheet(derivation), _size(derivation)
+    sheet = species_sheet(derivation.structures, derivation.book.scheme, derivation.is_closed)
+    return sheet, _size(derivation)
 
 
 def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_species: int) -> Drawn:

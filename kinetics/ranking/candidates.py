@@ -128,7 +128,7 @@ def candidate_of(
         book.name,
         pathway(derivation, rates),
         len(book.letters),
-        len((*book.combine, *book.dissociate, *book.internal)),
+        len(book.all_rules),
         found,
         read_only(table),
         time.process_time() - began,

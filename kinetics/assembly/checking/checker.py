@@ -10,7 +10,10 @@ from typing import Any
 from kinetics.assembly.checking.compositions import MAX_COMPOSITIONS, compositions, events_to, leading_to
 from kinetics.assembly.deriving.derive import named
 from kinetics.assembly.deriving.explore import MAX_SPECIES, Event, Exploration, Indices, explore
-from kinetics.assembly.deriving.history import Change, fits_into, shortest, way_to
+from kinetics.assembly.deriving.history import Change, fits_into, laid_out, shortest, way_to
+from kinetics.assembly.drawing.counterexamples import Counterexample, counterexample_drawing, report_drawing
+from kinetics.assembly.drawing.drawing import Drawing
+from kinetics.assembly.drawing.pictures import posed
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
@@ -46,6 +49,15 @@ class Finding:
             lines += ["      " + row for row in self.structure.drawn().splitlines()]
         return "\n".join(lines)
 
+    def counterexample(self, scheme: str) -> Counterexample:
+        """The finding as it is drawn: of each change the larger side turned to the eye, the parts as they lie in it."""
+        changes = tuple(laid_out(change, scheme, posed) for change in self.changes)
+        return Counterexample(f"{self.kind}: {self.text}", self.is_error, self.steps, changes, self.structure)
+
+    def plot(self, ax: Any, scheme: str = "two") -> Any:
+        """Draw what is wrong and how it comes about, step by step; returns `ax`."""
+        return counterexample_drawing(self.counterexample(scheme), scheme).onto(ax)
+
 
 @dataclass(frozen=True, eq=False)
 class Report:
@@ -61,20 +73,27 @@ class Report:
         """No errors; there may be warnings."""
         return not any(finding.is_error for finding in self.findings)
 
-    def __str__(self) -> str:
-        """For people."""
+    @property
+    def summary(self) -> str:
+        """The book, how much was explored, and the numbers of errors and warnings, on one line."""
         errors = sum(finding.is_error for finding in self.findings)
-        head = (
+        return (
             f"book {self.book.name!r}: {self.n_structures} structures, {self.n_events} joins and breaks; "
             f"{errors} errors, {len(self.findings) - errors} warnings"
         )
-        return "\n".join([head, *map(str, self.findings)])
+
+    def __str__(self) -> str:
+        """For people: the summary, then each finding."""
+        return "\n".join([self.summary, *map(str, self.findings)])
 
     def plot(self, ax: Any) -> Any:
         """Draw each finding, its counterexample made step by step; returns `ax`."""
-        from kinetics.assembly.drawing.counterexamples import report_drawing
+        return self.drawing().onto(ax)
 
-        return report_drawing(self).onto(ax)
+    def drawing(self) -> Drawing:
+        """Each finding, its counterexample made step by step."""
+        scheme = self.book.scheme
+        return report_drawing(self.summary, [finding.counterexample(scheme) for finding in self.findings], scheme)
 
 
 def check(
@@ -263,7 +282,7 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
 
 def _idle(book: RuleBook, structures: Iterable[Structure]) -> Iterable[Finding]:
     """Rules that never act, letters that never occur."""
-    for rule in (*book.combine, *book.dissociate, *book.internal):
+    for rule in book.all_rules:
         if rule.rule not in book.fired:
             text = f"rule {rule.rule} never acts; leave it out, or check what it asks"
             yield Finding("unreachable rule", False, text)

@@ -9,9 +9,9 @@ from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, t
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
 from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import DIRECTIONS, Direction, Senses
 from kinetics.assembly.rules.conditions import Target as Placed
-from kinetics.assembly.structure import Position
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")
 TRIALS = 500  # of orbits in one search for an order of growth

@@ -12,8 +12,8 @@ from functools import cache
 from itertools import permutations, product
 from typing import NamedTuple
 
+from kinetics.assembly.faces import NORMALS, Position
 from kinetics.assembly.rules.conditions import Senses
-from kinetics.assembly.structure import NORMALS, Position
 
 TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")

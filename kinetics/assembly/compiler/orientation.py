@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
+from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import Direction
-from kinetics.assembly.structure import Position
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")
 MOST = 8  # cubes; all turns are tried

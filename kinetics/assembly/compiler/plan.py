@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from kinetics.assembly.compiler.target import PLACEHOLDER, Target
 from kinetics.assembly.deriving.ways import Site, sites_of
-from kinetics.assembly.faces import roll, scheme_of
+from kinetics.assembly.faces import Position, roll, scheme_of
 from kinetics.assembly.rules.conditions import Senses
 from kinetics.assembly.rules.rule_book import RuleBook, View
-from kinetics.assembly.structure import Placement, Position, Structure, placements
+from kinetics.assembly.structure import Placement, Structure, placements
 
 MOST = 8  # cubes
 Form = tuple[tuple[int, int, int, int], ...]  # (x, y, z, seen rotation) of each cube, sorted, smallest x, y, z at 0

@@ -17,9 +17,8 @@ from itertools import permutations
 import numpy as np
 
 from kinetics.assembly.compiler.growth import beside
-from kinetics.assembly.faces import compose, inverse, roll, turned
+from kinetics.assembly.faces import Position, compose, inverse, roll, turned
 from kinetics.assembly.rules.conditions import Combination
-from kinetics.assembly.structure import Position
 
 FREE = "a"
 _COMPOSE, _INVERSE, _TURNED = compose.tolist(), inverse.tolist(), turned.tolist()

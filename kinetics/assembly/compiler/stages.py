@@ -22,8 +22,8 @@ from kinetics.assembly.compiler.growth import (
     beside,
     explore_stage,
 )
+from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import Senses
-from kinetics.assembly.structure import Position
 
 LONGEST = 600  # states of a stage; a longer one is cut in two, if it is of more than one orbit
 

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from kinetics.assembly.compiler.orientation import chosen_tops
-from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.faces import Position, scheme_of
 from kinetics.assembly.rules.conditions import Direction, Senses
 from kinetics.assembly.rules.conditions import Target as Placed
-from kinetics.assembly.structure import Position, Structure
+from kinetics.assembly.structure import Structure
 from kinetics.support.config import Settings, find, read_toml, validated
 
 TARGETS = Path(__file__).parent.parent / "targets"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from kinetics.assembly.compiler.growth import MOST_STATES, Facts, Letters, Stage, around, beside, explore_stage
 from kinetics.assembly.compiler.stages import Course
-from kinetics.assembly.structure import Position
+from kinetics.assembly.faces import Position
 
 ORIGIN = (0, 0, 0)
 State = tuple[int, int, bool]  # orbit, stage, all that hangs on it is there

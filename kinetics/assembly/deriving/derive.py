@@ -11,6 +11,7 @@ import numpy as np
 
 from kinetics.assembly.deriving.explore import MAX_SPECIES, Event, Exploration, Join, explore
 from kinetics.assembly.deriving.ways import RateClass
+from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.rules.rule_book import LivelockError, RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.network import Network
@@ -88,9 +89,14 @@ class Derivation:
 
     def plot(self, ax: Any) -> Any:
         """Draw the network as a graph; a large one is lumped by size. Returns `ax`."""
-        from kinetics.assembly.drawing.network_diagram import network_drawing
+        return self.drawing().onto(ax)
 
-        return network_drawing(self).onto(ax)
+    def drawing(self, **options: Any) -> Drawing:
+        """The network as a graph; options as of `network_diagram.network_drawing`."""
+        from kinetics.assembly.drawing.network_diagram import DrawnChannel, network_drawing
+
+        channels = [DrawnChannel(*event, sum(ways.values())) for event, ways in self.events.items()]
+        return network_drawing(self.structures, channels, self.book.scheme, self.is_closed, **options)
 
     @cached_property
     def _species(self) -> dict[Structure, int]:

@@ -127,7 +127,7 @@ def placed_within(
     cubes_there = zip(whole.positions, whole.rotations, strict=True)
     seen = {place: reduced[r] for place, r in cubes_there if place not in taken}
     for rotation in range(24):
-        turned = part.moved(Placement(rotation, (0, 0, 0)))
+        turned = part.turned(rotation)
         cubes = [(*place, reduced[r]) for place, r in zip(turned.positions, turned.rotations, strict=True)]
         x0, y0, z0, first = cubes[0]
         for (x, y, z), looks in seen.items():

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import NamedTuple
 
-from kinetics.assembly.faces import compose, scheme_of, turned
+from kinetics.assembly.faces import NORMALS, compose, scheme_of, turned
 from kinetics.assembly.rules.rule_book import RuleBook, View
-from kinetics.assembly.structure import NORMALS, Placement, Structure, placements
+from kinetics.assembly.structure import Placement, Structure, placements
 
 _COMPOSE = compose.tolist()
 _TURNED = turned.tolist()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from kinetics.assembly.checking.checker import Finding, Report
-from kinetics.assembly.deriving.history import Change, laid_out
+from kinetics.assembly.drawing.cubes import Cubes
 from kinetics.assembly.drawing.drawing import Drawing, width_of
 from kinetics.assembly.drawing.pictures import GAP, arranged, below_left, face_key, note, posed, structure_drawing
-from kinetics.assembly.structure import Structure
 from kinetics.support.plots import COLOURS
 
 ERROR, WARNING = COLOURS[5], COLOURS[0]
@@ -16,29 +15,46 @@ HEADING = 0.42  # font size
 SIGN = 0.6  # font size of + between structures
 
 
-def report_drawing(report: Report, most_wide: float = 24.0) -> Drawing:
-    """All findings one below the other, errors first."""
-    scheme = report.book.scheme
+class Counterexample(NamedTuple):
+    """A fault of a rule book as it is drawn.
+
+    text : what is wrong
+    is_error : else it is a warning
+    steps : the events that lead there, in words; changes : their structures before and after, as they are to lie
+    structure : where it leads to; drawn by itself where there are no changes
+    """
+
+    text: str
+    is_error: bool
+    steps: Sequence[str] = ()
+    changes: Sequence[tuple[Sequence[Cubes], Sequence[Cubes]]] = ()
+    structure: Cubes | None = None
+
+
+def report_drawing(
+    title: str, findings: Sequence[Counterexample], scheme: str = "two", most_wide: float = 24.0
+) -> Drawing:
+    """All findings one below the other, in their order."""
     sheet = Drawing()
-    sheet.put(note(str(report).splitlines()[0], HEADING))
+    sheet.put(note(title, HEADING))
     gap = GAP
-    for finding in report.findings:
-        below_left(sheet, finding_drawing(finding, scheme, most_wide), gap)
+    for finding in findings:
+        below_left(sheet, counterexample_drawing(finding, scheme, most_wide), gap)
         gap = 2 * GAP if finding.structure or finding.changes else GAP
-    if any(finding.structure or finding.changes for finding in report.findings):
+    if any(finding.structure or finding.changes for finding in findings):
         below_left(sheet, face_key(scheme), 2 * GAP)
     return sheet
 
 
-def finding_drawing(finding: Finding, scheme: str, most_wide: float = 24.0) -> Drawing:
+def counterexample_drawing(finding: Counterexample, scheme: str, most_wide: float = 24.0) -> Drawing:
     """What is wrong in words, then the steps that lead there; the last picture is the counterexample."""
     sheet = Drawing()
     colour, word = (ERROR, "error") if finding.is_error else (WARNING, "warning")
-    text = f"{word}: {finding.kind}: {finding.text}"
+    text = f"{word}: {finding.text}"
     for number, line in enumerate(wrapped(text, HEADING, most_wide)):
         sheet.write(line, 0, -1.3 * HEADING * number, HEADING, align=0, colour=colour)
     if finding.changes:
-        pictures = [change_drawing(change, scheme) for change in finding.changes]
+        pictures = [change_drawing(*change, scheme) for change in finding.changes]
         captions = [f"{n}.  {step.split(':')[0].replace('->', '→')}" for n, step in enumerate(finding.steps, 1)]
         below_left(sheet, arranged(pictures, captions, most_wide, 3 * GAP))
     elif finding.structure is not None:
@@ -46,13 +62,12 @@ def finding_drawing(finding: Finding, scheme: str, most_wide: float = 24.0) -> D
     return sheet
 
 
-def change_drawing(change: Change, scheme: str) -> Drawing:
-    """Structures before, an arrow, structures after, the parts turned as they lie in the whole."""
-    change = laid_out(change, scheme, posed)
+def change_drawing(before: Sequence[Cubes], after: Sequence[Cubes], scheme: str) -> Drawing:
+    """Structures before, an arrow, structures after, as they lie."""
     row = Drawing()
-    x = _row(row, change.before, scheme, 0.0)
+    x = _row(row, before, scheme, 0.0)
     row.arrow([(x + 0.1, 0.0), (x + 0.9, 0.0)], width=1.2)
-    _row(row, change.after, scheme, x + 1.0)
+    _row(row, after, scheme, x + 1.0)
     return row
 
 
@@ -67,7 +82,7 @@ def wrapped(text: str, size: float, most_wide: float) -> list[str]:
     return lines
 
 
-def _row(row: Drawing, structures: Sequence[Structure], scheme: str, x: float) -> float:
+def _row(row: Drawing, structures: Sequence[Cubes], scheme: str, x: float) -> float:
     """Structures with a plus between them, from x to the right; where they end."""
     for number, structure in enumerate(structures):
         if number:

@@ -1,17 +1,15 @@
-"""A rule book as a state diagram: a node for each letter, an arrow for each change of letter, a key of the rules."""
+"""State diagrams: a node for each letter, an arrow for each change of letter, a key of the rules."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise, permutations
 from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.assembly.drawing.drawing import INK, Drawing, Point, width_of
-from kinetics.assembly.rules.conditions import Combination, Dissociation, Rule
-from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.support.arrays import Floats
 from kinetics.support.plots import COLOURS
 
@@ -23,7 +21,7 @@ SHORT = 4  # characters; longer names of rules are numbered in the diagram
 ROW = 0.56  # of the key
 
 
-class Kind(NamedTuple):
+class ArrowStyle(NamedTuple):
     """How arrows of a kind of rules look."""
 
     words: str
@@ -31,9 +29,25 @@ class Kind(NamedTuple):
     style: str | tuple[float, tuple[float, ...]]
 
 
-COMBINATION = Kind("a bond forms", COLOURS[0], "solid")
-DISSOCIATION = Kind("a bond breaks", COLOURS[5], (0, (4, 2)))
-INTERNAL = Kind("then the others follow", COLOURS[2], (0, (1, 1.2)))
+COMBINATION = ArrowStyle("a bond forms", COLOURS[0], "solid")
+DISSOCIATION = ArrowStyle("a bond breaks", COLOURS[5], (0, (4, 2)))
+INTERNAL = ArrowStyle("then the others follow", COLOURS[2], (0, (1, 1.2)))
+STYLES = {"combine": COMBINATION, "dissociate": DISSOCIATION, "internal": INTERNAL}
+
+
+class DrawnRule(NamedTuple):
+    """A rule as a diagram shows it.
+
+    kind : `combine`, `dissociate` or `internal`
+    letters, becomes : those that it changes, and into what
+    words : what it asks and does, in short
+    """
+
+    kind: str
+    name: str
+    letters: Sequence[str]
+    becomes: str
+    words: str
 
 
 class Arrow(NamedTuple):
@@ -41,93 +55,67 @@ class Arrow(NamedTuple):
 
     before: str
     after: str
-    kind: Kind
+    style: ArrowStyle
     rules: tuple[str, ...]
 
 
-def book_drawing(book: RuleBook) -> Drawing:
-    """Letters around a circle and the rules between them, then the key.
+def state_diagram(
+    letters: Sequence[str],
+    rules: Sequence[DrawnRule],
+    initial: str,
+    seed: str | None = None,
+    final: Collection[str] = (),
+    notes: Iterable[str] = (),
+) -> Drawing:
+    """Letters around a circle and the rules between them, then the key with the notes below.
 
-    A rule for any letter has an arrow from every letter that it changes. Double rings: letters of the target.
+    initial, seed : the letters of a free cube and of the seed
+    final : letters of the finished structure; they have a double ring
+    A rule has an arrow from every letter that it changes.
     """
-    tags = _tags(book)
-    arrows = _arrows(book, tags)
-    places = _places(book, arrows)
+    tags = _tags(rules)
+    arrows = _arrows(rules, tags)
+    places = _places(letters, initial, arrows)
     drawing = Drawing()
     curves = [_curve(arrow, number, places) for arrow, number in _numbered(arrows)]
     for arrow, points in zip(arrows, curves, strict=True):
-        drawing.arrow(points, arrow.kind.colour, 1.3, arrow.kind.style, ("arrow", arrow.before, arrow.after))
-    in_target = set(book.target.letters) if book.target is not None else set()
+        drawing.arrow(points, arrow.style.colour, 1.3, arrow.style.style, ("arrow", arrow.before, arrow.after))
     loops = {arrow.before for arrow in arrows if arrow.before == arrow.after}
     for letter, place in places.items():
         drawing.disc(place, NODE, "#FFFFFF", INK, 1.2)
-        if letter in in_target:
+        if letter in final:
             drawing.disc(place, NODE - 0.08, None, INK, 0.8)
         drawing.write(letter, *place, min(LETTER, 0.7 * LETTER / max(width_of(letter, LETTER), 1e-9)))
-        role = {book.initial: "free", book.seed_letter: "seed"}.get(letter, "")
+        role = {initial: "free", seed: "seed"}.get(letter, "")
         angle = math.atan2(place[1], place[0]) + (1.1 if letter in loops else 0.0)
         reach = NODE + 0.3 + abs(math.cos(angle)) * width_of(role, WORDS) / 2
         drawing.write(role, place[0] + reach * math.cos(angle), place[1] + reach * math.sin(angle), WORDS)
     _label(drawing, arrows, curves, list(places.values()))
     _, _, right, _ = drawing.bounds
-    key = _key(book, tags)
+    key = _key(rules, tags, notes)
     _, bottom, _, top = key.bounds
     drawing.put(key, right + 1.0, -(bottom + top) / 2)
     return drawing
 
 
-def rule_words(rule: Rule) -> str:
-    """What a rule asks and does, in short: `a.f1 + a/b.f1, alone → b`."""
-    letter = _either(rule.letter)
-    asks = []
-    if isinstance(rule, Combination):
-        asks.append(f"{letter}{_face(rule.face)} + {_either(rule.partner)}{_face(rule.partner_face)}")
-        asks += [f"{name} {_either(value)}" for name, value in (("roll", rule.roll),) if value]
-        asks += [f"{_either(rule.across)} across"] if rule.across is not None else []
-        asks += [f"touching {' '.join(rule.touched)}"] if rule.touched is not None else []
-    elif isinstance(rule, Dissociation):
-        asks.append(f"{letter} − {_either(rule.lost)}")
-    else:
-        asks.append(letter)
-    if rule.neighbours is not None:
-        asks.append(f"beside {' '.join(rule.neighbours)}" if rule.neighbours else "alone")
-    if rule.has is not None:
-        asks.append(f"beside at least {' '.join(rule.has)}")
-    return f"{', '.join(asks)} → {rule.becomes}"
-
-
-def _either(admitted: Sequence[str] | None) -> str:
-    return "any" if admitted is None else "/".join(one or "none" for one in admitted)
-
-
-def _face(admitted: Sequence[str] | None) -> str:
-    return "" if admitted is None else f".{'/'.join(admitted)}"
-
-
-def _kinds(book: RuleBook) -> tuple[tuple[Kind, tuple[Rule, ...]], ...]:
-    return ((COMBINATION, book.combine), (DISSOCIATION, book.dissociate), (INTERNAL, book.internal))
-
-
-def _tags(book: RuleBook) -> dict[str, str]:
+def _tags(rules: Sequence[DrawnRule]) -> dict[str, str]:
     """Rule -> what stands at its arrow: its name, or a number where names are long."""
-    names = [rule.rule for _, rules in _kinds(book) for rule in rules]
-    is_short = all(len(name) <= SHORT for name in names)
-    return {name: name if is_short else str(number) for number, name in enumerate(names, 1)}
+    is_short = all(len(rule.name) <= SHORT for rule in rules)
+    return {rule.name: rule.name if is_short else str(number) for number, rule in enumerate(rules, 1)}
 
 
-def _arrows(book: RuleBook, tags: dict[str, str]) -> list[Arrow]:
-    bundles: dict[tuple[str, str, Kind], list[str]] = {}
-    for kind, rules in _kinds(book):
-        for rule in rules:
-            for letter in rule.letter or tuple(letter for letter in book.letters if letter != rule.becomes):
-                bundles.setdefault((letter, rule.becomes, kind), []).append(tags[rule.rule])
-    return [Arrow(before, after, kind, tuple(names)) for (before, after, kind), names in bundles.items()]
+def _arrows(rules: Sequence[DrawnRule], tags: dict[str, str]) -> list[Arrow]:
+    bundles: dict[tuple[str, str, str], list[str]] = {}
+    for rule in rules:
+        for letter in rule.letters:
+            bundles.setdefault((letter, rule.becomes, rule.kind), []).append(tags[rule.name])
+    return [Arrow(before, after, STYLES[kind], tuple(names)) for (before, after, kind), names in bundles.items()]
 
 
-def _places(book: RuleBook, arrows: Sequence[Arrow]) -> dict[str, Point]:
+def _places(letters: Sequence[str], first: str, arrows: Sequence[Arrow]) -> dict[str, Point]:
     """Letters around a circle from the left, clockwise, in the order that keeps arrows short."""
-    n, first = len(book.letters), book.initial
-    rest = [letter for letter in book.letters if letter != first]
+    n = len(letters)
+    rest = [letter for letter in letters if letter != first]
     links = [(arrow.before, arrow.after) for arrow in arrows]
 
     def length(order: Sequence[str]) -> float:
@@ -196,33 +184,28 @@ def _label(drawing: Drawing, arrows: Sequence[Arrow], curves: Sequence[list[Poin
         left, bottom, right, top = taken[-1]
         drawing.polygon([(left, bottom), (right, bottom), (right, top), (left, top)], "#FFFFFF")
         for row, line in enumerate(lines):
-            drawing.write(line, x, y + 1.15 * TAG * ((len(lines) - 1) / 2 - row), TAG, colour=arrow.kind.colour)
+            drawing.write(line, x, y + 1.15 * TAG * ((len(lines) - 1) / 2 - row), TAG, colour=arrow.style.colour)
 
 
-def _key(book: RuleBook, tags: dict[str, str]) -> Drawing:
+def _key(rules: Sequence[DrawnRule], tags: dict[str, str], notes: Iterable[str]) -> Drawing:
     """Every rule in short, by kind."""
     key = Drawing()
     y = 0.0
-    names = {
-        rule.rule: "" if tags[rule.rule] == rule.rule else rule.rule for _, rules in _kinds(book) for rule in rules
-    }
+    names = {rule.name: "" if tags[rule.name] == rule.name else rule.name for rule in rules}
     indent = 0.5 + max((width_of(tag, WORDS) for tag in tags.values()), default=0.0)
     column = indent + max((width_of(name, WORDS) + 0.4 for name in names.values() if name), default=0.0)
-    for kind, rules in _kinds(book):
-        if not rules:
+    for kind, style in STYLES.items():
+        own = [rule for rule in rules if rule.kind == kind]
+        if not own:
             continue
-        key.arrow([(0, y), (1.3, y)], kind.colour, 1.3, kind.style)
-        key.write(kind.words, 1.6, y, WORDS, align=0, colour=kind.colour)
-        for rule in rules:
+        key.arrow([(0, y), (1.3, y)], style.colour, 1.3, style.style)
+        key.write(style.words, 1.6, y, WORDS, align=0, colour=style.colour)
+        for rule in own:
             y -= ROW
-            key.write(tags[rule.rule], 0, y, WORDS, align=0, colour=kind.colour)
-            key.write(names[rule.rule], indent, y, WORDS, align=0)
-            key.write(rule_words(rule), column, y, WORDS, align=0)
+            key.write(tags[rule.name], 0, y, WORDS, align=0, colour=style.colour)
+            key.write(names[rule.name], indent, y, WORDS, align=0)
+            key.write(rule.words, column, y, WORDS, align=0)
         y -= 1.5 * ROW
-    notes = ["gate: one rule for a bond is enough"] if book.semantics.gate == "any" else []
-    notes += ["bonds hold for ever"] if book.semantics.bonds == "hold" else []
-    notes += [f"{end.letter} beside {end.neighbour} accepts no more" for end in book.semantics.finished]
-    notes += ["double ring: in the finished structure"] if book.target is not None else []
     for line in notes:
         key.write(line, 0, y, WORDS, align=0)
         y -= ROW

@@ -1,18 +1,26 @@
-"""A derived network as a graph: structures in columns by size, a small disc for each reaction between them."""
+"""Reaction networks as graphs: structures in columns by size, a small disc for each reaction between them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.assembly.deriving.derive import Derivation
+from kinetics.assembly.drawing.cubes import Cubes
 from kinetics.assembly.drawing.drawing import HEAD, INK, Drawing, width_of
-from kinetics.assembly.drawing.pictures import CAPTION, GAP, below_left, face_key, note, posed, structure_drawing
-from kinetics.assembly.structure import Structure
+from kinetics.assembly.drawing.pictures import (
+    CAPTION,
+    GAP,
+    NOT_ALL,
+    below_left,
+    face_key,
+    note,
+    posed,
+    structure_drawing,
+)
 from kinetics.support.plots import COLOURS
 
 MOST_SPECIES = 24  # drawn one by one
@@ -27,11 +35,19 @@ SWEEPS = 12
 NEAR, FAR, SLOPE = 0.6, 1.5, 0.5  # room between layers: least, most, and how it grows with a line's rise
 
 
+class DrawnChannel(NamedTuple):
+    """A channel of a network: a join of two species or a break of one, given by their numbers, with its ways N."""
+
+    before: Sequence[int]
+    after: Sequence[int]
+    ways: float
+
+
 class Group(NamedTuple):
     """Species that are drawn as one: a single one, or all of one size."""
 
     name: str
-    shown: Structure
+    shown: Cubes
     n_species: int
 
 
@@ -73,23 +89,26 @@ class Link(NamedTuple):
 
 
 def network_drawing(
-    derivation: Derivation,
+    species: Mapping[str, Cubes],
+    channels: Sequence[DrawnChannel],
+    scheme: str = "two",
+    is_closed: bool = True,
     most_species: int = MOST_SPECIES,
     most_reactions: int = MOST_REACTIONS,
     most_wide: float = 26.0,
 ) -> Drawing:
     """Species by size from left to right, in rows no wider than `most_wide` cube edges.
 
+    is_closed : whether these are known to be all species; the drawing says where they are not
     most_species, most_reactions : of a larger network, all species of one size are drawn as one, with their number and
         that of the channels between them; the drawing says so
     """
     if most_species < 1 or most_reactions < 1:
         raise ValueError(f"most_species = {most_species}, most_reactions = {most_reactions}; both must be at least 1")
-    groups, reactions = grouped(derivation, lump=False)
+    groups, reactions = grouped(species, channels, lump=False)
     is_lumped = len(groups) > most_species or len(reactions) > most_reactions
     if is_lumped:
-        groups, reactions = grouped(derivation, lump=True)
-    scheme = derivation.book.scheme
+        groups, reactions = grouped(species, channels, lump=True)
     pictures = [structure_drawing(posed(group.shown), scheme) for group in groups]
     scale = min(SMALL, WIDEST / max(right - left for left, _, right, _ in (picture.bounds for picture in pictures)))
     layers, links = _layers(groups, reactions, pictures, scale)
@@ -110,16 +129,19 @@ def network_drawing(
             drawing.put(part)
     if reactions:
         below_left(drawing, _key(reactions, is_lumped), 2 * GAP)
-    for line in _notes(derivation, groups, is_lumped):
+    notes = [_lumped_note(len(species), len(channels), len(groups))] if is_lumped else []
+    for line in [*notes, *([] if is_closed else [NOT_ALL])]:
         below_left(drawing, note(line), 0.3)
     below_left(drawing, face_key(scheme), 0.4)
     return drawing
 
 
-def grouped(derivation: Derivation, lump: bool) -> tuple[list[Group], list[Reaction]]:
+def grouped(
+    species: Mapping[str, Cubes], channels: Iterable[DrawnChannel], lump: bool
+) -> tuple[list[Group], list[Reaction]]:
     """Groups by size, and the reactions between them. Lumped: one group a size, the seed apart from free cubes."""
-    structures = list(derivation.structures.values())
-    keys = [(len(s), name if len(s) == 1 or not lump else "") for name, s in derivation.structures.items()]
+    structures = list(species.values())
+    keys = [(len(s), name if len(s) == 1 or not lump else "") for name, s in species.items()]
     order = sorted(set(keys), key=keys.index)
     groups = []
     for key in order:
@@ -127,15 +149,15 @@ def grouped(derivation: Derivation, lump: bool) -> tuple[list[Group], list[React
         name = key[1] or f"{key[0]} cubes"
         groups.append(Group(name, structures[members[0]], len(members)))
     if not lump:
-        groups = [Group(name, structure, 1) for name, structure in derivation.structures.items()]
+        groups = [Group(name, structure, 1) for name, structure in species.items()]
     place = {key: number for number, key in enumerate(order)}
     of = [place[key] for key in keys] if lump else list(range(len(structures)))
     found: dict[tuple[int, int, int], Reaction] = {}
-    for event, ways in derivation.events.items():
-        kind, parts, (whole,) = ("join", *event) if len(event.before) == 2 else ("break", event.after, event.before)
+    for before, after, ways in channels:
+        kind, parts, (whole,) = ("join", before, after) if len(before) == 2 else ("break", after, before)
         smaller, larger = sorted((of[n] for n in parts), key=lambda n: (len(groups[n].shown), n))
         reaction = found.setdefault((larger, smaller, of[whole]), Reaction(larger, smaller, of[whole]))
-        reaction.ways[kind] += 1 if lump else sum(ways.values())
+        reaction.ways[kind] += 1 if lump else ways
     return groups, list(found.values())
 
 
@@ -322,13 +344,8 @@ def _key(reactions: Sequence[Reaction], is_lumped: bool) -> Drawing:
     return key
 
 
-def _notes(derivation: Derivation, groups: Sequence[Group], is_lumped: bool) -> list[str]:
-    notes = []
-    if is_lumped:
-        notes.append(
-            f"{len(derivation.structures)} species and {len(derivation.events)} channels, lumped by size into "
-            f"{len(groups)}; of each size one species is shown"
-        )
-    if not derivation.is_closed:
-        notes.append("not all there are: the exploration met its caps or was stopped")
-    return notes
+def _lumped_note(n_species: int, n_channels: int, n_groups: int) -> str:
+    return (
+        f"{n_species} species and {n_channels} channels, lumped by size into {n_groups}; of each size one species is "
+        "shown"
+    )

@@ -7,19 +7,16 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.assembly.drawing.cubes import Cubes
 from kinetics.assembly.drawing.drawing import INK, Drawing, width_of
-from kinetics.assembly.faces import FACE_NORMALS, scheme_of, turned
-from kinetics.assembly.structure import NORMALS, Placement, Position, Structure
+from kinetics.assembly.faces import FACE_NORMALS, NORMALS, Position, scheme_of, turned
 from kinetics.support.arrays import Floats
 from kinetics.support.plots import COLOURS
-
-if TYPE_CHECKING:
-    from kinetics.assembly.deriving.derive import Derivation
 
 # Okabe & Ito's orange, sky blue, green, purple and yellow, and a grey: light enough for black letters
 FACE_COLOURS: Mapping[str, str] = {
@@ -36,7 +33,9 @@ CAPTION = 0.36  # font size under a picture
 GAP = 0.55  # between pictures
 SPOTS = (-0.28, 0.0, 0.28)  # along both sides of a face: where a letter must not be hidden
 N_SPOTS = len(SPOTS) ** 2
+NOT_ALL = "not all there are: the exploration met its caps or was stopped"
 TURNED = turned.tolist()
+C = TypeVar("C", bound=Cubes)
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ CAMERA = Camera()
 
 
 def structure_drawing(
-    structure: Structure,
+    structure: Cubes,
     scheme: str = "two",
     highlight: Collection[int] = (),
     labels: Sequence[str] | None = None,
@@ -112,7 +111,7 @@ def structure_drawing(
 
 
 def strip(
-    structures: Sequence[Structure],
+    structures: Sequence[Cubes],
     captions: Sequence[str] = (),
     scheme: str = "two",
     highlights: Sequence[Collection[int]] = (),
@@ -132,14 +131,18 @@ def strip(
     return arranged(pictures, captions or [""] * len(pictures), most_wide)
 
 
-def species_sheet(derivation: Derivation, most_wide: float = 24.0) -> Drawing:
-    """All species of a derived network with their names, by size; then the key of the faces."""
-    scheme = derivation.book.scheme
-    pictures = [structure_drawing(posed(structure), scheme) for structure in derivation.structures.values()]
-    sheet = arranged(pictures, list(derivation.structures), most_wide)
+def species_sheet(
+    species: Mapping[str, Cubes], scheme: str = "two", is_closed: bool = True, most_wide: float = 24.0
+) -> Drawing:
+    """All species of a network with their names, in their order; then the key of the faces.
+
+    is_closed : whether these are known to be all; the sheet says where they are not
+    """
+    pictures = [structure_drawing(posed(structure), scheme) for structure in species.values()]
+    sheet = arranged(pictures, list(species), most_wide)
     below_left(sheet, face_key(scheme))
-    if not derivation.is_closed:
-        below_left(sheet, note("not all there are: the exploration met its caps or was stopped"))
+    if not is_closed:
+        below_left(sheet, note(NOT_ALL))
     return sheet
 
 
@@ -215,21 +218,25 @@ def below_left(drawing: Drawing, other: Drawing, gap: float = GAP) -> None:
     drawing.put(other, left - its_left, bottom - its_top - gap)
 
 
-@lru_cache(maxsize=4096)
-def posed(structure: Structure) -> Structure:
+def posed(structure: C) -> C:
     """Turned so that it lies wide and flat towards the eye and as many cubes as can be show a letter."""
+    return structure.turned(_best_turn(structure))
 
-    def merit(rotation: int) -> tuple[Any, ...]:
-        turned_copy = structure.moved(Placement(rotation, (0, 0, 0)))
-        x, y, z = (max(c) - min(c) for c in zip(*turned_copy.positions, strict=True))
+
+@lru_cache(maxsize=4096)
+def _best_turn(structure: Cubes) -> int:
+    copies = [structure.turned(rotation) for rotation in range(24)]
+
+    def flatness(rotation: int) -> tuple[float, float]:
+        x, y, z = (max(c) - min(c) for c in zip(*copies[rotation].positions, strict=True))
         return (-y, x) if y <= z <= x else (-math.inf, 0)
 
-    best = max(map(merit, range(24)))
-    copies = [structure.moved(Placement(r, (0, 0, 0))) for r in range(24) if merit(r) == best]
-    return max(copies, key=lambda copy: (*_shown(copy), *_low_first(copy)))
+    best = max(map(flatness, range(24)))
+    flattest = [rotation for rotation in range(24) if flatness(rotation) == best]
+    return max(flattest, key=lambda rotation: (*_shown(copies[rotation]), *_low_first(copies[rotation])))
 
 
-def _shown(structure: Structure) -> tuple[int, int, int]:
+def _shown(structure: Cubes) -> tuple[int, int, int]:
     """How many cubes and faces are in view, in part at least, and how many letters."""
     faces, hidden = _in_view(structure, CAMERA)
     seen = [face for face, covered in zip(faces, np.all(hidden, axis=1), strict=True) if not covered]
@@ -254,13 +261,13 @@ def shaded(colour: str, direction: int, camera: Camera = CAMERA) -> str:
 SQUARE: Floats = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def _low_first(structure: Structure) -> tuple[int, int]:
+def _low_first(structure: Cubes) -> tuple[int, int]:
     """Prefers cubes low and to the left: a T lies with its bar at the bottom."""
     x, _, z = (sum(c) - len(c) * min(c) for c in zip(*structure.positions, strict=True))
     return -z, -x
 
 
-def _painted(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
+def _painted(structure: Cubes, camera: Camera) -> list[tuple[int, int]]:
     """(cube, direction) of all outer faces that look to the eye, farthest first.
 
     On the lattice, what hides a cube is nowhere behind it along any axis: the sum of the coordinates towards the eye
@@ -269,13 +276,14 @@ def _painted(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
     towards = camera.towards
     sign = np.sign(towards)
     facing = [direction for direction in range(6) if FACE_NORMALS[direction] @ towards > 0]
+    filled = set(structure.positions)
     depth = np.array(structure.positions) @ sign
     order = sorted(range(len(structure)), key=lambda cube: (depth[cube], structure.positions[cube]))
     return [
         (cube, direction)
         for cube in order
         for direction in facing
-        if structure.cube_at(_beside(structure.positions[cube], NORMALS[direction])) is None
+        if _beside(structure.positions[cube], NORMALS[direction]) not in filled
     ]
 
 
@@ -283,7 +291,7 @@ def _beside(place: Position, step: Position) -> Position:
     return place[0] + step[0], place[1] + step[1], place[2] + step[2]
 
 
-def _lettered(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
+def _lettered(structure: Cubes, camera: Camera) -> list[tuple[int, int]]:
     """(cube, direction): a face of each cube whose middle part is in full view, if it has one.
 
     Letters that look the same way read best: of the directions, the one with most such faces comes first.
@@ -296,7 +304,7 @@ def _lettered(structure: Structure, camera: Camera) -> list[tuple[int, int]]:
     return sorted(chosen.items())
 
 
-def _in_view(structure: Structure, camera: Camera) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+def _in_view(structure: Cubes, camera: Camera) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
     """The painted faces, and (faces, N_SPOTS) whether each of the spots where a letter would be is hidden."""
     faces = _painted(structure, camera)
     if not faces:

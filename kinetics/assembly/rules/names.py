@@ -4,16 +4,51 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from kinetics.assembly.faces import scheme_of
+from kinetics.assembly.rules.conditions import Rule, Semantics, Senses
+from kinetics.assembly.structure import Structure
 
-if TYPE_CHECKING:
-    from kinetics.assembly.rules.rule_book import RuleBook
+
+class Declared(Protocol):
+    """What a rule book declares; see `RuleBook`."""
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """The states a cube may be in."""
+
+    @property
+    def initial(self) -> str:
+        """That of a free cube."""
+
+    @property
+    def seed_letter(self) -> str | None:
+        """That of the seed, if there is one."""
+
+    @property
+    def senses(self) -> Senses:
+        """What a cube can sense."""
+
+    @property
+    def scheme(self) -> str:
+        """The name of the face scheme."""
+
+    @property
+    def target(self) -> Structure | None:
+        """The finished structure, if the book names one."""
+
+    @property
+    def semantics(self) -> Semantics:
+        """What the paper's tables leave open."""
+
+    @property
+    def all_rules(self) -> tuple[Rule, ...]:
+        """The rules of every kind."""
 
 
-def check_names(book: RuleBook) -> None:
-    """Every letter, face and rule name is known, and known once."""
+def check_names(book: Declared) -> None:
+    """ValueError unless every letter, face and rule name is known, and known once."""
     scheme = scheme_of(book.scheme)
     if not book.letters or len(set(book.letters)) != len(book.letters) or not all(book.letters):
         raise ValueError(f"letters are {list(book.letters)}; expected at least one, each named once")
@@ -27,9 +62,8 @@ def check_names(book: RuleBook) -> None:
         _known(book, "target", book.target.letters)
     if book.senses.roll and not scheme.rolls:
         raise ValueError(f"senses.roll: the faces of scheme {scheme.name!r} show no twist; set it to false")
-    rules = (*book.combine, *book.dissociate, *book.internal)
-    names = Counter(rule.rule for rule in rules)
-    for rule in rules:
+    names = Counter(rule.rule for rule in book.all_rules)
+    for rule in book.all_rules:
         if names[rule.rule] > 1:
             raise ValueError(f"two rules are called {rule.rule!r}; give every rule a name of its own")
         _known(book, f"rule {rule.rule}, becomes", [rule.becomes])
@@ -37,7 +71,7 @@ def check_names(book: RuleBook) -> None:
             _check_condition(book, f"rule {rule.rule}, {name}", name, admitted)
 
 
-def _check_condition(book: RuleBook, place: str, name: str, admitted: tuple[str, ...] | None) -> None:
+def _check_condition(book: Declared, place: str, name: str, admitted: tuple[str, ...] | None) -> None:
     """A rule's condition asks for what there is, and for what the book's cubes can sense."""
     scheme = scheme_of(book.scheme)
     if admitted is None:
@@ -55,7 +89,7 @@ def _check_condition(book: RuleBook, place: str, name: str, admitted: tuple[str,
         )
 
 
-def _known(book: RuleBook, place: str, letters: Iterable[str]) -> None:
+def _known(book: Declared, place: str, letters: Iterable[str]) -> None:
     for letter in letters:
         if letter not in book.letters:
             raise ValueError(f"{place}: unknown letter {letter!r}; the book's letters are {', '.join(book.letters)}")

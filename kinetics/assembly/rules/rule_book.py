@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.rules.conditions import (
     BookFile,
@@ -27,6 +28,7 @@ from kinetics.assembly.rules.conditions import (
     in_order,
 )
 from kinetics.assembly.rules.names import check_names
+from kinetics.assembly.rules.words import rule_words, semantics_words
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.config import find, read_toml, validated
 
@@ -81,12 +83,7 @@ class RuleBook:
 
     def __post_init__(self) -> None:
         check_names(self)
-        kinds: dict[str, tuple[Rule, ...]] = {
-            "combine": self.combine,
-            "dissociate": self.dissociate,
-            "internal": self.internal,
-        }
-        for kind, rules in kinds.items():
+        for kind, rules in self.rules.items():
             self._tried[kind] = in_order(rules, self.semantics.conflict)
         self._moving.update(*(rule.letter or self.letters for rule in self.internal))
 
@@ -113,8 +110,18 @@ class RuleBook:
         content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump(exclude=held)]
         senses = self.senses.model_dump(exclude={"faces"}, exclude_defaults=True)
         content += [later for later in (senses, self.seed_letter) if later]
-        rules = [[_content(rule) for rule in kind] for kind in (self.combine, self.dissociate, self.internal)]
+        rules = [[_content(rule) for rule in group] for group in self.rules.values()]
         return hashlib.sha256(json.dumps([content, rules], sort_keys=True).encode()).hexdigest()
+
+    @property
+    def rules(self) -> dict[str, tuple[Rule, ...]]:
+        """Kind -> its rules: `combine`, `dissociate`, `internal`."""
+        return {"combine": self.combine, "dissociate": self.dissociate, "internal": self.internal}
+
+    @property
+    def all_rules(self) -> tuple[Rule, ...]:
+        """The rules of every kind."""
+        return (*self.combine, *self.dissociate, *self.internal)
 
     @property
     def scheme(self) -> str:
@@ -123,9 +130,24 @@ class RuleBook:
 
     def plot(self, ax: Any) -> Any:
         """Draw the rules as a state diagram; returns `ax`."""
-        from kinetics.assembly.drawing.diagrams import book_drawing
+        return self.drawing().onto(ax)
 
-        return book_drawing(self).onto(ax)
+    def drawing(self) -> Drawing:
+        """The rules as a state diagram."""
+        from kinetics.assembly.drawing.diagrams import DrawnRule, state_diagram
+
+        rules = [
+            DrawnRule(kind, rule.rule, rule.letter or self._others(rule.becomes), rule.becomes, rule_words(rule))
+            for kind, group in self.rules.items()
+            for rule in group
+        ]
+        notes = semantics_words(self.semantics)
+        notes += ["double ring: in the finished structure"] if self.target is not None else []
+        final = () if self.target is None else self.target.letters
+        return state_diagram(self.letters, rules, self.initial, self.seed_letter, final, notes)
+
+    def _others(self, letter: str) -> tuple[str, ...]:
+        return tuple(other for other in self.letters if other != letter)
 
     def monomer(self) -> Structure:
         """A free cube."""

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 
 from kinetics.assembly import RuleBook, Semantics, check, derive
 from kinetics.assembly.deriving.history import Change, laid_out
-from kinetics.assembly.drawing.counterexamples import change_drawing, report_drawing, wrapped
-from kinetics.assembly.drawing.diagrams import COMBINATION, DISSOCIATION, INTERNAL, book_drawing, rule_words
+from kinetics.assembly.drawing.counterexamples import change_drawing, wrapped
+from kinetics.assembly.drawing.diagrams import COMBINATION, DISSOCIATION, INTERNAL
 from kinetics.assembly.drawing.drawing import width_of
-from kinetics.assembly.drawing.network_diagram import grouped, network_drawing
+from kinetics.assembly.drawing.network_diagram import DrawnChannel, grouped
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
+from kinetics.assembly.rules.words import rule_words
 from kinetics.commands import rules as command
 
 LINE4, T5, PYRAMID = (RuleBook.load(name) for name in ("line4", "t5", "pyramid45"))
@@ -46,18 +47,18 @@ def test_every_change_of_letter_has_one_arrow_of_its_kind(book):
         for rule in rules:
             letters = rule.letter or set(book.letters) - {rule.becomes}
             expected |= {(letter, rule.becomes, kind.colour) for letter in letters}
-    drawn = arrows(book_drawing(book))
+    drawn = arrows(book.drawing())
     assert set(drawn) == expected
     assert set(drawn.values()) == {1}
 
 
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.name)
 def test_a_state_diagram_is_legible(book):
-    drawing = book_drawing(book)
+    drawing = book.drawing()
     assert overlapping(drawing.words) == []
     texts = [words.text for words in drawing.words]
     assert set(book.letters) <= set(texts)
-    for rule in (*book.combine, *book.dissociate, *book.internal):
+    for rule in book.all_rules:
         assert texts.count(rule_words(rule)) >= 1
         assert any(rule.rule in text for text in texts)
 
@@ -68,7 +69,7 @@ def test_kinds_of_rules_differ_in_style_and_in_colour():
 
 
 def test_long_names_of_rules_are_numbered():
-    texts = [words.text for words in book_drawing(PYRAMID).words]
+    texts = [words.text for words in PYRAMID.drawing().words]
     assert "9, 13, 14" in texts  # three rules at the seed's own loop
     assert "host beside corner" in texts
     assert "seed" in texts
@@ -87,8 +88,13 @@ def test_rules_in_short():
 def test_a_book_of_one_letter_and_a_book_without_rules_are_drawn():
     grow = Combination(rule="grow", becomes="a")
     one = RuleBook("one", ("a",), "a", LINE4.senses, combine=(replace_letter(grow, "a"),))
-    assert arrows(book_drawing(one)) == {("a", "a", COMBINATION.colour): 1}
-    assert not arrows(book_drawing(replace(one, combine=())))
+    assert arrows(one.drawing()) == {("a", "a", COMBINATION.colour): 1}
+    assert not arrows(replace(one, combine=()).drawing())
+
+
+def channels(derivation):
+    """The channels of a network as a drawing is given them."""
+    return [DrawnChannel(*event, sum(ways.values())) for event, ways in derivation.events.items()]
 
 
 def replace_letter(rule, letter):
@@ -98,11 +104,11 @@ def replace_letter(rule, letter):
 @pytest.mark.parametrize("book", [LINE4, T5], ids=lambda book: book.name)
 def test_a_network_shows_every_species_and_channel(book):
     derivation = derive(book)
-    drawing = network_drawing(derivation)
+    drawing = derivation.drawing()
     assert overlapping(drawing.words) == []
     texts = Counter(words.text for words in drawing.words)
     assert all(texts[name] >= 1 for name in derivation.structures)
-    _, reactions = grouped(derivation, lump=False)
+    _, reactions = grouped(derivation.structures, channels(derivation), lump=False)
     for kind, sign in (("join", "→"), ("break", "←")):
         shown = Counter(text for text in texts.elements() if text.startswith(sign) and text[2:].isdigit())
         assert shown == Counter(f"{sign} {r.ways[kind]:g}" for r in reactions if r.ways[kind])
@@ -113,17 +119,17 @@ def test_a_network_shows_every_species_and_channel(book):
 
 def test_a_large_network_is_lumped_by_size_and_says_so():
     derivation = derive(T5)
-    groups, reactions = grouped(derivation, lump=True)
+    groups, reactions = grouped(derivation.structures, channels(derivation), lump=True)
     assert [group.n_species for group in groups] == [1, 2, 3, 2, 1]
     assert sum(n for r in reactions for n in r.ways.values()) == len(derivation.events)
-    texts = [words.text for words in network_drawing(derivation, most_species=8).words]
+    texts = [words.text for words in derivation.drawing(most_species=8).words]
     assert "9 species and 25 channels, lumped by size into 5; of each size one species is shown" in texts
     assert "3 species" in texts
-    assert network_drawing(derivation, most_reactions=10).words != network_drawing(derivation).words
+    assert derivation.drawing(most_reactions=10).words != derivation.drawing().words
 
 
 def test_rows_that_are_too_wide_go_on_below():
-    drawing = network_drawing(derive(T5), most_wide=12)
+    drawing = derive(T5).drawing(most_wide=12)
     left, _, right, _ = drawing.bounds
     assert right - left < 15
     texts = [words.text for words in drawing.words]
@@ -134,13 +140,13 @@ def test_rows_that_are_too_wide_go_on_below():
 def test_what_an_exploration_left_out_is_told():
     book = replace(LINE4, semantics=Semantics(gate="any"))
     for derivation in (derive(book, max_cubes=5, partial=True), derive(book, max_cubes=5, max_species=4, partial=True)):
-        texts = [words.text for words in network_drawing(derivation).words]
+        texts = [words.text for words in derivation.drawing().words]
         assert "not all there are: the exploration met its caps or was stopped" in texts
 
 
 def test_counterexamples_are_drawn_step_by_step():
     report = check(RuleBook.load("line4_as_printed"))
-    drawing = report_drawing(report)
+    drawing = report.drawing()
     texts = [words.text for words in drawing.words]
     assert "3.  dimer.a + trimer.a → pentamer.a" in texts
     assert sum(text.startswith(("error:", "warning:")) for text in texts) == len(report.findings)
@@ -160,13 +166,13 @@ def test_parts_are_drawn_as_they_lie_in_the_whole():
         laid = laid_out(change, "two", lambda structure: structure)
         parts = laid.before if len(laid.before) == 2 else laid.after
         assert set(parts[0].positions) | set(parts[1].positions) == set(T5.target.positions)
-        assert change_drawing(change, "two").words
+        assert change_drawing(*laid, "two").words
 
 
 def test_a_report_without_findings_and_a_finding_without_structures():
-    assert report_drawing(check(T5)).words[0].text.startswith("book 't5': 9 structures")
+    assert check(T5).drawing().words[0].text.startswith("book 't5': 9 structures")
     report = check(replace(T5, semantics=Semantics(bonds="hold")))
-    assert any("unreachable rule" in words.text for words in report_drawing(report).words)
+    assert any("unreachable rule" in words.text for words in report.drawing().words)
 
 
 def test_text_is_wrapped_between_words():
@@ -224,11 +230,11 @@ def test_wrong_input(tmp_path):
     assert refused.exit_code == 2
     assert "must end in .png, .pdf, .svg" in refused.stderr
     with pytest.raises(ValueError, match="both must be at least 1"):
-        network_drawing(derive(LINE4), most_species=0)
+        derive(LINE4).drawing(most_species=0)
 
 
 def test_results_plot_themselves_onto_given_axes():
-    for result in (T5, derive(T5)):
+    for result in (T5, derive(T5), check(RuleBook.load("t5_as_printed")).findings[0]):
         ax = Figure().add_subplot()
         assert result.plot(ax) is ax
         assert len(ax.collections) == 1

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.path import Path
 
-from kinetics.assembly import FACE_NORMALS, SCHEMES, RuleBook, Structure, derive
+from kinetics.assembly import FACE_NORMALS, SCHEMES, Placement, RuleBook, Structure, derive
 from kinetics.assembly.drawing.pictures import (
     CAMERA,
     FACE_COLOURS,
@@ -113,7 +113,7 @@ def test_letters_stand_where_nothing_hides_them():
 
 def test_a_line_shows_all_its_letters_however_it_lies():
     for rotation in range(24):
-        line = LINE4.target.moved(type(LINE4.target.symmetries("two")[0])(rotation, (3, -1, 2)))
+        line = LINE4.target.moved(Placement(rotation, (3, -1, 2)))
         assert sorted(words.text for words in structure_drawing(posed(line)).words) == list("bbdd")
 
 
@@ -151,7 +151,7 @@ def test_letters_are_legible_and_colours_differ_without_hue_vision():
 def test_highlight_and_legend():
     drawing = structure_drawing(T5.target, highlight=[4])
     assert {shape.tag[1] for shape in drawing.shapes if shape.tag[0] == "rim"} == {4}
-    sheet = species_sheet(derive(T5))
+    sheet = species_sheet(derive(T5).structures)
     texts = [words.text for words in sheet.words]
     assert {"monomer", "trimer.c", "pentamer", "f1", "f2"} <= set(texts)
 
