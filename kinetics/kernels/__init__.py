@@ -1,1 +1,1 @@
-"""Numba kernels: arrays in, arrays out; they know nothing of networks."""
+"""Numba kernels: arrays in, arrays out; of ours they import each other only."""

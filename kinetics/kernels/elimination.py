@@ -4,10 +4,10 @@ band[i, j - i + b] is the rate from state i to state j, |i - j| <= b. Taking out
 would have gone through it; its exit rate is summed anew from where it goes, never found by subtraction.
 """
 
-from numba import njit
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def reduce(band, leaving, exits):
     """Take out the states from the last to the first, in place.
 
@@ -47,7 +47,7 @@ def reduce(band, leaving, exits):
     return changes
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def solve(band, exits, x):
     """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`."""
     n = exits.size
@@ -63,7 +63,7 @@ def solve(band, exits, x):
         x[k] = total / exits[k]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def occupy(band, exits, x):
     """Expected time in each state, from a start spread as x (n,); in place, after `reduce`."""
     n = exits.size
@@ -78,9 +78,9 @@ def occupy(band, exits, x):
             x[k] += x[i] * band[i, k - i + b]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def balance(band, x):
-    """Weights (n,) of the stationary law of a chain that nothing leaves, up to a factor; after `reduce`."""
+    """Weights (n,) of the stationary distribution of a chain that nothing leaves, up to a factor; after `reduce`."""
     n = x.size
     b = band.shape[1] // 2
     x[0] = 1.0

@@ -5,26 +5,27 @@ Equal keys are never trusted: the counts themselves are compared.
 """
 
 import numpy as np
-from numba import njit
 
-# Outcomes of an exploration
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.outcomes import OVERFLOW
+
+# Outcomes of an exploration, beside OVERFLOW
 COMPLETE = 0
 TOO_MANY = 1
-OVERFLOW = 2  # a count beyond int64
 
 EMPTY = -1
 OUTSIDE = -2
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def first_slot(key, size):
     """Where in a table of a power of two slots the search for a key begins."""
     mixed = (key ^ (key >> np.uint64(29))) * MIX
     return np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(size - 1))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def tabulate(keys, n, size):
     """Table of `size` slots that hold the rows of the first n keys."""
     table = np.full(size, EMPTY, dtype=np.int64)
@@ -36,7 +37,7 @@ def tabulate(keys, n, size):
     return table
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def find(asked, asked_keys, states, keys, table):
     """Rows (n,) of the states `asked` (n, S); -1 where there is none."""
     rows = np.full(asked.shape[0], -1, dtype=np.int64)
@@ -55,7 +56,7 @@ def find(asked, asked_keys, states, keys, table):
     return rows
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def insert(new, new_keys, states, keys, table, n, rows):
     """Add to the first n states those of `new` (m, S) that are not among them; `rows` (m,) receives where each is.
 
@@ -82,7 +83,7 @@ def insert(new, new_keys, states, keys, table, n, rows):
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def explore(reactants, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
     """Add to the first n states all to which those from `begin` on lead.
 
@@ -152,7 +153,7 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
     return states, keys, table, n, outcome, np.append(sizes[:n_levels], n - level_end)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def neighbours(begin, propensities, changes, key_changes, states, keys, table):
     """Row (n, R) to which each channel leads from the states begin, begin + 1, ...
 

@@ -5,10 +5,11 @@ round in proportion to the flow, not to the probability, so a chain that mostly 
 """
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def advance(begins, sources, shares, exits, vectors, flows):
     """Fill the rows of `vectors` after the first, each one step after the row before.
 
@@ -33,7 +34,7 @@ def advance(begins, sources, shares, exits, vectors, flows):
         flows[b] = flow
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def absorb(begins, sources, shares, exits, vector, absorbed, alive, flows):
     """Step on a chain whose last state is never left; before each step, note its mass and the summed rest.
 
@@ -61,7 +62,7 @@ def absorb(begins, sources, shares, exits, vector, absorbed, alive, flows):
     vector[:] = now
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mix(rows, weights, vectors, mixed):
     """Add to mixed[rows[a]] the sum over b of weights[a, b] * vectors[b].
 

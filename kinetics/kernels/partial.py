@@ -14,26 +14,23 @@ that rounding could take away until it is next made afresh: it bounds the true v
 found by a walk over the exact partial propensities of its owner; a walk that ends without one is an event at which
 nothing happens (thinning), so rounding cannot let a channel fire that could not, nor bias the others.
 
-A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `kernels.ssa.draw`.
+A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-# Outcomes of a run, as in `kernels.ssa`
-REACHED_END = 0
-DRAWS_USED = 1  # resume with fresh waits and uniforms
-STALLED_CLOCK = 2
-OVERFLOW = 3
+from kinetics.kernels.blocks import BLOCK, block_at
+from kinetics.kernels.clock import move_on
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
 
-BLOCK = 8  # owners added up together
 REFRESH = 1024  # steps after which L is made afresh
 UNIT = 2.0**-53  # largest relative error of one rounding
 
 
-class Model(NamedTuple):
+class PartialModel(NamedTuple):
     """Owners are the species, then the one of channels without reactants; blocks are filled up with empty owners.
 
     couplings (S, W) : C_ij at [j, i], W owners with those that fill up the last block
@@ -66,7 +63,7 @@ class Model(NamedTuple):
     most_changes: int
 
 
-class Work(NamedTuple):
+class PartialWork(NamedTuple):
     """What one run keeps between calls.
 
     copies (W,) : counts of the owners as doubles
@@ -82,7 +79,7 @@ class Work(NamedTuple):
     age: np.ndarray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def refresh(model, work):
     """Make L afresh, with its margin; the true total of all propensities but for one rounding each.
 
@@ -108,7 +105,7 @@ def refresh(model, work):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
@@ -118,10 +115,10 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     partners, lessened, needed, coefficients = model.partners, model.lessened, model.needed, model.coefficients
     change_starts, change_species, change_copies = model.change_starts, model.change_species, model.change_copies
     copies, partials, sums, upto = work.copies, work.partials, work.sums, work.upto
-    n_species, n_times, width, n_blocks = out.shape[1], grid.size, copies.size, upto.size
+    width, n_blocks = copies.size, upto.size
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
     is_frozen = False
-    outcome = DRAWS_USED
+    outcome = UNFINISHED
     for draw in range(waits.size):
         if age == REFRESH:
             refresh(model, work)
@@ -137,28 +134,11 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 (sums[i + 4] + sums[i + 5]) + (sums[i + 6] + sums[i + 7])
             )
             upto[block] = total
-        if not total < np.inf:
-            outcome = OVERFLOW
+        t, passed, outcome = move_on(t, np.inf if is_frozen else waits[draw], total, counts, grid, passed, out)
+        if outcome != UNFINISHED:
             break
-        later = t + waits[draw] / total if total > 0.0 and not is_frozen else np.inf
-        if later == t:
-            outcome = STALLED_CLOCK
-            break
-        while passed < n_times and grid[passed] < later:
-            for s in range(n_species):
-                out[passed, s] = counts[s]
-            passed += 1
-        if passed == n_times:
-            outcome = REACHED_END
-            break
-        t = later
 
-        target = uniforms[draw] * total
-        block = 0
-        while upto[block] <= target and upto[block] < total:
-            block += 1
-        if block > 0:
-            target -= upto[block - 1]
+        block, target = block_at(upto, uniforms[draw] * total, total)
         owner = BLOCK * block
         last = owner + BLOCK - 1
         while owner < last and sums[owner] <= target:

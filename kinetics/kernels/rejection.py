@@ -14,19 +14,16 @@ power of two, so no rounding ever builds up; and the cost does not grow with the
 the channel is found by a walk over partial propensities made afresh from the counts: nothing can go stale, drift, or
 dip below zero.
 
-A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `kernels.ssa.draw`.
+A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-# Outcomes of a run, as in `kernels.ssa`
-REACHED_END = 0
-DRAWS_USED = 1  # resume with fresh waits and uniforms
-STALLED_CLOCK = 2
-OVERFLOW = 3
+from kinetics.kernels.clock import move_on
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
 
 N_OCTAVES = 32
 HEADROOM = 8  # octaves above the largest sum when the bins are laid out
@@ -57,18 +54,18 @@ GROUP = np.dtype(
 )
 
 
-class Model(NamedTuple):
+class RejectionModel(NamedTuple):
     """Channels in the order of their groups. Species S stands for the constant 1.
 
     channels (R + 1,) CHANNEL : the partial propensity is coefficient * (x[partner] - less), or takes the factors where
         less is below 0. `change` is the row of its first change, the next channel's ends them; `list` is the list of
         all groups to renew afterwards, or 0 where those of the species changed are to be taken one after the other
-    factors (R, K, 3) int32 : see `methods.mass_action`; the first factor is the owner's
+    factors (R, K, 3) int32 : see `sampling.mass_action`; the first factor is the owner's
     changes (n,) CHANGE : copies gained of a species, and the list of groups that depend on it
     lists (m,) uint32 : each list begins with its end, then come groups: 2 * group, and 1 more where L must be renewed.
         The first one, at 0, is empty
     groups (G,) GROUP : owner, first channel and end, coefficients of the plain like pairs, which L leaves out. The rest
-        is for `Work`
+        is for `RejectionWork`
     """
 
     channels: np.ndarray
@@ -78,7 +75,7 @@ class Model(NamedTuple):
     groups: np.ndarray
 
 
-class Work(NamedTuple):
+class RejectionWork(NamedTuple):
     """What one run keeps between calls.
 
     copies (S + 1,) : counts as doubles
@@ -100,7 +97,7 @@ class Work(NamedTuple):
     total: np.ndarray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def start(model, work, counts):
     """L, sums and bins for a run that begins at `counts` (S + 1,), the last one 1."""
     channels, groups, copies = model.channels, work.groups, work.copies
@@ -118,7 +115,7 @@ def start(model, work, counts):
     fill_bins(work)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def general_partial(coefficient, factors, r, counts):
     """Propensity of a channel of any order, divided by its owner's count. Slow: kept out of the common path."""
     if counts[factors[r, 0, 0]] < factors[r, 0, 2]:
@@ -130,7 +127,7 @@ def general_partial(coefficient, factors, r, counts):
     return propensity
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_bins(work):
     """Lay the bins out anew around the largest sum; a total beyond double where that is beyond `LARGEST_SUM`."""
     groups = work.groups
@@ -161,7 +158,7 @@ def fill_bins(work):
     work.bins[0], work.bins[1], work.bins[2] = base, lowest, highest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
@@ -172,27 +169,14 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
     # Unsigned: indices need no check for negative ones.
     one, n_groups = np.uint64(1), np.uint64(groups.size)
-    n_species, n_times = out.shape[1], grid.size
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
     t, total = clock[0], work.total[0]
     passed, n_events = seen[0], 0
-    outcome = DRAWS_USED
+    outcome = UNFINISHED
     for draw in range(np.uint64(waits.size)):
-        if not total < np.inf:
-            outcome = OVERFLOW
+        t, passed, outcome = move_on(t, waits[draw], total, counts, grid, passed, out)
+        if outcome != UNFINISHED:
             break
-        later = t + waits[draw] / total if total > 0.0 else np.inf
-        if later == t:
-            outcome = STALLED_CLOCK
-            break
-        while passed < n_times and grid[passed] < later:
-            for s in range(n_species):
-                out[passed, s] = counts[s]
-            passed += 1
-        if passed == n_times:
-            outcome = REACHED_END
-            break
-        t = later
 
         target = uniforms[draw] * total
         while highest > lowest and sizes[np.uint64(highest)] == 0:

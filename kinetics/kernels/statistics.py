@@ -1,10 +1,11 @@
 """Tallies over many runs: ranges, histograms in bins that widen, sums and sums of products."""
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def extend_range(counts, low, high):
     """Widen the ranges low, high (T, S) to hold the counts (runs, T, S)."""
     rows, lowest, highest = counts.reshape(counts.shape[0], low.size), low.ravel(), high.ravel()  # no copies
@@ -14,7 +15,7 @@ def extend_range(counts, low, high):
             highest[c] = max(highest[c], rows[i, c])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_bins(low, high, n_bins, shift, origin):
     """Narrowest bins of 2**shift counts, `n_bins` of which hold low to high; the first one is number `origin`."""
     n_times, n_species = low.shape
@@ -26,7 +27,7 @@ def fit_bins(low, high, n_bins, shift, origin):
             shift[t, s], origin[t, s] = k, low[t, s] >> k
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def pour(source, shift, origin, target, new_shift, new_origin):
     """Add histograms (T, S, bins) to others whose bins are as wide or wider and hold them. Loses nothing: bins nest."""
     n_times, n_species, n_bins = source.shape
@@ -38,7 +39,7 @@ def pour(source, shift, origin, target, new_shift, new_origin):
                     target[t, s, ((origin[t, s] + b) >> by) - new_origin[t, s]] += source[t, s, b]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def rebin(histogram, shift, origin, new_shift, new_origin):
     """Put histograms (T, S, bins) into wider or moved bins, in place."""
     n_times, n_species, n_bins = histogram.shape
@@ -55,7 +56,7 @@ def rebin(histogram, shift, origin, new_shift, new_origin):
                     histogram[t, s, ((origin[t, s] + b) >> by) - new_origin[t, s]] += row[b]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def tally(counts, shift, origin, histogram):
     """Count every value (runs, T, S) in its bin."""
     rows, shifts, origins = counts.reshape(counts.shape[0], shift.size), shift.ravel(), origin.ravel()
@@ -65,7 +66,7 @@ def tally(counts, shift, origin, histogram):
             bins[np.uint64(c), np.uint64((rows[i, c] >> shifts[c]) - origins[c])] += 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def add_squares(counts, reference, sums, squares):
     """Add deviations from the reference (T, S), and their squares (T, S). No sum may pass 2**63: see to it before."""
     rows, centres = counts.reshape(counts.shape[0], reference.size), reference.ravel()
@@ -77,7 +78,7 @@ def add_squares(counts, reference, sums, squares):
             all_squares[c] += off * off
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def add_products(counts, reference, first, second, sums, products):
     """The same with the products of pairs of species `first`, `second` (P,); products : (T, P)."""
     runs, n_times, n_species = counts.shape

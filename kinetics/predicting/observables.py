@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
+from kinetics.sampling import SamplingMethod
 from kinetics.solving import Distribution, StateSpace
 from kinetics.support.arrays import Ints, integers, rising_times
 
 if TYPE_CHECKING:
-    from kinetics.sampling import SamplingMethod
+    from kinetics.sampling.base import Sampler
 
 BLOCK_BYTES = 2**26  # of all counts that are there at a time
 
@@ -63,13 +64,17 @@ class Watch:
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedSampling:
+class WatchedSampling(SamplingMethod):
     """A sampling method whose runs are told by the sums alone; all counts are there for a block of runs at a time."""
 
     watch: Watch
     method: SamplingMethod
     model: Network
     name: ClassVar[str] = "watched"
+
+    def prepared(self, network: Network) -> Sampler:  # noqa: ARG002
+        """The model made ready: its runs, of which `simulate` takes the sums."""
+        return self.method.sampler(self.model)
 
     def simulate(
         self,

@@ -1,15 +1,18 @@
 """Exact stochastic simulation: one file a method."""
 
 from kinetics.sampling.auto import Auto
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.direct import Direct
+from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.general import General
 from kinetics.sampling.lockstep import Lockstep
-from kinetics.sampling.methods import SAMPLING_METHODS, SamplingMethod, sample_path, simulate
+from kinetics.sampling.methods import SAMPLING_METHODS, sample_path, simulate
 from kinetics.sampling.partial import PartialPropensities
 from kinetics.sampling.rejection import CompositionRejection
 from kinetics.sampling.streamed import simulate_statistics
 
 __all__ = [
+    "EXACT_METHODS",
     "SAMPLING_METHODS",
     "Auto",
     "CompositionRejection",

@@ -1,26 +1,25 @@
-"""What all exact sampling methods share: checks, random streams, threads, and runs made step by step."""
+"""What all sampling methods share: what each takes, the checks of what is asked, random streams, and threads."""
 
 from __future__ import annotations
 
 import os
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any, ClassVar, Protocol
+from math import inf
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
-from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.cost_model import NetworkSize
 from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 from kinetics.support.memory import check_memory
 
 PIECE = 1000  # runs; an interrupt waits for a piece only
-FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel that reads its random numbers from buffers
 
 
 class StalledClockError(ValueError):
@@ -28,25 +27,78 @@ class StalledClockError(ValueError):
 
 
 class Sampler(Protocol):
-    """A network made ready for a kernel. Run number n has the same events however it is asked for."""
+    """A network made ready for a method. Run number n has the same events however it is asked for."""
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
+        """Fill `out` (runs, T, S); the outcome, see `kernels.outcomes`, and the number of the last run begun."""
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
         """The outcome, and times and channels of all events until `end`."""
 
 
-class ExactMethod(ABC):
-    """A sampling method, given its `sampler`: see `SamplingMethod` in `kinetics.sampling`."""
+class SamplingMethod(ABC):
+    """A way to draw independent runs: a frozen class that holds its settings only.
+
+    To add one:
+    1. Write its class in a file of its own, with a `name` for the command line and for tables.
+    2. Say what it takes, by the traits below; the base refuses what it does not.
+    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
+    4. Give `cost` if `auto` may choose it.
+    5. Put the class into `EXACT_METHODS`: command line, `auto`, hard cases and contract tests read the tuple.
+    """
 
     name: ClassVar[str]
+    takes_rate_laws: ClassVar[bool] = False  # other than mass action
+    takes_events: ClassVar[bool] = False
+    most_reactants: ClassVar[float] = inf  # of a channel
+    most_species: ClassVar[float] = inf
+    most_channels: ClassVar[float] = inf
+    is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
 
     @abstractmethod
+    def prepared(self, network: Network) -> Sampler:
+        """The network, which the traits allow, made ready."""
+
+    def cost(self, size: NetworkSize) -> float:  # noqa: ARG002
+        """Processor time of an event, ns, as measured on long runs; inf keeps `auto` from choosing the method."""
+        return inf
+
+    def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
+        """Why the method does not take the network, by its traits; empty where it does."""
+        odd = [] if self.takes_rate_laws else [f"a rate law for channel {name!r}" for name in network.laws]
+        odd += [] if self.takes_events else [f"event {event.name!r}" for event in network.events]
+        if odd:
+            more = f" and {len(odd) - 1} more" if len(odd) > 1 else ""
+            takes = "no events" if self.takes_rate_laws else "mass action only"
+            return f"the network has {odd[0]}{more}; the method {self.name!r} takes {takes}: use 'general', or 'auto'"
+        size = NetworkSize.of(network) if size is None else size
+        for what, here, most in (
+            ("species", size.n_species, self.most_species),
+            ("channels", size.n_channels, self.most_channels),
+        ):
+            if here > most:
+                return f"the network has {here} {what}; the method {self.name!r} takes at most {most}: use 'auto'"
+        if size.order > self.most_reactants:
+            orders = NetworkSize.orders(network)
+            r = int(orders.argmax())
+            return (
+                f"channel {network.channels[r]!r} has {orders[r]} reactants; the method {self.name!r} takes at "
+                f"most {self.most_reactants}: use 'auto'"
+            )
+        return ""
+
+    def takes(self, network: Network) -> bool:
+        """Whether the traits allow the network."""
+        return not self.refusal(network)
+
     def sampler(self, network: Network) -> Sampler:
-        """The network made ready; a ValueError where this method cannot take it."""
+        """The network made ready; a ValueError where the method does not take it."""
+        refusal = self.refusal(network)
+        if refusal:
+            raise ValueError(refusal)
+        return self.prepared(network)
 
     def simulate(
         self,
@@ -110,67 +162,6 @@ class ExactMethod(ABC):
         return JumpPath(network, start, times, channels, horizon)
 
 
-class Candidate(ExactMethod):
-    """A method that `Auto` weighs against others."""
-
-    @abstractmethod
-    def cost(self, shape: Shape) -> float:
-        """Processor time of an event, ns, as measured on long runs; inf where this method cannot take the network."""
-
-
-class StepwiseSampler:
-    """Runs of a kernel that reads its random numbers from buffers, call after call.
-
-    begin(counts) : a fresh workspace for a run that starts at `counts` (S + 1,), the last one 1
-    advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels) : see `kernels.grouped`
-    order : (R,) channel of the network for each channel of the kernel
-    """
-
-    def __init__(self, begin: Callable[[Ints], Any], advance: Callable[..., int], order: Ints):
-        self.begin, self.advance, self.order = begin, advance, order
-
-    def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        for i in range(len(out)):
-            outcome, _ = self._run(initial, grid, key, first_run + i, out[i], keep_events=False)
-            if outcome != 0:
-                return outcome, first_run + i
-        return 0, first_run + len(out) - 1
-
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
-        out = np.empty((1, initial.size), dtype=np.int64)
-        outcome, pieces = self._run(initial, np.array([end]), key, run, out, keep_events=True)
-        times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
-        return outcome, times, self.order[channels]
-
-    def _run(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], run: int, out: Ints, keep_events: bool
-    ) -> tuple[int, list[tuple[Floats, Ints]]]:
-        from kinetics.kernels import ssa
-
-        stream = np.empty(4, dtype=np.uint64)
-        ssa.start_stream(key, run, stream)
-        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(1), np.zeros(2, dtype=np.int64)
-        counts[:-1] = initial
-        workspace = self.begin(counts)
-        pieces = []
-        n_draws, outcome = FEWEST_DRAWS, ssa.BUFFER_FULL
-        waits = uniforms = np.empty(0)
-        while outcome == ssa.BUFFER_FULL:
-            if waits.size < n_draws:
-                waits, uniforms = np.empty(n_draws), np.empty(n_draws)
-            n_kept = n_draws if keep_events else 0
-            times, channels = np.empty(n_kept), np.empty(n_kept, dtype=np.int64)
-            ssa.draw(stream, waits, uniforms)
-            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
-            pieces.append((times[: seen[1]], channels[: seen[1]]))
-            n_draws = min(4 * n_draws, MOST_DRAWS)
-        return outcome, pieces
-
-
 def stream_key(seed: int) -> NDArray[np.uint64]:
     """Key (4,) from which the random stream of every run is derived."""
     return np.asarray(np.random.SeedSequence(whole_number("seed", seed, 0)).generate_state(4, np.uint64), np.uint64)
@@ -178,12 +169,12 @@ def stream_key(seed: int) -> NDArray[np.uint64]:
 
 def check_outcome(outcome: int, run: int) -> None:
     """Raise where a run could not reach its end."""
-    from kinetics.kernels import ssa
+    from kinetics.kernels import outcomes
 
-    if outcome == ssa.STALLED_CLOCK:
+    if outcome == outcomes.STALLED_CLOCK:
         raise StalledClockError(
             f"run {run}: events came so quickly that the clock stood still; the rate constants are too large for "
             f"the times asked for, or counts grow without limit"
         )
-    if outcome == ssa.OVERFLOW:
+    if outcome == outcomes.OVERFLOW:
         raise ValueError(f"run {run}: a count went beyond 2**63 - 1, or a propensity beyond 1e308")

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.support.arrays import Ints
 
 
 @dataclass(frozen=True)
-class Shape:
+class NetworkSize:
     """Size and coupling of a network.
 
     n_channels, n_species : R and S
@@ -25,13 +26,19 @@ class Shape:
     updated: float
 
     @classmethod
-    def of(cls, network: Network) -> Shape:
-        """The shape of a network."""
+    def of(cls, network: Network) -> NetworkSize:
+        """The size of a network."""
         needed, change = network.sparse_reactants, network.sparse_stoichiometry
         n_channels, n_species = needed.shape
         readers = np.bincount(needed.columns, minlength=n_species)
-        order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=0))
+        order = int(cls.orders(network).max(initial=0))
         return cls(n_channels, n_species, order, readers[change.columns].sum() / max(1, n_channels))
+
+    @staticmethod
+    def orders(network: Network) -> Ints:
+        """(R,) copies that each channel needs."""
+        needed = network.sparse_reactants
+        return np.bincount(needed.rows, needed.copies, minlength=needed.shape[0]).astype(np.int64)
 
     @property
     def update_cost(self) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.sampling.base import StepwiseSampler
 from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
@@ -24,18 +24,18 @@ def updating_sampler(network: Network) -> StepwiseSampler:
     n_channels = len(network.channels)
     n_blocks = -(-n_channels // grouped.BLOCK)
 
-    def begin(counts: Ints) -> grouped.Work:
-        work = grouped.Work(np.empty(n_channels), np.empty(n_blocks), np.empty(n_blocks))
+    def begin(counts: Ints) -> grouped.GroupedWork:
+        work = grouped.GroupedWork(np.empty(n_channels), np.empty(n_blocks), np.empty(n_blocks))
         grouped.start(model, work, counts)
         return work
 
-    def advance(work: grouped.Work, *rest: object) -> int:
+    def advance(work: grouped.GroupedWork, *rest: object) -> int:
         return grouped.advance(model, work, *rest)
 
     return StepwiseSampler(begin, advance, np.arange(n_channels))
 
 
-def model_of(network: Network) -> grouped.Model:
+def model_of(network: Network) -> grouped.GroupedModel:
     """What the kernel reads."""
     from kinetics.kernels import grouped
 
@@ -47,7 +47,7 @@ def model_of(network: Network) -> grouped.Model:
     touched = SparseTable.of_entries((n_species, n_blocks), needed.columns, needed.rows // grouped.BLOCK, needed.copies)
     pairs = [laws.first, laws.second, laws.less, laws.is_general, change.starts[:-1], change.starts[1:]]
     bounds = [readers.starts[:-1], readers.starts[1:], touched.starts[:-1], touched.starts[1:]]
-    return grouped.Model(
+    return grouped.GroupedModel(
         laws.coefficients,
         laws.factors,
         np.column_stack(pairs).astype(np.int32).ravel(),

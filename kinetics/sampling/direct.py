@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.sampling.base import Candidate, Sampler
-from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.dependency_graph import updating_sampler
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints
@@ -19,7 +19,7 @@ BUFFER = 4096  # events a sampled path grows by
 
 
 @dataclass(frozen=True)
-class Direct(Candidate):
+class Direct(SamplingMethod):
     """Direct method (Gillespie 1977). Exact; the cost of an event grows with the number of channels.
 
     Choose it for networks of up to some tens of channels: no exact method is quicker for single runs. Where that costs
@@ -28,24 +28,24 @@ class Direct(Candidate):
 
     name: ClassVar[str] = "ssa"
 
-    def sampler(self, network: Network) -> Sampler:
-        """The network made ready for `kernels.ssa`, or with its dependency graph for `kernels.grouped`."""
-        shape = Shape.of(network)
-        if _recomputing_cost(shape) <= _updating_cost(shape):
+    def prepared(self, network: Network) -> Sampler:
+        """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""
+        size = NetworkSize.of(network)
+        if _recomputing_cost(size) <= _updating_cost(size):
             return RecomputingSampler(network)
         return updating_sampler(network)
 
-    def cost(self, shape: Shape) -> float:
+    def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns."""
-        return min(_recomputing_cost(shape), _updating_cost(shape))
+        return min(_recomputing_cost(size), _updating_cost(size))
 
 
-def _recomputing_cost(shape: Shape) -> float:
-    return 25.0 + 2.1 * shape.n_channels
+def _recomputing_cost(size: NetworkSize) -> float:
+    return 25.0 + 2.1 * size.n_channels
 
 
-def _updating_cost(shape: Shape) -> float:
-    return 48.0 + shape.update_cost + 0.13 * shape.n_channels
+def _updating_cost(size: NetworkSize) -> float:
+    return 48.0 + size.update_cost + 0.13 * size.n_channels
 
 
 class RecomputingSampler:
@@ -59,22 +59,25 @@ class RecomputingSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
         """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import ssa
+        from kinetics.kernels import direct
 
-        return ssa.ensemble(self.model, self.stoichiometry, initial, grid, key, first_run, out)
+        return direct.ensemble(self.model, self.stoichiometry, initial, grid, key, first_run, out)
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
         """The outcome, and times and channels of all events until `end`."""
-        from kinetics.kernels import ssa
+        from kinetics.kernels import direct, streams
+        from kinetics.kernels.outcomes import UNFINISHED
 
         stream = np.empty(4, dtype=np.uint64)
-        ssa.start_stream(key, run, stream)
+        streams.start_stream(key, run, stream)
         counts, clock = np.append(initial, 1), np.zeros(1)
         pieces = []
-        outcome = ssa.BUFFER_FULL
-        while outcome == ssa.BUFFER_FULL:
+        outcome = UNFINISHED
+        while outcome == UNFINISHED:
             times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
-            outcome, n_events = ssa.advance(self.model, self.stoichiometry, counts, clock, end, stream, times, channels)
+            outcome, n_events = direct.advance(
+                self.model, self.stoichiometry, counts, clock, end, stream, times, channels
+            )
             pieces.append((times[:n_events], channels[:n_events]))
         all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return outcome, all_times, all_channels

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.network.laws.program import Code, Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
-from kinetics.sampling.base import ExactMethod, StepwiseSampler
+from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class General(ExactMethod):
+class General(SamplingMethod):
     """The direct method over laws of any form (Gillespie 1977), and thinning where they depend on the time.
 
     Thinning (Lewis & Shedler 1979) draws candidates at the rate of an upper bound of the propensities and keeps each
@@ -30,8 +32,14 @@ class General(ExactMethod):
     """
 
     name: ClassVar[str] = "general"
+    takes_rate_laws: ClassVar[bool] = True
+    takes_events: ClassVar[bool] = True
 
-    def sampler(self, network: Network) -> GeneralSampler:
+    def cost(self, size: NetworkSize) -> float:
+        """Processor time of an event, ns, under mass action."""
+        return 90.0 + 3.0 * size.update_cost + 0.13 * size.n_channels
+
+    def prepared(self, network: Network) -> GeneralSampler:
         """The network made ready for `kernels.general`."""
         return GeneralSampler(network)
 
@@ -54,14 +62,15 @@ class GeneralSampler(StepwiseSampler):
             )
         return super().path(initial, end, key, run)
 
-    def _begin(self) -> general.Work:
+    def _begin(self) -> general.GeneralWork:
         from kinetics.kernels import general
+        from kinetics.kernels.blocks import BLOCK
 
         n_programs, n_channels = self.model.programs.starts.size - 1, len(self.network.channels)
-        n_blocks, n_events = -(-n_channels // general.BLOCK), len(self.events)
+        n_blocks, n_events = -(-n_channels // BLOCK), len(self.events)
         results, lows, highs = np.zeros((3, n_programs))
         sums, caps, upto = np.zeros((3, n_blocks))
-        return general.Work(
+        return general.GeneralWork(
             results,
             lows,
             highs,
@@ -76,44 +85,44 @@ class GeneralSampler(StepwiseSampler):
             np.zeros(2, dtype=np.int64),
         )
 
-    def _advance(self, work: general.Work, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
-        from kinetics.kernels import general
+    def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
+        from kinetics.kernels import general, outcomes
 
         outcome = general.advance(self.model, work, counts, seen, clock, *rest)
-        if outcome <= general.OVERFLOW:
+        if outcome <= outcomes.OVERFLOW:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
         where = f"at {state_text(self.network.species, state)}, t = {t:.17g} tu"
-        if outcome == general.BAD_COUNT:
+        if outcome == outcomes.BAD_COUNT:
             event = self.events[int(np.searchsorted(self.model.assign_starts, about, side="right")) - 1]
             name = self.network.species[self.model.assigned[about]]
             raise ValueError(
                 f"event {event.name!r} sets {name!r} to {event.new_counts[name]} = {work.held[about]:g} {where}; "
                 f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) where that is meant"
             )
-        if outcome in (general.UNDECIDED, general.ENDLESS):
+        if outcome in (outcomes.UNDECIDED, outcomes.ENDLESS):
             event = self.events[about]
             why = (
                 "cannot be told: it touches its limit, or turns too often"
-                if outcome == general.UNDECIDED
+                if outcome == outcomes.UNDECIDED
                 else "has no end: events of this moment set each other off"
             )
             raise ValueError(f"event {event.name!r}: when {event.condition} turns true {why}, {where}")
-        if outcome == general.BROKEN_BOUND:
+        if outcome == outcomes.BROKEN_BOUND:
             raise ArithmeticError(f"a propensity exceeds its bound {where}; please report this network")
         channel = self.network.channels[about]
         if channel not in self.network.laws:
-            return general.OVERFLOW
-        if outcome == general.UNBOUNDED:
+            return outcomes.OVERFLOW
+        if outcome == outcomes.UNBOUNDED:
             raise ValueError(
                 f"the law of channel {channel!r}, {self.network.laws[channel]}, has no finite bound right after t = "
                 f"{t:.17g} tu {where}; without one there are no exact runs: keep it away from its pole, as by min(...)"
             )
         raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 
-    def _model(self) -> tuple[general.Model, int]:
+    def _model(self) -> tuple[general.GeneralModel, int]:
         """The network as the kernel reads it, and the deepest stack of its programs."""
-        from kinetics.kernels import general
+        from kinetics.kernels import general, programs
 
         network = self.network
         places = {name: s for s, name in enumerate(network.species)}
@@ -122,7 +131,7 @@ class GeneralSampler(StepwiseSampler):
         new_counts = [steps_of(law, places) for event in self.events for law in event.new_counts.values()]
         all_programs = [*channels, *conditions, *new_counts]
         steps = [step for program in all_programs for step in program]
-        programs = general.Programs(
+        table = programs.Programs(
             np.array([step.code for step in steps], dtype=np.int32),
             np.array([step.operand for step in steps], dtype=np.int32),
             np.array([step.number for step in steps]),
@@ -136,8 +145,8 @@ class GeneralSampler(StepwiseSampler):
         starts, readers = changed_readers(network, [(steady[p], s) for p, s in read])
         timed_programs = [program for program, timed in zip(channels, is_timed, strict=True) if timed]
         change = network.sparse_stoichiometry
-        model = general.Model(
-            programs,
+        model = general.GeneralModel(
+            table,
             change.starts,
             change.columns,
             change.copies,
@@ -174,7 +183,7 @@ def channel_programs(network: Network) -> list[list[Step]]:
 
 
 def _mass_action(network: Network, r: int, coefficient: float) -> list[Step]:
-    """The factors of `methods.mass_action`, in the same order."""
+    """The factors of `sampling.mass_action`, in the same order."""
     guards, factors = [], []
     for species, copies in zip(*(part.tolist() for part in network.sparse_reactants.row(r)), strict=True):
         if network.combinations == "product":

@@ -9,48 +9,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.sampling.base import Candidate, Sampler
-from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import Direct
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints
 
 LARGEST_CHANGE = 2**40  # of a count by one event
 LARGEST_COUNT = 2**52
-MOST_CHANNELS = 2000
 FEWEST_RUNS = 16  # in lockstep; fewer cost less one by one
 
 
 @dataclass(frozen=True)
-class Lockstep(Candidate):
+class Lockstep(SamplingMethod):
     """The runs of `Direct`, to the last bit, made 64 at a time. Exact.
 
     Choose it for ensembles of networks with up to some hundred channels. Fewer than `FEWEST_RUNS` are made one by one.
     """
 
     name: ClassVar[str] = "lockstep"
+    most_channels: ClassVar[float] = 2000
+    is_for_ensembles: ClassVar[bool] = True
 
-    def sampler(self, network: Network) -> Sampler:
-        """The network made ready for `kernels.ssa`."""
+    def prepared(self, network: Network) -> Sampler:
+        """The network made ready for `kernels.lockstep`."""
         return LockstepSampler(network)
 
-    def cost(self, shape: Shape) -> float:
+    def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, in an ensemble that fills the lanes."""
-        if shape.n_channels > MOST_CHANNELS:
-            return float("inf")
-        return 30.0 + 0.36 * shape.n_channels if shape.n_species > 8 else 3.0 + 0.8 * shape.n_channels
+        return 30.0 + 0.36 * size.n_channels if size.n_species > 8 else 3.0 + 0.8 * size.n_channels
 
 
 class LockstepSampler:
     """Runs of an ensemble side by side; few runs and single paths as ever."""
 
     def __init__(self, network: Network):
-        if len(network.channels) > MOST_CHANNELS:
-            raise ValueError(
-                f"the network has {len(network.channels)} channels; in lockstep every event computes all of them, and "
-                f"takes at most {MOST_CHANNELS}: use the method 'auto'"
-            )
-        self.one_by_one = Direct().sampler(network)
+        self.one_by_one = Direct().prepared(network)
         self.model = mass_action(network)
         self.stoichiometry = np.ascontiguousarray(network.stoichiometry)
         self.path = self.one_by_one.path
@@ -59,10 +53,10 @@ class LockstepSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
         """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import ssa
+        from kinetics.kernels import lockstep
 
         # Lanes count in doubles.
         is_exact = initial.max() < LARGEST_COUNT and np.abs(self.stoichiometry).max(initial=0) < LARGEST_CHANGE
         if len(out) < FEWEST_RUNS or not is_exact:
             return self.one_by_one.ensemble(initial, grid, key, first_run, out)
-        return ssa.lockstep(self.model, self.stoichiometry, initial, grid, key, first_run, out)
+        return lockstep.lockstep(self.model, self.stoichiometry, initial, grid, key, first_run, out)

@@ -33,13 +33,7 @@ class MassAction(NamedTuple):
 
 
 def mass_action(network: Network) -> MassAction:
-    """Coefficients, pairs and factors of every channel; a ValueError where there are other laws, or events."""
-    if not network.is_mass_action:
-        what = [f"a law for channel {name!r}" for name in network.laws] + [f"event {e.name!r}" for e in network.events]
-        more = f" and {len(what) - 1} more" if len(what) > 1 else ""
-        raise ValueError(
-            f"the network has {what[0]}{more}; this method knows mass action only: use the method 'general', or 'auto'"
-        )
+    """Coefficients, pairs and factors of every channel of a network of mass action alone."""
     coefficients = network.known_rates * network.ways
     needed = network.sparse_reactants
     n_channels = len(network.channels)

@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.sampling.base import Candidate, StepwiseSampler
-from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
     from kinetics.kernels import partial
 
-MOST_SPECIES = 3000  # their table of couplings has the square of that many entries
-MOST_REACTANTS = 2
-
 
 @dataclass(frozen=True)
-class PartialPropensities(Candidate):
+class PartialPropensities(SamplingMethod):
     """Partial propensities (Ramaswamy, Gonzalez-Segredo & Sbalzarini 2009), with thinning. Exact.
 
     Choose it where many channels couple few species, as in polymerisation: the cost of an event grows with the number
@@ -29,53 +27,41 @@ class PartialPropensities(Candidate):
     """
 
     name: ClassVar[str] = "partial"
+    most_reactants: ClassVar[float] = 2
+    most_species: ClassVar[float] = 3000  # the table of couplings has the square of that many entries
 
-    def cost(self, shape: Shape) -> float:
+    def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns."""
-        if shape.order > MOST_REACTANTS or shape.n_species > MOST_SPECIES:
-            return float("inf")
-        return 105.0 + 0.4 * shape.n_species + 0.012 * shape.n_channels
+        return 105.0 + 0.4 * size.n_species + 0.012 * size.n_channels
 
-    def sampler(self, network: Network) -> StepwiseSampler:
+    def prepared(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.partial`."""
         from kinetics.kernels import partial
 
         model, order = model_of(network)
         n_species, width = model.couplings.shape
 
-        def begin(counts: Ints) -> partial.Work:
+        def begin(counts: Ints) -> partial.PartialWork:
             copies = np.zeros(width)
             copies[: n_species + 1] = counts
-            work = partial.Work(
+            work = partial.PartialWork(
                 copies, np.empty(width), np.empty(width), np.empty(width // partial.BLOCK), np.zeros(1, dtype=np.int64)
             )
             partial.refresh(model, work)
             return work
 
-        def advance(work: partial.Work, *rest: object) -> int:
+        def advance(work: partial.PartialWork, *rest: object) -> int:
             return partial.advance(model, work, *rest)
 
         return StepwiseSampler(begin, advance, order)
 
 
-def model_of(network: Network) -> tuple[partial.Model, Ints]:
+def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     """What the kernel reads, and the network's channels in the order of the kernel's."""
     from kinetics.kernels import partial
 
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
-    reactants_of = np.bincount(needed.rows, needed.copies, minlength=n_channels)
-    if reactants_of.max(initial=0) > MOST_REACTANTS:
-        r = int(reactants_of.argmax())
-        raise ValueError(
-            f"channel {network.channels[r]!r} has {reactants_of[r]:.0f} reactants; partial propensities take at most "
-            f"{MOST_REACTANTS}: use the method 'ssa' or 'rejection'"
-        )
-    if n_species > MOST_SPECIES:
-        raise ValueError(
-            f"the network has {n_species} species; partial propensities keep a table of their square and take at most "
-            f"{MOST_SPECIES}: use the method 'rejection'"
-        )
     laws = mass_action(network)
     coefficients, factors = laws.coefficients, laws.factors
     first, second = factors[:, 0].astype(np.int64), factors[:, 1].astype(np.int64)
@@ -99,7 +85,7 @@ def model_of(network: Network) -> tuple[partial.Model, Ints]:
 
     order = np.argsort(owner, kind="stable")
     changed_by, entries = change.entries_of(order)
-    return partial.Model(
+    return partial.PartialModel(
         couplings,
         reach,
         np.bincount(owner[is_alone], coefficients[is_alone], width),

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.sampling.base import Candidate, StepwiseSampler
-from kinetics.sampling.cost_model import Shape
+from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or 
 
 
 @dataclass(frozen=True)
-class CompositionRejection(Candidate):
+class CompositionRejection(SamplingMethod):
     """Composition and rejection over groups of channels (Slepoy et al. 2008; Ramaswamy & Sbalzarini 2010). Exact.
 
     Choose it for hundreds of channels and more, each event changing a few of them: the cost of an event grows with
@@ -33,11 +34,11 @@ class CompositionRejection(Candidate):
 
     name: ClassVar[str] = "rejection"
 
-    def cost(self, shape: Shape) -> float:
+    def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns; the last part is for memory out of reach of the caches."""
-        return 30.0 + shape.update_cost + 0.0025 * shape.n_channels
+        return 30.0 + size.update_cost + 0.0025 * size.n_channels
 
-    def sampler(self, network: Network) -> StepwiseSampler:
+    def prepared(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.rejection`."""
         from kinetics.kernels import rejection
 
@@ -46,8 +47,8 @@ class CompositionRejection(Candidate):
         if n_groups > rejection.MOST_GROUPS:
             raise ValueError(f"{n_groups} groups of channels; composition and rejection takes {rejection.MOST_GROUPS}")
 
-        def begin(counts: Ints) -> rejection.Work:
-            work = rejection.Work(
+        def begin(counts: Ints) -> rejection.RejectionWork:
+            work = rejection.RejectionWork(
                 np.empty(counts.size),
                 model.groups.view(np.uint8).copy().view(rejection.GROUP),  # as bytes: ten times as quick
                 np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
@@ -61,13 +62,13 @@ class CompositionRejection(Candidate):
             rejection.start(model, work, counts)
             return work
 
-        def advance(work: rejection.Work, *rest: object) -> int:
+        def advance(work: rejection.RejectionWork, *rest: object) -> int:
             return rejection.advance(model, work, *rest)
 
         return StepwiseSampler(begin, advance, order)
 
 
-def model_of(network: Network) -> tuple[rejection.Model, Ints]:
+def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     """What the kernel reads, and the network's channels in the order of the kernel's."""
     from kinetics.kernels import rejection
 
@@ -114,7 +115,7 @@ def model_of(network: Network) -> tuple[rejection.Model, Ints]:
         changed_by, change.columns[entries], readers, kinds, n_channels
     )
     changes["list"] = species_lists[change.columns[entries]]
-    return rejection.Model(channels, laws.factors[order], changes, lists, groups), order
+    return rejection.RejectionModel(channels, laws.factors[order], changes, lists, groups), order
 
 
 def _lists(

@@ -16,7 +16,7 @@ from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.support.arrays import rising_times, whole_number
 
 if TYPE_CHECKING:
-    from kinetics.sampling.methods import SamplingMethod
+    from kinetics.sampling.base import SamplingMethod
 
 BLOCK_BYTES = 2**24  # of counts that are there at a time; larger ones cost more to have than to fill
 FEWEST_RUNS = 16  # of a block, however large a run is

@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sideways, found):
     """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns how many there
     are.
@@ -69,7 +70,7 @@ def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sidew
     return count
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def cubes_overlap(centre_a, axes_a, centre_b, axes_b, half_a, half_b):
     """Do two cubes overlap? Separating-axis test of oriented boxes (Gottschalk, Lin & Manocha 1996): exact, 15
     axes."""
@@ -102,7 +103,7 @@ def cubes_overlap(centre_a, axes_a, centre_b, axes_b, half_a, half_b):
     return True
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def blocked(centre, axes, others, other_axes, skip, half, shrink, low, high):
     """Would cubes at these places overlap another cube, or leave the box low..high?
 

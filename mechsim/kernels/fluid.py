@@ -3,12 +3,13 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 _PI2 = math.pi**2
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def cosine_of_half_turns(t):
     """cos(pi t) to 1e-15 beyond the rounding of t itself, for |t| up to 2^50, in arithmetic alone.
 
@@ -30,7 +31,7 @@ def cosine_of_half_turns(t):
     return math.pi * h * s
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def renew(modes, chance, wave_spread, push_spread, rng):
     """Replace each mode with this chance by a new one: writes `modes` (M, 7) of wave vector, phase, amplitude.
 
@@ -50,7 +51,7 @@ def renew(modes, chance, wave_spread, push_spread, rng):
         modes[m, 6] = push_spread * (az - along * kz)
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def flow(centre, axes, points, modes, fluid):
     """Velocity of the fluid at all drag points: sum over modes of amplitude * cos(wave . x + phase); writes `fluid`.
 

@@ -6,10 +6,11 @@ Indices as in `motion`: B body slots, C cubes, P drag points a cube; a quaternio
 import math
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def rotated(qx, qy, qz, qw, x, y, z):
     """A vector turned by a unit quaternion; by its conjugate (-qx, -qy, -qz, qw) back into the body frame."""
     cx = 2.0 * (qy * z - qz * y)
@@ -22,7 +23,7 @@ def rotated(qx, qy, qz, qw, x, y, z):
     )
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def weighted(qx, qy, qz, qw, f0, f1, f2, x, y, z):
     """R diag(f) R' v with R the rotation of a quaternion: by principal moments the angular momentum of a spin, by
     their inverses the spin of an angular momentum."""
@@ -30,7 +31,7 @@ def weighted(qx, qy, qz, qw, f0, f1, f2, x, y, z):
     return rotated(qx, qy, qz, qw, f0 * bx, f1 * by, f2 * bz)
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def explicit_drag(
     live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step
 ):
@@ -75,7 +76,7 @@ def explicit_drag(
     return stiffest, worst
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def attract(
     pairs, body, centre, axes, edge, position, orientation, velocity, spin, mass, inertia, strength, decay, reach, step
 ):
@@ -129,7 +130,7 @@ def attract(
                 spin[slot, k] += impulse * turn[side, k]
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def turned_by(wx, wy, wz, time, x, y, z, w):
     """A quaternion turned by a spin for a time: the exponential map."""
     rate = math.sqrt(wx * wx + wy * wy + wz * wz)
@@ -144,7 +145,7 @@ def turned_by(wx, wy, wz, time, x, y, z, w):
     )
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
     """Spins to give the engine so that it turns every body by the implicit midpoint rule; overwrites `spin`.
 
@@ -182,7 +183,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
         spin[slot, 0], spin[slot, 1], spin[slot, 2] = rotated(x, y, z, w, u0, u1, u2)
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def end_spin(live, before, orientation, spin, inertia, momentum, middle):
     """Spins after a step that `begin_spin` began: of the momentum, and what collisions added to it, as bodies lie now.
 

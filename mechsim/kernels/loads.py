@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
     """What each bridge bond of one rigid structure carries in a step: writes `loads` (bonds, 3).
 
@@ -66,7 +67,7 @@ def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
         loads[n, 2] = math.sqrt(np.sum(moment**2)) / (0.5 * edge)
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def _inertia(place, centre, mine, cube_mass, edge):
     """Inertia tensor (3, 3) about `centre` of the cubes marked in `mine`."""
     tensor = np.zeros((3, 3))

@@ -7,7 +7,8 @@ Indices: B body slots, C cubes, P drag points a cube. `live` lists the slots tha
 import math
 
 import numpy as np
-from numba import njit
+
+from kinetics.kernels.compiled import compiled
 
 # Named outcomes of `trouble`, in the order of their codes.
 TROUBLES = (
@@ -20,7 +21,7 @@ TROUBLES = (
 )
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def rotation_of(x, y, z, w):
     """Nine entries, row by row, of the rotation matrix of a unit quaternion."""
     return (
@@ -30,7 +31,7 @@ def rotation_of(x, y, z, w):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def drag(live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step):
     """Quadratic drag of the fluid on every body over one step, semi-implicit: updates `velocity` and `spin`.
 
@@ -121,7 +122,7 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
         spin[slot, 2] += b[5]
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def _solve_spd(a, b):
     """Solve a x = b in place for a 6x6 symmetric positive definite `a` (lower triangle), by Cholesky's
     factorisation."""
@@ -148,7 +149,7 @@ def _solve_spd(a, b):
         b[i] = s / a[i, i]
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def coast(live, position, orientation, velocity, spin, inertia, step):
     """Free flight of every body over one step, in place; equal to the engine's own integration to rounding.
 
@@ -193,7 +194,7 @@ def coast(live, position, orientation, velocity, spin, inertia, step):
         orientation[slot, 3] = w / norm
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def place_cubes(live, first, members, offset, turn, position, orientation, centre, axes):
     """World centres (C, 3) and own axes (C, 3, 3; columns) of all cubes, from the poses of their bodies.
 
@@ -216,7 +217,7 @@ def place_cubes(live, first, members, offset, turn, position, orientation, centr
                     )
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def trouble(live, position, velocity, spin, low, high, edge, step, max_speed, max_turn):
     """Index into TROUBLES of the first thing wrong with the state, and the slot it happened to (0 and -1: all is
     well)."""
@@ -240,7 +241,7 @@ def trouble(live, position, velocity, spin, low, high, edge, step, max_speed, ma
     return 0, -1
 
 
-@njit(cache=True)
+@compiled(nogil=False, error_model="python")
 def not_finite(live, velocity, spin):
     """First slot whose motion is not a number or infinite, or -1."""
     for slot in live:

@@ -1,0 +1,46 @@
+"""The clock and the grid: the step from one event to the next, the same in every exact method."""
+
+import numpy as np
+
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
+
+
+@compiled
+def next_time(t, wait, total):
+    """When the next event comes: the time, inf where none does, and the outcome.
+
+    wait : a unit exponential; total : sum of the propensities, 1/tu. Gillespie (1977), eq. 21a: tau = wait / total
+    """
+    if not total < np.inf:
+        return t, OVERFLOW
+    later = t + wait / total if total > 0.0 else np.inf
+    return later, STALLED_CLOCK if later == t else UNFINISHED
+
+
+@compiled
+def record(counts, until, grid, passed, out):
+    """Write the counts at all times of the grid before `until`; how many times the run has passed by then.
+
+    counts : (S,) or longer; grid : (T,) tu; passed : as many of them were written before; out : (T, S)
+    """
+    while passed < grid.size and grid[passed] < until:
+        for s in range(out.shape[1]):
+            out[passed, s] = counts[s]
+        passed += 1
+    return passed
+
+
+@compiled
+def move_on(t, wait, total, counts, grid, passed, out):
+    """Go on to the next event, and write what the grid asks for on the way: the time, times passed, and the outcome.
+
+    Arguments as of `next_time` and `record`. The time stays where the outcome is not UNFINISHED.
+    """
+    later, outcome = next_time(t, wait, total)
+    if outcome != UNFINISHED:
+        return t, passed, outcome
+    passed = record(counts, later, grid, passed, out)
+    if passed == grid.size:
+        return t, passed, REACHED_END
+    return later, passed, UNFINISHED

@@ -1,0 +1,127 @@
+"""Gillespie's direct method over mass action, every propensity made afresh at every event.
+
+Gillespie (1977), doi:10.1021/j100540a008: a wait by eq. 21a, a channel by eq. 21b. A channel's
+propensity is its coefficient times a product of factors, see `sampling.mass_action`. So s(s-1)/2 is the coefficient
+k/2 with factors s and s - 1, and no channel can fire below its reactants.
+"""
+
+import numpy as np
+
+from kinetics.kernels.blocks import BLOCK, block_at, factored
+from kinetics.kernels.clock import next_time, record
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
+from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
+
+
+@compiled
+def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
+    """Run one trajectory on until `end`, or until the buffers of events are full.
+
+    model : see `sampling.mass_action.MassAction`
+    stoichiometry : (R, S) int64
+    counts : (S + 1,) int64, the last one 1; changed in place
+    clock : (1,) tu; changed in place
+    stream : (4,) uint64, state of the random stream; changed in place
+    times, channels : (B,) buffers that receive the events
+
+    Returns the outcome and the number of events written.
+    """
+    coefficients, first, second, less = model.coefficients, model.first, model.second, model.less
+    n_channels, n_species = stoichiometry.shape
+    n_blocks = (n_channels + BLOCK - 1) // BLOCK
+    has_general = np.any(model.is_general)
+    copies = counts.astype(np.float64)  # so that each count is converted once, not once a channel
+    propensities = np.zeros(n_blocks * BLOCK)
+    within = np.empty(n_blocks * BLOCK)  # sums of propensities from the start of the block
+    upto = np.empty(n_blocks)  # sums over whole blocks
+    s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
+    t = clock[0]
+    n_events = 0
+    outcome = UNFINISHED
+    while n_events < times.size:
+        for r in range(np.uint64(n_channels)):  # unsigned indices need no check for negative ones
+            pair = coefficients[r] * copies[np.uint64(first[r])]
+            propensities[r] = pair * (copies[np.uint64(second[r])] - less[r])
+        if has_general:
+            for r in range(n_channels):
+                if model.is_general[r]:
+                    propensities[r] = factored(coefficients[r], model.factors, r, counts)
+        total = 0.0
+        for block in range(np.uint64(n_blocks)):
+            part = 0.0
+            for r in range(BLOCK * block, BLOCK * (block + 1)):
+                part += propensities[r]
+                within[r] = part
+            total += part
+            upto[block] = total
+        word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
+        later, outcome = next_time(t, exponential(word), total)
+        if outcome != UNFINISHED:
+            break
+        t = min(later, end)
+        if later > end:
+            outcome = REACHED_END
+            break
+
+        word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
+        block, target = block_at(upto, uniform(word) * total, total)
+        chosen = BLOCK * block
+        part = within[chosen + BLOCK - 1]
+        while within[chosen] <= target and within[chosen] < part:
+            chosen += 1
+        overflowed = False
+        for s in range(n_species):
+            counts[s] += stoichiometry[chosen, s]
+            overflowed |= counts[s] < 0
+            copies[s] = counts[s]
+        if overflowed:
+            outcome = OVERFLOW
+            break
+        times[n_events] = t
+        channels[n_events] = chosen
+        n_events += 1
+    stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
+    clock[0] = t
+    return outcome, n_events
+
+
+@compiled
+def ensemble(model, stoichiometry, initial, grid, key, first_run, out):
+    """Counts of many runs on a grid of times.
+
+    model, stoichiometry : see `advance`
+    initial : (S,) int64
+    grid : (T,) tu, rising
+    key : (4,) uint64
+    first_run : number of the first run; the others follow
+    out : (runs, T, S) int64, receives the counts
+
+    Returns the outcome and the number of the last run begun: the one that failed where the outcome says so.
+    """
+    n_species = initial.size
+    n_times = grid.size
+    counts = np.ones(n_species + 1, dtype=np.int64)
+    state = np.empty(n_species, dtype=np.int64)
+    clock = np.zeros(1)
+    stream = np.empty(4, dtype=np.uint64)
+    times = np.empty(1024)
+    channels = np.empty(1024, dtype=np.int64)
+    for i in range(out.shape[0]):
+        start_stream(key, first_run + i, stream)
+        counts[:n_species] = initial
+        state[:] = initial
+        clock[0] = 0.0
+        seen = 0
+        outcome = UNFINISHED
+        while outcome == UNFINISHED:
+            outcome, n_events = advance(model, stoichiometry, counts, clock, grid[-1], stream, times, channels)
+            for event in range(n_events):
+                seen = record(state, times[event], grid, seen, out[i])
+                for s in range(n_species):
+                    state[s] += stoichiometry[channels[event], s]
+        if outcome != REACHED_END:
+            return outcome, first_run + i
+        for j in range(seen, n_times):
+            out[i, j] = state
+    return REACHED_END, first_run + out.shape[0] - 1

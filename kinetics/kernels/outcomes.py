@@ -1,0 +1,14 @@
+"""Outcomes of a run, or of a part of one: the codes that kernels return."""
+
+REACHED_END = 0  # also where nothing can happen any more
+UNFINISHED = 1  # all is well, but draws or buffers are used up: call again with fresh ones
+STALLED_CLOCK = 2  # waits are so short that t + wait == t
+OVERFLOW = 3  # a count beyond int64, or a propensity beyond double
+
+# Of runs under rate laws and events; `GeneralWork.notes` says of which channel, event or count an outcome speaks.
+BAD_LAW = 4  # a propensity below 0, infinite or undefined
+UNBOUNDED = 5  # no bound of a channel's rate law over any window
+BROKEN_BOUND = 6  # a propensity above its bound: an error in the kernel
+BAD_COUNT = 7  # an event's new count is no whole number of at least 0
+UNDECIDED = 8  # when a condition turns true cannot be decided
+ENDLESS = 9  # events of one moment set each other off
