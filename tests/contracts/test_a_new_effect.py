@@ -39,7 +39,11 @@ class _Blowing(FlowSource):
 MISTAKES = (
     ("speed : length / tu", "", "test_it_documents_every_setting_and_the_unit_of_every_number"),
     ("speed: float", "speed: Any", "test_bad_settings_are_refused_by_name"),
-    ("self.flow[..., 0] = ", "self.world.fluid[..., 0] += ", "test_it_only_writes_motions_before_the_step"),
+    (
+        "    def before_step(self) -> None:\n",
+        "    def before_step(self) -> None:\n        self.world.fluid[..., 1] += 1.0\n",
+        "test_it_only_writes_motions_before_the_step",
+    ),
     (
         "math.sin(self.world.time)",
         "__import__('numpy').random.default_rng().random()",
