@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from kinetics.support.config import Settings, find, read_toml, validated
 from mechsim.effects import AnyEffect
-from mechsim.effects.base import EventKind
+from mechsim.effects.base import Effect, EventKind
 
 SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
@@ -98,7 +98,8 @@ class Scene(Settings):
                 raise ValueError(
                     f"effects {rival!r} and {effect.effect!r} contradict each other: both are the {what}; keep one"
                 )
-        for effect in self.effects:
+        checked: tuple[Effect, ...] = self.effects
+        for effect in checked:
             effect.check(self)
         return self
 

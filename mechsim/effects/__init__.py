@@ -1,4 +1,6 @@
-"""The effects a scene may list."""
+"""The effects a scene may list: an effect is added by importing it here, and by nothing else."""
+
+# ruff: noqa: F401 - the imports are the list
 
 from functools import reduce
 from operator import or_
@@ -8,44 +10,23 @@ from pydantic import Field
 
 from mechsim.effects.agitation import Agitation
 from mechsim.effects.attraction import Attraction
+from mechsim.effects.base import Effect
 from mechsim.effects.bonding import Bonding
 from mechsim.effects.breaking import Breaking
 from mechsim.effects.buoyancy import Buoyancy
 from mechsim.effects.contact import Contact
+from mechsim.effects.current import Current
 from mechsim.effects.drag import Drag
 from mechsim.effects.explicit_drag import ExplicitDrag
 from mechsim.effects.ornstein_uhlenbeck import OrnsteinUhlenbeck
 from mechsim.effects.random_field import RandomField
+from mechsim.effects.shear import Shear
 from mechsim.effects.walls import Walls
 
-EFFECTS = (
-    Agitation,
-    OrnsteinUhlenbeck,
-    RandomField,
-    Buoyancy,
-    Attraction,
-    Drag,
-    ExplicitDrag,
-    Walls,
-    Contact,
-    Breaking,
-    Bonding,
+EFFECTS: tuple[type[Effect], ...] = tuple(
+    kind
+    for kind in tuple(globals().values())
+    if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect
 )
 
 AnyEffect: Any = Annotated[reduce(or_, EFFECTS), Field(discriminator="effect")]
-
-__all__ = [
-    "EFFECTS",
-    "Agitation",
-    "AnyEffect",
-    "Attraction",
-    "Bonding",
-    "Breaking",
-    "Buoyancy",
-    "Contact",
-    "Drag",
-    "ExplicitDrag",
-    "OrnsteinUhlenbeck",
-    "RandomField",
-    "Walls",
-]

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from mechsim.effects.base import Action, Effect
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
+from mechsim.effects.base import Effect, FlowSource
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
 class Agitation(Effect):
     """Fluid velocity N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
 
     The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical
-    time makes the
-    motion independent of the integrator's step.
+    time makes the motion independent of the integrator's step.
 
     sigma : standard deviation of a component, length / tu
     hold : time for which a draw is held, tu; a whole number of steps
@@ -27,10 +23,11 @@ class Agitation(Effect):
     effect: Literal["agitation"] = "agitation"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "hold": 0.0105}
     sigma: float = Field(ge=0)
     hold: float = Field(gt=0)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """The hold must be a whole number of steps."""
         super().check(scene)
         steps = self.hold / scene.numerics.step
@@ -40,19 +37,18 @@ class Agitation(Effect):
                 f"choose numerics.step = {self.hold / max(round(steps), 1):.9g}"
             )
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> FlowSource:
         """Give the fluid a stream of its own."""
         return _Agitating(self, world)
 
 
-class _Agitating(Action):
-    def __init__(self, settings: Agitation, world: World):
+class _Agitating(FlowSource):
+    def __init__(self, settings: Agitation, world: ViewOfWorld):
         self.sigma, self.world = settings.sigma, world
         self.hold_steps = round(settings.hold / world.step_size)
         self.rng = world.stream("agitation")
 
     def before_step(self) -> None:
         if self.world.step_count % self.hold_steps == 0:
-            fluid = self.world.fluid
-            self.rng.standard_normal(out=fluid)
-            fluid *= self.sigma
+            self.rng.standard_normal(out=self.flow)
+            self.flow *= self.sigma

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.faces import CompatibleFaces
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.forces import attract
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
 
 
 class Attraction(Effect):
@@ -32,11 +29,12 @@ class Attraction(Effect):
 
     effect: Literal["attraction"] = "attraction"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # cubes that pass through each other would end in one place
+    example: ClassVar[dict[str, Any]] = {"strength": 0.1}
     strength: float = Field(ge=0)
     decay: float = Field(default=0.02, gt=0)
     reach: float = Field(default=0.05, gt=0)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """Within half an edge, faces that are not turned to each other cannot come."""
         super().check(scene)
         if self.reach > scene.cubes.edge / 2:
@@ -45,13 +43,13 @@ class Attraction(Effect):
                 f"attraction is of short range: take at most {scene.cubes.edge / 2:g}"
             )
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Watch all pairs of uncovered faces."""
         return _Attracting(self, world)
 
 
 class _Attracting(Action):
-    def __init__(self, settings: Attraction, world: World):
+    def __init__(self, settings: Attraction, world: ViewOfWorld):
         self.settings, self.world = settings, world
         # Faces with centres within half an edge are within this gap, angle and offset; the kernel looks at the centres.
         self.faces = CompatibleFaces(world, distance=settings.reach, angle=90.0, sideways=world.bodies.edge)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from kinetics.support.config import Settings
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
-
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 EventKind = Literal["join", "break"]
 
@@ -29,23 +27,36 @@ class Action:
         """Look at what the step did: contacts, new poses."""
 
 
+class FlowSource(Action):
+    """An effect that makes the fluid flow. Its `before_step` writes `flow`, which no other effect touches.
+
+    flow (C, P, 3) : velocity that it adds at every drag point of every cube, world frame, length / tu; zeros before
+        the first step. The world sums the flows of all sources into its field: sources superpose
+    """
+
+    flow: np.ndarray
+
+
 class Effect(Settings):
     """One physical influence, as a scene describes it. Without it in the scene its physics is absent.
 
-    A new effect is one file with a subclass whose `effect` field is its name, and one line in `effects.EFFECTS`.
+    A new effect is one file, named as the effect is, with a subclass whose `effect` field is that name, and one line in
+    `mechsim/effects/__init__.py`, its import. tests/contracts/test_effects.py then tests what every effect must do, at
+    the settings of `example`.
     """
 
     effect: str
     provides: ClassVar[str | None] = None  # what several effects are ways of, of which a scene takes one; None: itself
     needs: ClassVar[tuple[str, ...]] = ()  # what it cannot act without: names of effects, or of what they provide
     opens: ClassVar[tuple[EventKind, ...]] = ()  # kinds of event that it makes happen
+    example: ClassVar[dict[str, Any]] = {}  # settings without a default, as a scene may give them
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """ValueError where the effect does not go with the rest of the scene."""
         for need in self.needs:
             if scene.provider(need) is None:
                 raise ValueError(f"effect {self.effect!r} needs effect {need!r}, which the scene does not list")
 
     @abstractmethod
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Build what the effect needs in this world."""

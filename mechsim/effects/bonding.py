@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.latches import Encounter, MagnetDelay, Pair
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
+from mechsim.effects.view import ViewOfWorld
 
 
 class Bonding(Effect):
@@ -29,18 +27,19 @@ class Bonding(Effect):
     effect: Literal["bonding"] = "bonding"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # cubes that pass through each other have no faces that meet
     opens: ClassVar[tuple[EventKind, ...]] = ("join",)
+    example: ClassVar[dict[str, Any]] = {"latch": {"kind": "encounter", "probability": 0.1}}
     capture_distance: float = Field(default=0.02, gt=0)
     capture_angle: float = Field(default=135.0, ge=90, lt=180)
     sideways: float = Field(default=0.5, gt=0, le=1)
     latch: Annotated[Encounter | MagnetDelay, Field(discriminator="kind")]
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Watch all pairs of uncovered faces."""
         return _Bonding(self, world)
 
 
 class _Bonding(Action):
-    def __init__(self, settings: Bonding, world: World):
+    def __init__(self, settings: Bonding, world: ViewOfWorld):
         self.world = world
         sideways = settings.sideways * world.bodies.edge
         self.faces = CompatibleFaces(world, settings.capture_distance, settings.capture_angle, sideways)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from kinetics.assembly import Structure
 from mechsim.effects.base import Action, Effect, EventKind
+from mechsim.effects.view import ViewOfWorld
 from mechsim.kernels.loads import bond_loads
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
 
 
 def _pull(load: np.ndarray) -> np.ndarray:
@@ -49,11 +47,12 @@ class Breaking(Effect):
     effect: Literal["breaking"] = "breaking"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # impulses come from collisions
     opens: ClassVar[tuple[EventKind, ...]] = ("break",)
+    example: ClassVar[dict[str, Any]] = {"threshold": 0.008}
     threshold: float = Field(gt=0)
     criterion: Literal["impulse", "wrench", "velocity"] = "impulse"
     grace: float = Field(default=0.05, ge=0)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Watch the contacts of compounds."""
         return _Breaking(self, world)
 
@@ -70,7 +69,7 @@ def bridges(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Breaking(Action):
-    def __init__(self, settings: Breaking, world: World):
+    def __init__(self, settings: Breaking, world: ViewOfWorld):
         self.settings, self.world = settings, world
         self.known: dict[Structure, tuple[np.ndarray, np.ndarray]] = {}
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from mechsim.effects.base import Action, Effect
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
+from mechsim.effects.view import ViewOfWorld
 
 
 class Buoyancy(Effect):
@@ -21,20 +19,21 @@ class Buoyancy(Effect):
     In fluid at rest a cube sinks at sqrt(|rho / rho_fluid - 1| g edge / Cd) with the drag of sub-cubes.
 
     gravity : g, length / tu^2
-    fluid_density : rho_fluid, 1 in the paper's units; the cubes' is the scene's cubes.density
+    fluid_density : rho_fluid, mass / length^3, 1 in the paper's units; the cubes' is the scene's cubes.density
     """
 
     effect: Literal["buoyancy"] = "buoyancy"
+    example: ClassVar[dict[str, Any]] = {"gravity": 1.0}
     gravity: float = Field(gt=0)
     fluid_density: float = Field(default=1.0, ge=0)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Work out the change of velocity in a step."""
         return _Weighing(self, world)
 
 
 class _Weighing(Action):
-    def __init__(self, settings: Buoyancy, world: World):
+    def __init__(self, settings: Buoyancy, world: ViewOfWorld):
         self.bodies = world.bodies
         lightness = settings.fluid_density / world.scene.cubes.density
         self.change = -(1 - lightness) * settings.gravity * world.step_size

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from mechsim.effects.base import Action, Effect
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
+from mechsim.effects.view import ViewOfWorld
 
 
 class Contact(Effect):
@@ -19,7 +17,7 @@ class Contact(Effect):
     restitution : ratio of speeds after and before a collision, 0 to 0.9. Collisions are found once bodies overlap, by
         up to speed * step, and the engine adds 8 % of the overlap over the step to the speed after: 0.08 more in the
         ratio at most, so a gas gains no energy up to 0.9. Approaches below 0.2 length / tu do not bounce
-    friction : Coulomb's coefficient
+    friction : Coulomb's coefficient, a number
     Both hold between any two surfaces, the walls' included.
     """
 
@@ -27,7 +25,7 @@ class Contact(Effect):
     restitution: float = Field(default=0.3, ge=0, le=0.9)
     friction: float = Field(default=0.3, ge=0)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Let cubes collide."""
         world.engine.set_surface(self.restitution, self.friction)
         return Action()

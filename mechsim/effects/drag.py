@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from kinetics.assembly import FACE_NORMALS
 from mechsim.effects.base import Action, Effect
+from mechsim.effects.view import ViewOfWorld
 from mechsim.kernels.motion import drag
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
 
 # Centres of the eight sub-cubes, in half edges from the cube's centre: +-1/2 on each axis.
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -21,8 +19,8 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 class DragLaw(Effect):
     """f = 1/2 Cd rho A |u - v| (u - v) at each drag point (paper, eq. 4), with its torque about the centre of mass.
 
-    coefficient : Cd, 1.05 for a cube
-    fluid_density : rho, 1 in the paper's units
+    coefficient : Cd, a number, 1.05 for a cube
+    fluid_density : rho, mass / length^3, 1 in the paper's units
     points : "sub-cubes" - the eight of the paper, each of area (edge/2)^2 times the uncovered share of its three
     faces;
         "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
@@ -55,7 +53,7 @@ class Drag(DragLaw):
             del data["sub_cycles"]
         return data
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Lay out the drag points of every cube."""
         return _Dragging(self, world)
 
@@ -76,15 +74,14 @@ def drag_points(points: str) -> tuple[np.ndarray, np.ndarray]:
 class DragPoints(Action):
     """Where the fluid drags on each body, and on how much area: kept up to date as bodies join and part."""
 
-    def __init__(self, settings: DragLaw, world: World):
+    def __init__(self, settings: DragLaw, world: ViewOfWorld):
         self.world = world
         self.coefficient = 0.5 * settings.coefficient * settings.fluid_density
         self.place, self.share = drag_points(settings.points)
         n = world.bodies.n_cubes
         self.points = np.zeros((n, len(self.place), 3))
         self.areas = np.zeros((n, len(self.place)))
-        world.fluid = np.zeros((n, len(self.place), 3))
-        world.drag_points = self.place * world.bodies.edge
+        world.set_drag_points(self.place * world.bodies.edge)
         world.on_change(self.lay_out)
 
     def lay_out(self, slot: int) -> None:
@@ -96,7 +93,7 @@ class DragPoints(Action):
 
 
 class _Dragging(DragPoints):
-    def __init__(self, settings: Drag, world: World):
+    def __init__(self, settings: Drag, world: ViewOfWorld):
         super().__init__(settings, world)
         self.sub_cycles = settings.sub_cycles
 

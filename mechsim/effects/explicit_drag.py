@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from mechsim.effects.base import Action, Stopped
 from mechsim.effects.drag import DragLaw, DragPoints, drag_points
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.forces import explicit_drag
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
 
 # Of step * mean relaxation rate. The noise multiplies the rate, so speeds run away from 0.93 on (measured), well before
 # 2, the limit at a constant rate.
@@ -29,7 +26,7 @@ class ExplicitDrag(DragLaw):
 
     effect: Literal["explicit-drag"] = "explicit-drag"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """The step must be within the bound of stability."""
         super().check(scene)
         agitation = scene.provider("agitation")
@@ -50,7 +47,7 @@ class ExplicitDrag(DragLaw):
         drag = 0.5 * self.coefficient * self.fluid_density * area * sigma * math.sqrt(8 / math.pi)
         return 4 / 3 * drag / (density * edge**3)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Lay out the drag points of every cube."""
         return _Pushing(self, world)
 

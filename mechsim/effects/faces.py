@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinetics.assembly import View
+from mechsim.effects.view import ViewOfWorld
 from mechsim.kernels.contact import facing_pairs
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
 
 
 class CompatibleFaces:
@@ -22,7 +19,7 @@ class CompatibleFaces:
     `kind` (C, 6) numbers what the rules can tell of a face (-1: it is covered); `allowed` says which kinds may bond.
     """
 
-    def __init__(self, world: World, distance: float, angle: float, sideways: float):
+    def __init__(self, world: ViewOfWorld, distance: float, angle: float, sideways: float):
         self.world, self.distance, self.sideways = world, distance, sideways
         self.cosine = -math.cos(math.radians(angle))
         self.kind = np.full((world.bodies.n_cubes, 6), -1, np.int64)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
 from kinetics.support.config import Settings
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
+from mechsim.effects.view import ViewOfWorld
 
 Pair = tuple[int, int, int, int]  # cube, face, cube, face
 Latch = Callable[[Pair], bool]  # asked once a step for every pair within reach
@@ -30,7 +28,7 @@ class Encounter(Settings):
     probability: float = Field(gt=0, le=1)
     refractory: float = Field(default=0.05, ge=0)
 
-    def attach(self, world: World, rng: np.random.Generator) -> Meetings:
+    def attach(self, world: ViewOfWorld, rng: np.random.Generator) -> Meetings:
         """Keep account of who meets whom."""
         return Meetings(self, world, rng)
 
@@ -41,7 +39,7 @@ class MagnetDelay(Settings):
     kind: Literal["delay"] = "delay"
     rate: float = Field(gt=0)
 
-    def attach(self, world: World, rng: np.random.Generator) -> Latch:
+    def attach(self, world: ViewOfWorld, rng: np.random.Generator) -> Latch:
         """The chance that the delay ends within this step."""
         chance = -math.expm1(-self.rate * world.step_size)
         return lambda _: bool(rng.random() < chance)
@@ -50,7 +48,7 @@ class MagnetDelay(Settings):
 class Meetings:
     """Meetings of faces under way: when the two were last within reach, and whether they are to latch."""
 
-    def __init__(self, settings: Encounter, world: World, rng: np.random.Generator):
+    def __init__(self, settings: Encounter, world: ViewOfWorld, rng: np.random.Generator):
         self.settings, self.world, self.rng = settings, world, rng
         self.under_way: dict[Pair, tuple[float, bool]] = {}
         self.begun = 0

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from mechsim.effects.base import Action, Effect
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
+from mechsim.effects.base import Effect, FlowSource
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
 class OrnsteinUhlenbeck(Effect):
@@ -30,15 +27,16 @@ class OrnsteinUhlenbeck(Effect):
     effect: Literal["ornstein-uhlenbeck"] = "ornstein-uhlenbeck"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "correlation_time": 0.00525}
     sigma: float = Field(ge=0)
     correlation_time: float = Field(gt=0)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """The step must resolve the memory."""
         super().check(scene)
         check_memory(self.effect, self.correlation_time, scene.numerics.step)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> FlowSource:
         """Give the fluid a stream of its own."""
         return _Remembering(self, world)
 
@@ -52,8 +50,8 @@ def check_memory(effect: str, correlation_time: float, step: float) -> None:
         )
 
 
-class _Remembering(Action):
-    def __init__(self, settings: OrnsteinUhlenbeck, world: World):
+class _Remembering(FlowSource):
+    def __init__(self, settings: OrnsteinUhlenbeck, world: ViewOfWorld):
         self.sigma, self.world = settings.sigma, world
         ratio = world.step_size / settings.correlation_time
         self.kept = math.exp(-ratio)
@@ -61,11 +59,10 @@ class _Remembering(Action):
         self.rng = world.stream("agitation")
 
     def before_step(self) -> None:
-        fluid = self.world.fluid
-        noise = self.rng.standard_normal(fluid.shape)
+        noise = self.rng.standard_normal(self.flow.shape)
         if self.world.step_count == 0:  # starts as it will stay
-            fluid[:] = self.sigma * noise
+            self.flow[:] = self.sigma * noise
         else:
-            fluid *= self.kept
+            self.flow *= self.kept
             noise *= self.fresh
-            fluid += noise
+            self.flow += noise

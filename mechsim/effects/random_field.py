@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from mechsim.effects.base import Action, Effect
+from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.ornstein_uhlenbeck import check_memory
+from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.fluid import flow, renew
-
-if TYPE_CHECKING:
-    from mechsim.scene import Scene
-    from mechsim.world.world import World
 
 
 class RandomField(Effect):
@@ -36,12 +33,13 @@ class RandomField(Effect):
     effect: Literal["random-field"] = "random-field"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.00525}
     sigma: float = Field(ge=0)
     correlation_length: float = Field(gt=0)
     correlation_time: float = Field(gt=0)
     modes: int = Field(default=32, ge=8, le=4096)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: ViewOfScene) -> None:
         """The step must resolve the field in time, and in space along a cube's way."""
         super().check(scene)
         step = scene.numerics.step
@@ -53,13 +51,13 @@ class RandomField(Effect):
                 f"numerics.step = {self.correlation_length / self.sigma:.4g} or less"
             )
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> FlowSource:
         """Give the field a stream of its own."""
         return _Flowing(self, world)
 
 
-class _Flowing(Action):
-    def __init__(self, settings: RandomField, world: World):
+class _Flowing(FlowSource):
+    def __init__(self, settings: RandomField, world: ViewOfWorld):
         self.world, self.rng = world, world.stream("agitation")
         self.wave_spread = 1 / settings.correlation_length
         self.push_spread = settings.sigma * math.sqrt(3 / settings.modes)
@@ -75,4 +73,4 @@ class _Flowing(Action):
         w = self.world
         if w.step_count:
             self.renew(self.replaced)
-        flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, w.fluid)
+        flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, self.flow)

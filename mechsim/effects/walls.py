@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from mechsim.effects.base import Action, Effect
-
-if TYPE_CHECKING:
-    from mechsim.world.world import World
+from mechsim.effects.view import ViewOfWorld
 
 
 class Walls(Effect):
@@ -21,8 +19,8 @@ class Walls(Effect):
     effect: Literal["walls"] = "walls"
     thickness: float = Field(default=0.5, gt=0)
 
-    def attach(self, world: World) -> Action:
+    def attach(self, world: ViewOfWorld) -> Action:
         """Build the six boxes; from now on a cube outside the tank is an escape."""
         world.engine.build_walls(world.half, self.thickness)
-        world.limit = world.half
+        world.confine()
         return Action()

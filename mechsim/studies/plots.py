@@ -1,58 +1,82 @@
-"""Box plots of first times, as the paper's Figs. 4 and 5, onto given axes."""
+"""Box plots of first times, as the paper's Figs. 4 and 5, drawn from arrays and names onto given axes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kinetics.support.arrays import Floats
 from kinetics.support.plots import colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from mechsim.studies.summary import PointResult, StudyResult
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 GAP = 1.0  # between two groups of boxes
 
 
-def boxes(ax: Axes, result: StudyResult) -> Axes:
+def boxes(
+    ax: Axes,
+    times: Sequence[Floats],
+    levels: ArrayLike,
+    labels: Sequence[str],
+    *,
+    name: str,
+    cap: float,
+    paper: ArrayLike,
+    speeds: ArrayLike | None = None,
+) -> Axes:
     """A box a point, in groups that share all levels but the first factor's; a colour for each of these.
+
+    times : of each of P points its first times (n,), tu, inf where the cap came first; a point without any has no box
+    levels (P, F) : of the factors at each point; labels : of the F factors, for the axis; name : of the first one
+    paper (P,) : the paper's medians, tu, nan where it gives none
+    speeds (P,) : mean speeds, which stand below the levels of a single factor; None: not shown
 
     Box: quartiles and median; whiskers: the farthest run within 1.5 box lengths; dots: all runs; an open triangle with
     a number: runs without a target by the cap, which count as the cap in the box; a cross: the paper's median; small
-    numbers at the foot: runs.
+    numbers at the foot: runs. Returns `ax`.
     """
-    factors = result.study.factors
-    drawn = [found for found in result.points if found.times.size]
-    firsts = sorted({found.point.levels[0] for found in result.points})
-    groups = list(dict.fromkeys(found.point.levels[1:] for found in result.points))
-    width = len(firsts) + GAP if len(factors) > 1 else 1.0
-    for found in drawn:
-        first = firsts.index(found.point.levels[0])
-        place = groups.index(found.point.levels[1:]) * width + first
-        _box(ax, found, place, colour(first) if len(factors) > 1 else colour(0))
-    if len(factors) == 1:
-        ax.set_xticks(range(len(firsts)), [_tick(result, level) for level in firsts])
-        ax.set_xlabel(factors[0].label + (": mean speed below" if factors[0].is_speed else ""))
-        top = max((found.times[np.isfinite(found.times)].max(initial=1.0) for found in drawn), default=1.0)
-        ax.set_ylim(0, 1.1 * max([top, *(found.cap for found in drawn if found.censored)]))
-    else:
+    at, medians = np.asarray(levels, float), np.asarray(paper, float)
+    firsts = sorted(set(at[:, 0].tolist()))
+    groups = list(dict.fromkeys(map(tuple, at[:, 1:].tolist())))
+    grouped = at.shape[1] > 1
+    width = len(firsts) + GAP if grouped else 1.0
+    for own, point, median in zip(times, at.tolist(), medians, strict=True):
+        if own.size:
+            first = firsts.index(point[0])
+            place = groups.index(tuple(point[1:])) * width + first
+            _box(ax, own, cap, median, place, colour(first if grouped else 0))
+    if grouped:
         middle = (len(firsts) - 1) / 2
-        labels = ["\n".join(f"{level:.3g}" for level in group) for group in groups]
-        ax.set_xticks([i * width + middle for i in range(len(groups))], labels)
-        ax.set_xlabel("\n".join(factor.label for factor in factors[1:]))
+        ticks = ["\n".join(f"{level:.3g}" for level in group) for group in groups]
+        ax.set_xticks([i * width + middle for i in range(len(groups))], ticks)
+        ax.set_xlabel("\n".join(labels[1:]))
         ax.set_yscale("log")
-    ax.set_ylabel(f"time to the first {_target(result)} (tu)")
-    ax.set_title(result.study.title, fontsize=10)
-    _legend(ax, result, firsts)
+    else:
+        ticks = [f"{level:.3g}" for level in firsts]
+        if speeds is not None:
+            own_speeds = dict(zip(at[::-1, 0].tolist(), np.asarray(speeds)[::-1].tolist(), strict=True))
+            ticks = [f"{tick}\n{own_speeds[level]:.2f}" for tick, level in zip(ticks, firsts, strict=True)]
+        ax.set_xticks(range(len(firsts)), ticks)
+        ax.set_xlabel(labels[0] + (": mean speed below" if speeds is not None else ""))
+        seen = [own[np.isfinite(own)].max(initial=1.0) for own in times]
+        caps = [cap for own in times if np.isinf(own).any()]
+        ax.set_ylim(0, 1.1 * max([1.0, *seen, *caps]))
+    handles = _shades(name, firsts) if grouped else []
+    handles += _marks(bool(np.isfinite(medians).any()), any(np.isinf(own).any() for own in times))
+    if handles:
+        ax.legend(handles=handles, frameon=False, fontsize=8)
     return ax
 
 
-def _box(ax: Axes, found: PointResult, place: float, shade: str) -> None:
-    cut = np.minimum(found.times, found.cap)
+def _box(ax: Axes, times: Floats, cap: float, paper: float, place: float, shade: str) -> None:
     ax.boxplot(
-        [cut],
+        [np.minimum(times, cap)],
         positions=[place],
         widths=0.7,
         manage_ticks=False,
@@ -61,41 +85,33 @@ def _box(ax: Axes, found: PointResult, place: float, shade: str) -> None:
         boxprops={"facecolor": shade, "alpha": 0.35},
         medianprops={"color": "black"},
     )
-    seen = found.times[np.isfinite(found.times)]
+    seen = times[np.isfinite(times)]
     ax.plot(np.full(seen.size, place), seen, ".", color=shade, markersize=4)
-    ax.annotate(f"{found.times.size}", (place, 0.01), xycoords=("data", "axes fraction"), ha="center", fontsize=6)
-    if found.censored:
-        ax.plot([place], [found.cap], marker="^", markerfacecolor="none", markeredgecolor=shade, linestyle="none")
-        ax.annotate(f"{found.censored}", (place, found.cap), (4, 2), textcoords="offset points", fontsize=7)
-    if found.paper is not None:
-        ax.plot([place], [found.paper], marker="x", color=colour(5), markersize=8, markeredgewidth=2, linestyle="none")
+    ax.annotate(f"{times.size}", (place, 0.01), xycoords=("data", "axes fraction"), ha="center", fontsize=6)
+    censored = times.size - seen.size
+    if censored:
+        ax.plot([place], [cap], marker="^", markerfacecolor="none", markeredgecolor=shade, linestyle="none")
+        ax.annotate(f"{censored}", (place, cap), (4, 2), textcoords="offset points", fontsize=7)
+    if np.isfinite(paper):
+        ax.plot([place], [paper], marker="x", color=colour(5), markersize=8, markeredgewidth=2, linestyle="none")
 
 
-def _tick(result: StudyResult, level: float) -> str:
-    if not result.study.factors[0].is_speed:
-        return f"{level:.3g}"
-    speed = next(found.trial.speed for found in result.points if found.point.levels[0] == level)
-    return f"{level:.3g}\n{speed:.2f}"
-
-
-def _target(result: StudyResult) -> str:
-    """Species waited for."""
-    return str(result.points[0].point.specs(result.study.cap, 1, result.seed)[0].until)
-
-
-def _legend(ax: Axes, result: StudyResult, firsts: list[float]) -> None:
-    from matplotlib.lines import Line2D
+def _shades(name: str, firsts: Sequence[float]) -> list[Patch | Line2D]:
+    """Of the first factor's levels, for the legend."""
     from matplotlib.patches import Patch
 
-    handles: list[Patch | Line2D] = []
-    if len(result.study.factors) > 1:
-        name = result.study.factors[0].name
-        handles += [Patch(facecolor=colour(i), alpha=0.35, label=f"{name} {v:g}") for i, v in enumerate(firsts)]
-    if any(found.paper is not None for found in result.points):
-        handles.append(Line2D([], [], marker="x", color=colour(5), linestyle="none", label="paper's median"))
-    if any(found.censored for found in result.points):
-        handles.append(
+    return [Patch(facecolor=colour(i), alpha=0.35, label=f"{name} {level:g}") for i, level in enumerate(firsts)]
+
+
+def _marks(of_paper: bool, of_cap: bool) -> list[Patch | Line2D]:
+    """The marks that were drawn, for the legend."""
+    from matplotlib.lines import Line2D
+
+    marks: list[Patch | Line2D] = []
+    if of_paper:
+        marks.append(Line2D([], [], marker="x", color=colour(5), linestyle="none", label="paper's median"))
+    if of_cap:
+        marks.append(
             Line2D([], [], marker="^", color="grey", markerfacecolor="none", linestyle="none", label="none by the cap")
         )
-    if handles:
-        ax.legend(handles=handles, frameon=False, fontsize=8)
+    return marks

@@ -127,7 +127,21 @@ class StudyResult:
         """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
         from mechsim.studies.plots import boxes
 
-        return boxes(ax, self)
+        first, found = self.study.factors[0], self.points
+        boxes(
+            ax,
+            [each.times for each in found],
+            np.array([each.point.levels for each in found]),
+            [factor.label for factor in self.study.factors],
+            name=first.name,
+            cap=self.study.cap,
+            paper=np.array([math.nan if each.paper is None else each.paper for each in found]),
+            speeds=[each.trial.speed for each in found] if first.is_speed else None,
+        )
+        target = found[0].point.specs(self.study.cap, 1, self.seed)[0].until
+        ax.set_ylabel(f"time to the first {target} (tu)")
+        ax.set_title(self.study.title, fontsize=10)
+        return ax
 
     def _levels(self, found: PointResult) -> Iterable[tuple[str, float]]:
         return zip((factor.name for factor in self.study.factors), found.point.levels, strict=True)

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from kinetics.assembly import RuleBook, Structure, placements
-from mechsim.effects.base import Action, Stopped
+from mechsim.effects.base import Action, Effect, FlowSource, Stopped
 from mechsim.kernels.contact import blocked
 from mechsim.kernels.motion import TROUBLES, coast, not_finite, trouble
 from mechsim.scene import Scene
@@ -28,8 +28,9 @@ class World:
     scene, book : what is simulated, and the rules its cubes follow
     seed : of all streams of this world; each part draws from its own, so leaving one out does not change the others
 
-    For effects: `bodies`, `engine`, `time`, `step_count`, `step_size`; `drag_points` (P, 3; from a cube's centre along
-    its own axes) and `fluid` (C, P, 3), the velocity of the fluid there.
+    Effects see of it what `effects.view.ViewOfWorld` names. `fluid` (C, P, 3) is the velocity of the fluid at the drag
+    points, the sum of what the sources of flow keep each for itself; it is renewed in every step, after the last of
+    them has acted.
     `parts` : what a step does, in order, each with the name of the effect, or of the work, that it is
     """
 
@@ -42,11 +43,15 @@ class World:
         self.limit = np.full(3, np.inf)  # beyond it a body has escaped; walls set it
         self.bodies = Bodies(n_cubes, scene.cubes.edge, scene.cubes.density * scene.cubes.edge**3)
         self.engine = Engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
-        self.drag_points, self.fluid = np.zeros((0, 3)), np.zeros((n_cubes, 0, 3))
+        self.set_drag_points(np.zeros((0, 3)))
         self.listeners: list[Callable[[tuple[Structure, ...], tuple[Structure, ...]], None]] = []
         self._changed: list[Callable[[int], None]] = []
         self._placing = self.stream("placement")
-        actions = {effect.effect: effect.attach(self) for effect in scene.effects}
+        effects: tuple[Effect, ...] = scene.effects
+        actions = {effect.effect: effect.attach(self) for effect in effects}
+        self.sources = {name: a for name, a in actions.items() if isinstance(a, FlowSource)}
+        for source in self.sources.values():
+            source.flow = np.zeros_like(self.fluid)
         self.before = {name: a.before_step for name, a in actions.items() if _overrides(a, "before_step")}
         # A join makes a new body, of whose collisions in this step nothing is known: breaks are judged first.
         joiners = scene.openers("join")
@@ -68,6 +73,14 @@ class World:
     def on_change(self, hook: Callable[[int], None]) -> None:
         """Call `hook(slot)` whenever a slot has got a new structure."""
         self._changed.append(hook)
+
+    def set_drag_points(self, points: np.ndarray) -> None:
+        """Let the fluid act on every cube at these points (P, 3), from its centre along its own axes."""
+        self.drag_points, self.fluid = points, np.zeros((self.bodies.n_cubes, len(points), 3))
+
+    def confine(self) -> None:
+        """From now on a body outside the tank is an escape."""
+        self.limit = self.half
 
     # -- what is in the tank
     # ------------------------------------------------------------------------------------------------------
@@ -162,7 +175,10 @@ class World:
             part()
 
     def _parts(self) -> list[tuple[str, Callable[[], None]]]:
-        hooks = [((name, hook), ("guard", self._checking(name))) for name, hook in self.before.items()]
+        hooks = [[(name, hook), ("guard", self._checking(name))] for name, hook in self.before.items()]
+        flowing = [place for place, name in enumerate(self.before) if name in self.sources]
+        if flowing:
+            hooks[flowing[-1]].append(("fluid", self.superpose))
         spin = FreeSpin(self.bodies, self.step_size)
         is_free = self.scene.provider("drag") is None
         return [
@@ -177,6 +193,13 @@ class World:
             ("places of cubes", self.bodies.locate),
             *self.after.items(),
         ]
+
+    def superpose(self) -> None:
+        """Renew the field of flow: the first source's copied, the others' added, so that one alone keeps every bit."""
+        first, *others = self.sources.values()
+        np.copyto(self.fluid, first.flow)
+        for source in others:
+            self.fluid += source.flow
 
     def _coast(self) -> None:
         """Free flight of all bodies; those that touched something are read back after it."""

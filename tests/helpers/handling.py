@@ -1,4 +1,6 @@
-"""Worlds handled by hand: bodies put where a test wants them, their energy and what happens to them told."""
+"""Worlds handled by hand: bodies put where a test wants them, their energy, and the events that happen to them."""
+
+from itertools import takewhile
 
 import numpy as np
 
@@ -18,6 +20,12 @@ def energy(world):
 def run(world, duration):
     while world.time < duration - 1e-9:
         world.step()
+
+
+def act(world):
+    """What the effects of a scene with drag do before the engine's step, and nothing of that step."""
+    for _, part in takewhile(lambda named: named[0] != "motions into the engine", world.parts):
+        part()
 
 
 def put(world, slot, position, axes=None, velocity=(0, 0, 0), spin=(0, 0, 0)):

@@ -18,10 +18,11 @@ FACES = {"effect": "drag", "points": "sub-faces"}
 
 def fluid_of(world, steps):
     """The fluid over many steps without the motion: (steps, C, P, 3)."""
-    (name,) = world.before.keys() - {"drag"}
+    (name,) = world.sources
     seen = []
     for _ in range(steps):
         world.before[name]()
+        world.superpose()
         seen.append(world.fluid.copy())
         world.step_count += 1
     return np.array(seen)
@@ -91,6 +92,7 @@ def test_the_compiled_field_equals_the_sum_of_its_modes(make_world, scene_of):
     for _ in range(3):
         world.step()
     world.before["random-field"]()
+    world.superpose()
     modes = world.before["random-field"].__self__.modes
     b = world.bodies
     place = b.centre[:, None] + np.einsum("cij,pj->cpi", b.axes, world.drag_points)
@@ -170,7 +172,9 @@ def with_points(world, place, share):
     dragging, n = world.before["drag"].__self__, world.bodies.n_cubes
     dragging.place, dragging.share = place, share
     dragging.points, dragging.areas = np.zeros((n, len(place), 3)), np.zeros((n, len(place)))
-    world.fluid, world.drag_points = np.zeros((n, len(place), 3)), place * world.bodies.edge
+    world.set_drag_points(place * world.bodies.edge)
+    for source in world.sources.values():
+        source.flow = np.zeros_like(world.fluid)
     for slot in world.bodies.live:
         dragging.lay_out(slot)
     return world

@@ -70,6 +70,7 @@ def test_kernel_equals_a_dense_reference(make_world, line4, points):
     for _ in range(40):
         world.step()
     world.before["agitation"]()
+    world.superpose()
     expected = naive_step(world)
     world.before["drag"]()
     for slot in b.live:

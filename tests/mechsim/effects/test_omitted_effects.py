@@ -73,23 +73,3 @@ def test_a_listed_effect_that_the_program_lacks_is_refused_by_name(tmp_path):
     done = run_there(tmp_path, Scene.load("line4"))
     assert done.returncode == 1
     assert "bonding" in done.stderr
-
-
-def test_an_effect_that_is_not_listed_is_never_attached(line4, monkeypatch):
-    scene = line4.without("breaking", "bonding")
-    attached = []
-
-    def note(kind):
-        attach = kind.attach
-
-        def noted(self, world):
-            attached.append(self.effect)
-            return attach(self, world)
-
-        return noted
-
-    for kind in EFFECTS:
-        monkeypatch.setattr(kind, "attach", note(kind))
-    execute(RunSpec(scene, {"monomer": 4}, 0.1, seed=4, run=0))
-    assert set(attached) == KEPT
-    assert len(attached) == len(KEPT)

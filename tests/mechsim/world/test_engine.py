@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from handling import act
 
 from mechsim.kernels.motion import coast
 from mechsim.world.bodies import Shape, matrix_of, quaternion_of
@@ -41,8 +42,7 @@ def test_impulses_account_for_every_change_of_velocity(make_world, line4, sub_cy
     stir(world)
     b, touched = world.bodies, 0
     for _ in range(600):
-        for hook in world.before.values():
-            hook()
+        act(world)
         before = b.velocity.copy()
         world.engine.set_motions()
         world.engine.step()

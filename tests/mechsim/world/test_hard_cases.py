@@ -12,7 +12,7 @@ import resource
 
 import numpy as np
 import pytest
-from handling import energy, events_of, put, run
+from handling import act, energy, events_of, put, run
 
 from kinetics.assembly import RuleBook, Structure, derive
 from mechsim.effects.base import Stopped
@@ -38,8 +38,7 @@ def test_drag_stays_finite_at_any_step_and_agitation(make_world, scene_of, step,
     b = world.bodies
     fastest = 0.0
     for _ in range(300):
-        for hook in world.before.values():
-            hook()
+        act(world)
         coast(b.live, b.position, b.orientation, b.velocity, b.spin, b.inertia, step)
         world.step_count += 1
         fastest = max(fastest, float(np.abs(b.velocity[b.live]).max()))

@@ -1,17 +1,15 @@
 """Hard cases of contact: overlaps, masses far apart, bonds that meet in one step, motions that are no numbers.
 
-Beside them: a snap into a third body waits, faces that have just parted have not met: test_bonding.
+Beside them: a snap into a third body waits, faces that have just parted have not met: test_bonding; what is not a
+number, by every effect: the contract of effects.
 """
 
-import inspect
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from handling import CONTACT, energy, events_of, put, run
 
-from mechsim.effects import EFFECTS
 from mechsim.effects.base import Stopped
 from mechsim.kernels.contact import blocked
 
@@ -173,56 +171,10 @@ def test_a_bond_and_a_break_in_one_step_keep_all_cubes(make_world, scene_of, lin
 # -- what is not a number ----------------------------------------------------------------------------------------------
 
 
-MOVERS = {
-    "agitation": ("agitation", "drag"),
-    "ornstein-uhlenbeck": ({"effect": "ornstein-uhlenbeck", "sigma": 4.0, "correlation_time": 0.00525}, "drag"),
-    "random-field": (
-        {"effect": "random-field", "sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.00525},
-        "drag",
-    ),
-    "drag": ("agitation", "drag"),
-    "explicit-drag": ("agitation", {"effect": "explicit-drag"}),
-    "buoyancy": ({"effect": "buoyancy", "gravity": 1.0}, "drag"),
-    "attraction": (CONTACT, {"effect": "attraction", "strength": 0.1}),
-}
-
-
-@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("effect", MOVERS)
-def test_a_force_that_is_not_a_number_names_body_and_effect(make_world, scene_of, effect, poison):
-    """Whatever effect acts before the step."""
-    world = make_world({"monomer": 3, "dimer": 1}, scene_of(*MOVERS[effect]))
-    assert effect in world.before
-    slot = int(world.bodies.live[-1])
-    hook = dict(world.parts)[effect]
-
-    def poisoned():
-        hook()
-        if world.step_count == 3:
-            world.bodies.spin[slot, 1] = poison
-
-    world.parts = [(name, poisoned if name == effect else part) for name, part in world.parts]
-    with pytest.raises(
-        Stopped, match=rf"effect '{effect}' made a motion that is not a number: body {slot} \(cubes 3, 4\)"
-    ):
-        run(world, 1.0)
-    assert world.step_count == 3
-
-
-def test_every_effect_that_moves_bodies_was_poisoned():
-    """A new effect with a hook before the step belongs into the list above."""
-    with_hook = set()
-    for kind in EFFECTS:
-        source = Path(inspect.getfile(kind)).read_text()
-        if "def before_step" in source or "(DragPoints)" in source:
-            with_hook.add(kind.model_fields["effect"].default)
-    assert with_hook == set(MOVERS)
-
-
 def test_fluid_that_is_not_a_number_is_found_in_the_body_it_drags(make_world, line4):
     world = make_world({"monomer": 3}, line4)
     world.step()
-    world.fluid[1, 0, 0] = np.nan
+    world.sources["agitation"].flow[1, 0, 0] = np.nan
     with pytest.raises(Stopped, match=r"effect 'drag' made .*: body 1 \(cube 1\) at"):
         world.step()
 

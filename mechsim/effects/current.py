@@ -1,0 +1,37 @@
+"""A steady uniform current that carries the cubes along."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+from mechsim.effects.base import Effect, FlowSource
+from mechsim.effects.view import ViewOfWorld
+
+
+class Current(Effect):
+    """u = velocity at every drag point, at all times; added to whatever else moves the fluid.
+
+    In it alone, a free cube at rest that does not turn comes up to the fluid by the drag law (paper, eq. 4): its
+    velocity relative to the fluid falls as 1 / (1 + Cd rho_fluid |u| t / (rho edge)), the semi-implicit drag at any
+    step. The current passes through the walls of the tank, against which it carries the cubes.
+
+    velocity : (x, y, z), length / tu
+    """
+
+    effect: Literal["current"] = "current"
+    needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
+    example: ClassVar[dict[str, Any]] = {"velocity": [0.5, 0.0, 0.0]}
+    velocity: tuple[float, float, float]
+
+    def attach(self, world: ViewOfWorld) -> FlowSource:
+        """A flow that is written once and stays."""
+        return _Streaming(self, world)
+
+
+class _Streaming(FlowSource):
+    def __init__(self, settings: Current, world: ViewOfWorld):
+        self.velocity, self.world = settings.velocity, world
+
+    def before_step(self) -> None:
+        if self.world.step_count == 0:
+            self.flow[:] = self.velocity

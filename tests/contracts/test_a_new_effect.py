@@ -1,0 +1,88 @@
+"""An effect is added by one file and one line: shown in a scratch copy, in which the contract tests it at once."""
+
+import pytest
+from scratch import add_line, run_contract, scratch_copy
+
+BREEZE = '''"""A breeze: a uniform flow that comes and goes."""
+
+import math
+from typing import Any, ClassVar, Literal
+
+from mechsim.effects.base import Effect, FlowSource
+from mechsim.effects.view import ViewOfWorld
+
+
+class Breeze(Effect):
+    """u = speed sin(time) along x.
+
+    speed : length / tu
+    """
+
+    effect: Literal["breeze"] = "breeze"
+    needs: ClassVar[tuple[str, ...]] = ("drag",)
+    example: ClassVar[dict[str, Any]] = {"speed": 0.5}
+    speed: float
+
+    def attach(self, world: ViewOfWorld) -> FlowSource:
+        """A flow that the clock sets."""
+        return _Blowing(self, world)
+
+
+class _Blowing(FlowSource):
+    def __init__(self, settings: Breeze, world: ViewOfWorld):
+        self.speed, self.world = settings.speed, world
+
+    def before_step(self) -> None:
+        self.flow[..., 0] = self.speed * math.sin(self.world.time)
+'''
+# Each is (in the place of, this) and the case of the contract that notices.
+MISTAKES = (
+    ("speed : length / tu", "", "test_it_documents_every_setting_and_the_unit_of_every_number"),
+    ("speed: float", "speed: Any", "test_bad_settings_are_refused_by_name"),
+    (
+        "    def before_step(self) -> None:\n",
+        "    def before_step(self) -> None:\n        self.world.fluid[..., 1] += 1.0\n",
+        "test_it_only_writes_motions_before_the_step",
+    ),
+    (
+        "math.sin(self.world.time)",
+        "__import__('numpy').random.default_rng().random()",
+        "test_the_same_seed_gives_the_same_record",
+    ),
+)
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A copy in which the new effect has its line."""
+    made = scratch_copy(tmp_path)
+    add_line(
+        made / "mechsim" / "effects" / "__init__.py",
+        "effects.breaking import",
+        "from mechsim.effects.breeze import Breeze",
+    )
+    return made
+
+
+def contract_of(copy, text, monkeypatch):
+    """The contract's cases for an effect that is this file; nothing is compiled for so few steps."""
+    (copy / "mechsim" / "effects" / "breeze.py").write_text(text)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    return run_contract(copy, "test_effects.py", "-k", "breeze", "-rf", "--tb=no")
+
+
+def test_one_file_and_one_line_add_an_effect(copy, monkeypatch):
+    done = contract_of(copy, BREEZE, monkeypatch)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "16 passed" in done.stdout
+
+
+def test_the_contract_notices_what_is_wrong_with_it(copy, monkeypatch):
+    """Control: four mistakes in the same file."""
+    text = BREEZE
+    for right, wrong, _ in MISTAKES:
+        assert right in text
+        text = text.replace(right, wrong)
+    done = contract_of(copy, text, monkeypatch)
+    failed = {line.split("::")[1].split("[")[0] for line in done.stdout.splitlines() if line.startswith("FAILED")}
+    assert failed >= {case for _, _, case in MISTAKES}, done.stdout + done.stderr
