@@ -9,16 +9,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from kinetics.formats.bionetgen import BioNetGen
-from kinetics.formats.model import Format, Model
+from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.sbml import Sbml
 
-__all__ = ["FORMATS", "SUFFIXES", "Format", "Model", "read", "write"]
+__all__ = ["FORMATS", "SUFFIXES", "Format", "NetworkModel", "read", "write"]
 
 FORMATS: tuple[Format, ...] = (BioNetGen(), Sbml())
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 
-def read(path: str | Path) -> Model:
+def read(path: str | Path) -> NetworkModel:
     """The model in a network file; its kind is told by what its name ends in."""
     file = Path(path)
     kind = _kind_of(file)
@@ -27,7 +27,7 @@ def read(path: str | Path) -> Model:
     return kind.read(file)
 
 
-def write(model: Model, path: str | Path) -> None:
+def write(model: NetworkModel, path: str | Path) -> None:
     """Write a network file; its kind is told by what its name ends in."""
     file = Path(path)
     file.write_text(_kind_of(file).text(model), encoding="utf-8")

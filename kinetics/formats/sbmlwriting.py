@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 from math import factorial
 from typing import Any
 
-from kinetics.formats.model import Model
+from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 
 
-def sbml_text(model: Model) -> str:
+def sbml_text(model: NetworkModel) -> str:
     """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules.
 
     Names that no id can have are kept as names, beside an id with _ for the characters in question.

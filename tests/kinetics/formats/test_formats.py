@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kinetics.assembly import RuleBook, derive
 from kinetics.formats import FORMATS, SUFFIXES, read, write
 from kinetics.formats.formulas import number
-from kinetics.formats.model import Model
+from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 from wellmixed import main
 
@@ -130,7 +130,9 @@ def test_our_networks_come_back(kind, name, tmp_path):
     """Counts, observables and propensities, whatever the names."""
     network = OWN[name]()
     rng = np.random.default_rng(0)
-    model = Model(network, rng.integers(0, 9, len(network.species)), {"sum": dict.fromkeys(network.species, 2.0)})
+    model = NetworkModel(
+        network, rng.integers(0, 9, len(network.species)), {"sum": dict.fromkeys(network.species, 2.0)}
+    )
     path = tmp_path / f"model{kind.suffixes[0]}"
     write(model, path)
     again = read(path)
@@ -147,13 +149,13 @@ def test_our_networks_come_back(kind, name, tmp_path):
 def test_what_a_net_file_cannot_say(tmp_path):
     squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
     with pytest.raises(ValueError, match="n squared, which it cannot say"):
-        write(Model(squares, [3, 0]), tmp_path / "out.net")
+        write(NetworkModel(squares, [3, 0]), tmp_path / "out.net")
     assert not (tmp_path / "out.net").exists()
     law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
     with pytest.raises(ValueError, match="law of channel 'turn'"):
-        write(Model(law, [3, 0]), tmp_path / "out.net")
+        write(NetworkModel(law, [3, 0]), tmp_path / "out.net")
     with pytest.raises(ValueError, match=r"must end in .*\.net"):
-        write(Model(law, [3, 0]), tmp_path / "out.csv")
+        write(NetworkModel(law, [3, 0]), tmp_path / "out.csv")
 
 
 GOOD = """begin parameters
