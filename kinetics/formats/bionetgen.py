@@ -103,7 +103,9 @@ class _NetReader:
                 raise self._wrong(line, f"species number {line.words[0]} came; expected {len(self.species) + 1}")
             if name in amounts:
                 raise self._wrong(line, f"species {name!r} comes twice")
-            amounts[name] = self._value(line, " ".join(words[1:]))
+            text = " ".join(words[1:])
+            # A plain number keeps all its digits: a float has those up to 2**53 only.
+            amounts[name] = int(text) if re.fullmatch("[0-9]{1,19}", text) else self._value(line, text)
             if not 0 <= amounts[name] < 2.0**63:
                 raise self._wrong(line, f"{amounts[name]:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
             self.species.append(name)
