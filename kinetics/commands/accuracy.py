@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from kinetics.predicting.start import start
+from kinetics.commands.start import start
 from kinetics.support.cli.options import (
     DURATION,
     csv_option,

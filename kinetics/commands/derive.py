@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import click
 
-from kinetics.predicting.start import is_network_file, network_of_book, start
+from kinetics.commands.start import is_network_file, network_of_book, start
+from kinetics.formats import SUFFIXES
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option, starting_options
 
 
 @click.command()
 @starting_options
 @click.option(
-    "--out", "out_file", metavar="FILE", callback=in_a_folder, help="Write it for other programs: .net, .xml, .sbml."
+    "--out", "out_file", metavar="FILE", callback=in_a_folder, help=f"Write a network file: {', '.join(SUFFIXES)}."
 )
 @seed_option
 @json_option

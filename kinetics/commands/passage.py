@@ -7,7 +7,7 @@ import time
 import click
 import numpy as np
 
-from kinetics.predicting.start import start
+from kinetics.commands.start import start
 from kinetics.support.cli.options import echo_json, json_option, plot_option, seed_option, starting_options
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.predicting.start import start
+from kinetics.commands.start import start
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.solving import SOLVING_METHODS, SolvingMethod
 from kinetics.support.cli.options import (
@@ -76,7 +76,7 @@ def predict(
     with progress_line() as progress:
         made = make(
             begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress,
-            begin.watch(shown),
+            begin.shown(shown),
         )  # fmt: skip
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)

@@ -1,7 +1,7 @@
-"""Network files of other programs, read and written.
+"""Formats of network files: readers and writers for other programs.
 
-To add a kind: write its class in a file of its own, after `Format` in `kinetics.formats.model`, and put it into the
-tuple. The commands and the tests read the tuple.
+To add one, write its class in a file of its own, after `Format` in `kinetics.formats.model`, and put it into the tuple.
+Commands, messages and the contract in tests/contracts/test_formats.py read the tuple.
 """
 
 from __future__ import annotations
@@ -9,17 +9,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from kinetics.formats.bionetgen import BioNetGen
-from kinetics.formats.model import Format, Model
+from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.sbml import Sbml
 
-__all__ = ["FORMATS", "SUFFIXES", "Format", "Model", "read", "write"]
+__all__ = ["FORMATS", "SUFFIXES", "Format", "NetworkModel", "read", "write"]
 
-FORMATS: tuple[Format, ...] = (BioNetGen(), Sbml())
+FORMATS: tuple[Format, ...] = (
+    BioNetGen(),
+    Sbml(),
+)
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 
-def read(path: str | Path) -> Model:
-    """The model in a network file; its kind is told by what its name ends in."""
+def read(path: str | Path) -> NetworkModel:
+    """The model in a network file, whose suffix gives the format."""
     file = Path(path)
     kind = _kind_of(file)
     if not file.is_file():
@@ -27,8 +30,8 @@ def read(path: str | Path) -> Model:
     return kind.read(file)
 
 
-def write(model: Model, path: str | Path) -> None:
-    """Write a network file; its kind is told by what its name ends in."""
+def write(model: NetworkModel, path: str | Path) -> None:
+    """Write a network file, whose suffix gives the format."""
     file = Path(path)
     file.write_text(_kind_of(file).text(model), encoding="utf-8")
 
@@ -37,4 +40,4 @@ def _kind_of(file: Path) -> Format:
     for kind in FORMATS:
         if file.suffix.lower() in kind.suffixes:
             return kind
-    raise ValueError(f"{file} is not a network file that we know; its name must end in {', '.join(SUFFIXES)}")
+    raise ValueError(f"{file} is no network file of a known format; its name must end in {', '.join(SUFFIXES)}")

@@ -15,7 +15,7 @@ import numpy as np
 
 from kinetics.formats.blocks import Line, blocks_of
 from kinetics.formats.formulas import NUMBER, number, replaced
-from kinetics.formats.model import Model, whole_counts
+from kinetics.formats.model import NetworkModel, whole_counts
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
 from kinetics.network import Network
@@ -36,17 +36,17 @@ class BioNetGen:
     name: ClassVar[str] = "net"
     suffixes: ClassVar[tuple[str, ...]] = (".net",)
 
-    def read(self, path: Path) -> Model:
+    def read(self, path: Path) -> NetworkModel:
         """The file's network with `ordered` combinations, its counts and its groups."""
-        return _Reader(path, blocks_of(path)).model()
+        return _NetReader(path, blocks_of(path)).model()
 
-    def text(self, model: Model) -> str:
+    def text(self, model: NetworkModel) -> str:
         """The model as a .net file."""
         return net_text(model)
 
 
 @dataclass
-class _Reader:
+class _NetReader:
     """One file while it is read."""
 
     path: Path
@@ -56,7 +56,7 @@ class _Reader:
     fixed: list[bool] = field(default_factory=list)
     functions: dict[str, str] = field(default_factory=dict)  # name -> what it stands for, in our own grammar
 
-    def model(self) -> Model:
+    def model(self) -> NetworkModel:
         self._read_parameters()
         initial = self._read_species()
         observables = self._observables()
@@ -81,7 +81,7 @@ class _Reader:
             "ordered",
             laws=self._laws(lines, channels),
         )
-        return Model(network, initial, observables)
+        return NetworkModel(network, initial, observables)
 
     def _read_parameters(self) -> None:
         for line in self.blocks.get("parameters", []):
@@ -103,7 +103,9 @@ class _Reader:
                 raise self._wrong(line, f"species number {line.words[0]} came; expected {len(self.species) + 1}")
             if name in amounts:
                 raise self._wrong(line, f"species {name!r} comes twice")
-            amounts[name] = self._value(line, " ".join(words[1:]))
+            text = " ".join(words[1:])
+            # A plain number keeps all its digits: a float has those up to 2**53 only.
+            amounts[name] = int(text) if re.fullmatch("[0-9]{1,19}", text) else self._value(line, text)
             if not 0 <= amounts[name] < 2.0**63:
                 raise self._wrong(line, f"{amounts[name]:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
             self.species.append(name)

@@ -42,7 +42,10 @@ def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, di
         return None
     if any(order.get(name, 0) < copies for name, copies in needed.items()):
         return None
-    k = constant * math.prod(math.factorial(copies) for copies in order.values())
+    try:
+        k = constant * math.prod(math.factorial(copies) for copies in order.values())
+    except OverflowError:
+        return None  # of 171 copies and more: it stays a law
     return (k, order) if math.isfinite(k) and k >= 0 else None
 
 

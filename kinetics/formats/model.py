@@ -19,7 +19,7 @@ CLOSE = 1e-9  # an amount this near, relatively, to a whole number is meant to b
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class NetworkModel:
     """A network ready to run.
 
     network : with its rate constants
@@ -62,8 +62,8 @@ class Format(Protocol):
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
 
-    def read(self, path: Path) -> Model:
+    def read(self, path: Path) -> NetworkModel:
         """The file's model; a ValueError that names file and line where it cannot be had."""
 
-    def text(self, model: Model) -> str:
+    def text(self, model: NetworkModel) -> str:
         """What a file of this kind holds for a model; a ValueError where it cannot say all of it."""

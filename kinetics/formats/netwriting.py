@@ -7,14 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinetics.formats.model import Model
+from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
 
 
-def net_text(model: Model) -> str:
+def net_text(model: NetworkModel) -> str:
     """The .net file of a model.
 
     Names that the format cannot have are spelled with _ for the characters in question. A ValueError where like
@@ -24,7 +24,7 @@ def net_text(model: Model) -> str:
     if not network.is_mass_action:
         what = f"law of channel {next(iter(network.laws))!r}" if network.laws else f"event {network.events[0].name!r}"
         raise ValueError(f"a .net file is written for mass action alone; the {what} does not fit")
-    ways = network.ways / _like_orders(network)
+    ways = _ways(network)
     constants, which = np.unique(network.known_rates, return_inverse=True)
     needs = _sides(network.sparse_reactants)
     made = SparseTable.of_entries(
@@ -57,25 +57,33 @@ def net_text(model: Model) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _like_orders(network: Network) -> np.ndarray:
-    """Orders (R,) in which each channel's like reactants can be taken: the format counts every one."""
-    terms = network.sparse_reactants
-    orders = np.ones(len(network.channels))
-    if network.combinations == "ordered" or not np.any(terms.copies > 1):
-        return orders
+def _ways(network: Network) -> np.ndarray:
+    """Ways (R,) of each channel as the format has them: it counts every order of like reactants."""
+    needed = network.sparse_reactants
+    if network.combinations == "ordered" or not np.any(needed.copies > 1):
+        return network.ways
     if network.combinations == "product":
         raise ValueError(
             "a .net file counts pairs of one species as n (n - 1); a network with `product` combinations counts "
             "n squared, which it cannot say"
         )
-    factorials = np.cumprod(np.concatenate([[1.0], np.arange(1.0, terms.copies.max() + 1)]))
-    np.multiply.at(orders, terms.rows, factorials[terms.copies])
-    return orders
+    orders = np.ones(len(network.channels))
+    with np.errstate(over="ignore"):
+        factorials = np.cumprod(np.concatenate([[1.0], np.arange(1.0, needed.copies.max() + 1)]))
+        np.multiply.at(orders, needed.rows, factorials[needed.copies])
+    ways = network.ways / orders
+    lost = np.flatnonzero((network.ways > 0) & (ways < np.finfo(np.float64).tiny))
+    if lost.size:
+        raise ValueError(
+            f"channel {network.channels[lost[0]]!r} needs so many copies of one species that its ways over their "
+            f"orders are too small for a float; write the reaction in steps of fewer reactants"
+        )
+    return ways
 
 
-def _sides(terms: SparseTable) -> list[str]:
+def _sides(table: SparseTable) -> list[str]:
     """Numbers of the species on one side of each reaction, a species of two copies twice; 0 for none."""
-    copies, columns, starts = terms.copies.tolist(), terms.columns.tolist(), terms.starts.tolist()
+    copies, columns, starts = table.copies.tolist(), table.columns.tolist(), table.starts.tolist()
     return [
         ",".join(",".join([str(columns[i] + 1)] * copies[i]) for i in range(begin, end)) or "0"
         for begin, end in pairwise(starts)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from kinetics.formats.massaction import linear_weights, rate_constant
-from kinetics.formats.model import Model, whole_counts
+from kinetics.formats.model import NetworkModel, whole_counts
 from kinetics.formats.sbmlfile import document_of
 from kinetics.formats.sbmlmath import is_sum, text_of
 from kinetics.formats.sbmlwriting import sbml_text
@@ -30,18 +30,18 @@ class Sbml:
     name: ClassVar[str] = "sbml"
     suffixes: ClassVar[tuple[str, ...]] = (".xml", ".sbml")
 
-    def read(self, path: Path) -> Model:
+    def read(self, path: Path) -> NetworkModel:
         """The file's network with `distinct` combinations, its counts, and what its rules add up."""
         document = document_of(path)  # its model lives as long as it does
-        return _Reader(path, document.getModel()).model()
+        return _SbmlReader(path, document.getModel()).model()
 
-    def text(self, model: Model) -> str:
+    def text(self, model: NetworkModel) -> str:
         """The model in Level 3 Version 1, amounts in copies."""
         return sbml_text(model)
 
 
 @dataclass
-class _Reader:
+class _SbmlReader:
     """One file while it is read.
 
     meanings : id -> what stands for it in formulas, in our own grammar
@@ -55,7 +55,7 @@ class _Reader:
     states: list[str] = field(default_factory=list)
     size: dict[str, float] = field(default_factory=dict)
 
-    def model(self) -> Model:
+    def model(self) -> NetworkModel:
         """The model as a network of ours."""
         self._check_scope()
         rules = {rule.getVariable(): rule for rule in self._each("Rules")}
@@ -76,7 +76,7 @@ class _Reader:
             for name, weights in observables.items()
             if weights is not None
         }
-        return Model(network, whole_counts(self.path, initial), linear, tuple(notes))
+        return NetworkModel(network, whole_counts(self.path, initial), linear, tuple(notes))
 
     def _each(self, plural: str) -> list[Any]:
         """All members of one of the model's lists."""

@@ -18,9 +18,9 @@ def document_of(path: Path) -> Any:
     """The document; its functions and initial assignments are put in where they are used."""
     import libsbml
 
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes; an SBML file may have at most {MAX_BYTES}")
     data = path.read_bytes()
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"{path} has {len(data)} bytes; an SBML file may have at most {MAX_BYTES}")
     _check_depth(path, data)
     try:
         text = data.decode("utf-8")

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 from math import factorial
 from typing import Any
 
-from kinetics.formats.model import Model
+from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 
 
-def sbml_text(model: Model) -> str:
+def sbml_text(model: NetworkModel) -> str:
     """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules.
 
     Names that no id can have are kept as names, beside an id with _ for the characters in question.
@@ -39,6 +39,8 @@ def sbml_text(model: Model) -> str:
         each.setId(species[-1])
         each.setName(name)
         each.setCompartment(place.getId())
+        if float(f"{count:.15g}") != count:
+            raise ValueError(f"{count} copies of {name!r}: libsbml writes 15 digits; expected a count with no more")
         each.setInitialAmount(float(count))
         each.setHasOnlySubstanceUnits(True)
         each.setBoundaryCondition(False)
@@ -76,7 +78,13 @@ def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, 
                 reference.setConstant(True)
     rate = float(network.known_rates[r] * network.ways[r])
     needed = {species[s]: copies for s, copies in before.items()}
-    reaction.createKineticLaw().setMath(libsbml.parseL3Formula(_propensity(rate, needed, network.combinations)))
+    formula = libsbml.parseL3Formula(_propensity(rate, needed, network.combinations))
+    if formula is None:  # a factorial beyond all floats
+        raise ValueError(
+            f"channel {name!r} needs {max(needed.values())} copies of one species, too many for a formula of SBML; "
+            f"write the reaction in steps of fewer reactants"
+        )
+    reaction.createKineticLaw().setMath(formula)
 
 
 def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> str:

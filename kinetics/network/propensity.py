@@ -69,7 +69,7 @@ def over_factorial(coefficient: float, copies: int, channel: str) -> float:
     if coefficient > 0 and share < np.finfo(np.float64).tiny:
         raise ValueError(
             f"channel {channel!r} needs {copies} copies of one species: {coefficient:g} over {copies}! is too small "
-            f"for a float, so it cannot be sampled; write the reaction in steps of fewer reactants"
+            f"for a float; write the reaction in steps of fewer reactants"
         )
     return share
 

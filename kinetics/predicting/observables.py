@@ -1,4 +1,4 @@
-"""Sums of counts in the place of all counts: some species of many, or the observables of a network file."""
+"""Observables: weighted sums of counts that a prediction reports in the place of all counts."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ BLOCK_BYTES = 2**26  # of all counts that are there at a time
 
 
 @dataclass(frozen=True, eq=False)
-class Watch:
-    """Whole weights (S, V) that make V named sums of the counts of S species."""
+class Observables:
+    """V named sums of the counts of S species, by whole weights (S, V)."""
 
     names: tuple[str, ...]
     weights: Ints
 
     @classmethod
-    def of(cls, network: Network, sums: Mapping[str, Mapping[str, float]]) -> Watch:
-        """The sums that are given by the weights of species; a ValueError where one is no whole number >= 0."""
+    def of(cls, network: Network, sums: Mapping[str, Mapping[str, float]]) -> Observables:
+        """From name -> weights of species; a ValueError where a weight is no whole number >= 0."""
         weights = np.zeros((len(network.species), len(sums)))
         for v, (name, terms) in enumerate(sums.items()):
             for species, weight in terms.items():
@@ -43,16 +43,16 @@ class Watch:
 
     @cached_property
     def network(self) -> Network:
-        """The names as a network's species, without a reaction: results are told by it."""
+        """A network without reactions whose species are the observables: results refer to it."""
         none = SparseTable.of_entries((0, len(self.names)), [], [], [])
         return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0))
 
-    def sampling(self, method: SamplingMethod, model: Network) -> WatchedSampling:
-        """A method that samples `model` and gives the sums."""
-        return WatchedSampling(self, method, model)
+    def sampling(self, method: SamplingMethod, model: Network) -> ObservedSampling:
+        """A method that samples `model` and returns the observables."""
+        return ObservedSampling(self, method, model)
 
     def of_distribution(self, found: Distribution) -> Distribution:
-        """The distribution of the sums."""
+        """The distribution of the observables, from that of the counts."""
         sums = found.space.states @ self.weights
         _, first, which = np.unique(sums, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)  # row 0 is the initial state
@@ -64,13 +64,13 @@ class Watch:
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedSampling(SamplingMethod):
-    """A sampling method whose runs are told by the sums alone; all counts are there for a block of runs at a time."""
+class ObservedSampling(SamplingMethod):
+    """A sampling method that keeps observables alone; all counts exist for one block of runs at a time."""
 
-    watch: Watch
+    observables: Observables
     method: SamplingMethod
     model: Network
-    name: ClassVar[str] = "watched"
+    name: ClassVar[str] = "observed"
 
     def prepared(self, network: Network) -> Sampler:  # noqa: ARG002
         """The model made ready: its runs, of which `simulate` takes the sums."""
@@ -86,12 +86,12 @@ class WatchedSampling(SamplingMethod):
         threads: int | None = None,
         first_run: int = 0,
     ) -> Ensemble:
-        """The sums of the runs that the method gives from `initial` (S,); `network` is that of the sums."""
+        """The observables of the method's runs from `initial` (S,); `network` is that of the observables."""
         grid = rising_times(times)
         block = max(1, BLOCK_BYTES // (8 * max(1, grid.size) * len(self.model.species)))
         parts = []
         for begin in range(0, runs, block):
             many = min(block, runs - begin)
             part = self.method.simulate(self.model, initial, grid, many, seed, threads, first_run=first_run + begin)
-            parts.append(part.counts @ self.watch.weights)
+            parts.append(part.counts @ self.observables.weights)
         return Ensemble(network, grid, np.concatenate(parts))

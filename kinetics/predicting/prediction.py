@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.passage import Passage, first_passage
-from kinetics.predicting.observables import Watch
+from kinetics.predicting.observables import Observables
 from kinetics.rates import Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
@@ -89,8 +89,8 @@ def predict(
     seed: int = 0,
     draws: int = 200,
     threads: int | None = None,
-    progress: Callable[[str], None] = lambda _: None,
-    watch: Watch | None = None,
+    progress: Callable[[str], None] | None = None,
+    observables: Observables | None = None,
 ) -> Prediction:
     """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
 
@@ -98,8 +98,8 @@ def predict(
     method : Auto() unless another is given
     runs : of a sampling method
     draws : rate sets drawn from `rates.sample` for the interval
-    progress : told how far the work is
-    watch : sums of counts to be told of in the place of all counts
+    progress : is called with a line of text on how far the work is; None for silence
+    observables : sums of counts to report in the place of all counts
 
     Runs are not kept, only their statistics, so memory does not grow with them. After Ctrl-C the prediction is of the
     runs and draws made so far, if any, and its notes say so.
@@ -109,26 +109,27 @@ def predict(
     from the runs). So it shows what the rates leave open, and nothing else. Approximate: quantiles of `draws` values.
     """
     began = time.process_time()
+    report = progress or (lambda _: None)
     model = network if rates is None else rates.apply(network)
     method = Auto() if method is None else method
-    shown = model if watch is None else watch.network
+    shown = model if observables is None else observables.network
     result: EnsembleStatistics | Distribution
     if isinstance(method, SamplingMethod):
-        sampling = method if watch is None else watch.sampling(method, model)
+        sampling = method if observables is None else observables.sampling(method, model)
         result = simulate_statistics(
             shown, sampling, initial, times, runs, seed, threads,
-            covariances=False, progress=lambda done: progress(f"{done} of {runs} runs"),
+            covariances=False, progress=lambda done: report(f"{done} of {runs} runs"),
         )  # fmt: skip
         standard_error, error = result.standard_error(), 0.0
         unfinished = "" if result.is_complete else f"interrupted: {result.runs} of {runs} runs were made, no interval"
     else:
         solved = solve(model, method, initial, times)
-        result = solved if watch is None else watch.of_distribution(solved)
+        result = solved if observables is None else observables.of_distribution(solved)
         standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
         unfinished = ""
     low = high = None
     if rates is not None and not _is_bare(rates) and not unfinished:
-        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, progress, watch)
+        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, report, observables)
         if len(means) < draws:
             unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
         if len(means) > 1:
@@ -208,8 +209,8 @@ def _draw_means(
     seed: int,
     draws: int,
     threads: int | None,
-    progress: Callable[[str], None],
-    watch: Watch | None,
+    report: Callable[[str], None],
+    observables: Observables | None,
 ) -> tuple[list[Floats], list[Floats]]:
     """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
     found: list[tuple[Floats, Floats]] = []
@@ -217,10 +218,12 @@ def _draw_means(
         for d, drawn in enumerate(_drawn(model, rates, seed, draws)):
             # Numbers beyond those of the prediction's own runs, so that all runs are independent.
             first_run = runs + d * RUNS_PER_DRAW
-            sampling, shown = (Auto(), drawn) if watch is None else (watch.sampling(Auto(), drawn), watch.network)
+            sampling, shown = (
+                (Auto(), drawn) if observables is None else (observables.sampling(Auto(), drawn), observables.network)
+            )
             sample = sampling.simulate(shown, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
             found.append((sample.mean(), sample.standard_error() ** 2))
-            progress(f"{d + 1} of {draws} draws of the rates")
+            report(f"{d + 1} of {draws} draws of the rates")
     except KeyboardInterrupt:
         pass
     return [mean for mean, _ in found], [error for _, error in found]

@@ -32,6 +32,17 @@ def test_without_evidence_there_is_no_interval_and_the_reader_is_told():
     assert list(made.to_dataframe().columns) == ["time", "species", "mean", "sd", "standard_error"]
 
 
+def test_progress_is_reported_or_not_with_the_same_result():
+    lines = []
+    one, two = (
+        predict(bare_line(), measured(50), START, TIMES, runs=20, seed=1, draws=3, progress=progress)
+        for progress in (None, lines.append)
+    )
+    assert lines[-1] == "3 of 3 draws of the rates"
+    assert_array_equal(one.mean, two.mean)
+    assert_array_equal(one.low, two.low)
+
+
 def test_mean_and_sd_are_those_of_the_method():
     rates = Rates.load("table3")
     sampled = predict(bare_line(), rates, START, TIMES, Direct(), runs=200, seed=4)
@@ -119,15 +130,15 @@ def test_interrupted_runs_give_a_prediction_that_says_so(monkeypatch):
 
 
 def test_interrupted_draws_give_the_interval_of_those_that_were_made():
-    told = []
+    lines = []
 
     def interrupt(text):
-        told.append(text)
+        lines.append(text)
         if text.startswith("30 of"):
             raise KeyboardInterrupt
 
     made = predict(bare_line(), measured(50), START, TIMES, runs=100, seed=1, progress=interrupt)
-    assert told[0] == "100 of 100 runs"
+    assert lines[0] == "100 of 100 runs"
     assert not made.is_complete
     assert "interrupted: 30 of 200 draws of the rates were made" in made.notes
     whole = predict(bare_line(), measured(50), START, TIMES, runs=100, seed=1)

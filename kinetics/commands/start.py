@@ -1,4 +1,4 @@
-"""What a prediction starts from: a network, its rates, and what the tank holds at time 0."""
+"""The start that a command line describes: a network, its rates, and the counts at time 0."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from kinetics.support.arrays import Ints
 from kinetics.support.cli.options import counts_of
 
 if TYPE_CHECKING:
-    from kinetics.formats import Model
-    from kinetics.predicting.observables import Watch
+    from kinetics.formats import NetworkModel
+    from kinetics.predicting.observables import Observables
     from kinetics.rates import Rates
 
 MOST_SHOWN = 30  # species that are shown without being asked for
@@ -25,7 +25,7 @@ class Start:
     """A network with the counts (S,) at time 0.
 
     rates : to be applied to it; None where the network has its own, as one from a file has
-    observables : name -> weight of each species that counts in the sum
+    observables : name -> weight of each species in the sum
     """
 
     network: Network
@@ -35,7 +35,7 @@ class Start:
 
     @property
     def convention(self) -> dict[str, Any]:
-        """How a propensity is put together, as a rates file tells it."""
+        """How a propensity is put together, as a rates file states it."""
         from kinetics.rates import Convention
 
         if self.rates is not None:
@@ -43,16 +43,16 @@ class Start:
         return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
 
     @property
-    def model(self) -> Model:
-        """What a network file of it holds."""
-        from kinetics.formats import Model
+    def model(self) -> NetworkModel:
+        """The network with rates, counts and observables, as a network file holds them."""
+        from kinetics.formats import NetworkModel
 
         network = self.network if self.rates is None else self.rates.apply(self.network)
-        return Model(network, self.state, self.observables)
+        return NetworkModel(network, self.state, self.observables)
 
-    def watch(self, names: tuple[str, ...]) -> Watch | None:
-        """What to show: species and observables by their names, and by default all species, unless they are many."""
-        from kinetics.predicting.observables import Watch
+    def shown(self, names: tuple[str, ...]) -> Observables | None:
+        """The species and observables of `--show`; None for all species, the default unless they are many."""
+        from kinetics.predicting.observables import Observables
 
         if not names and len(self.network.species) <= MOST_SHOWN:
             return None
@@ -65,7 +65,7 @@ class Start:
             sums[name] = self.observables.get(name, {name: 1.0})
         if not sums:
             raise ValueError(f"{len(self.network.species)} species; name those to be shown, as in --show A --show B")
-        return Watch.of(self.network, sums)
+        return Observables.of(self.network, sums)
 
 
 def start(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:

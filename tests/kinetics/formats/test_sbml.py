@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Auto, simulate
-from kinetics.formats import Model, read, write
+from kinetics.formats import NetworkModel, read, write
 from kinetics.formats.massaction import rate_constant
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
@@ -203,7 +203,7 @@ def test_constant_rules_and_initial_assignments(tmp_path):
 def test_a_sum_of_very_many_species(tmp_path):
     names = [f"a_species_with_a_long_name_{i}" for i in range(400)]
     network = Network.from_reactions({"in": ({}, {names[0]: 1})}, [1.0], species=names)
-    model = Model(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
+    model = NetworkModel(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
     write(model, tmp_path / "sum.xml")
     again = read(tmp_path / "sum.xml")
     assert again.observables == model.observables

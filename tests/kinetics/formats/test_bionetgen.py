@@ -9,10 +9,9 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics.assembly import RuleBook, derive
 from kinetics.formats import FORMATS, SUFFIXES, read, write
 from kinetics.formats.formulas import number
-from kinetics.formats.model import Model
+from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 from wellmixed import main
 
@@ -106,54 +105,16 @@ def test_the_same_as_the_engine_of_the_format(tmp_path):
         assert_allclose(ours.propensities(state), theirs.propensities(state.astype(float)), rtol=1e-12)
 
 
-def derived(book):
-    network = derive(RuleBook.load(book)).network
-    return network.with_rates(np.random.default_rng(len(book)).uniform(1e-5, 1, len(network.channels)))
-
-
-OWN = {
-    "line4": lambda: derived("line4"),
-    "t5": lambda: derived("t5"),
-    "odd names": lambda: Network.from_reactions(
-        {"3 a": ({"x y": 3}, {"2b": 1}), "#odd name": ({"2b": 2, "x y": 1}, {"x_y": 4}), "in": ({}, {"x_y": 1})},
-        [0.1, 1e-30, 3],
-        ways=[1, 7, 0.1],
-    ),
-    "ordered pair": lambda: Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="ordered"),
-    "no reaction": lambda: Network.from_reactions({}, [], species=["A"]),
-}
-
-
-@pytest.mark.parametrize("kind", FORMATS, ids=lambda kind: kind.name)
-@pytest.mark.parametrize("name", OWN)
-def test_our_networks_come_back(kind, name, tmp_path):
-    """Counts, observables and propensities, whatever the names."""
-    network = OWN[name]()
-    rng = np.random.default_rng(0)
-    model = Model(network, rng.integers(0, 9, len(network.species)), {"sum": dict.fromkeys(network.species, 2.0)})
-    path = tmp_path / f"model{kind.suffixes[0]}"
-    write(model, path)
-    again = read(path)
-    assert_array_equal(again.initial, model.initial)
-    assert_array_equal(again.network.stoichiometry, network.stoichiometry)
-    assert_array_equal(again.network.reactants, network.reactants)
-    assert [list(weights.values()) for weights in again.observables.values()] == [[2.0] * len(network.species)]
-    for state in rng.integers(0, 20, (10, len(network.species))):
-        assert_allclose(again.network.propensities(state), network.propensities(state), rtol=1e-14)
-    write(again, path)
-    assert read(path).network.fingerprint == again.network.fingerprint
-
-
 def test_what_a_net_file_cannot_say(tmp_path):
     squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
     with pytest.raises(ValueError, match="n squared, which it cannot say"):
-        write(Model(squares, [3, 0]), tmp_path / "out.net")
+        write(NetworkModel(squares, [3, 0]), tmp_path / "out.net")
     assert not (tmp_path / "out.net").exists()
     law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
     with pytest.raises(ValueError, match="law of channel 'turn'"):
-        write(Model(law, [3, 0]), tmp_path / "out.net")
+        write(NetworkModel(law, [3, 0]), tmp_path / "out.net")
     with pytest.raises(ValueError, match=r"must end in .*\.net"):
-        write(Model(law, [3, 0]), tmp_path / "out.csv")
+        write(NetworkModel(law, [3, 0]), tmp_path / "out.csv")
 
 
 GOOD = """begin parameters

@@ -1,0 +1,96 @@
+"""A format is added by one file and its line in the tuple: shown in a scratch copy, where the contract tests it."""
+
+import pytest
+from scratch import add_line, run_contract, scratch_copy
+
+SHEET = '''"""A sheet of JSON: species, channels and sparse tables."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from kinetics.formats.model import NetworkModel
+from kinetics.network import Network
+from kinetics.network.sparse_tables import SparseTable
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Reader and writer of sheets."""
+
+    name: ClassVar[str] = "sheet"
+    suffixes: ClassVar[tuple[str, ...]] = (".sheet", ".sht")
+
+    def read(self, path: Path) -> NetworkModel:
+        """The network of a sheet."""
+        if path.stat().st_size > 2**20:
+            raise ValueError(f"{path} has {path.stat().st_size} bytes; a sheet may have at most {2**20}")
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            shape = len(data["channels"]), len(data["species"])
+            tables = [SparseTable.of_entries(shape, *data[name]) for name in ("needs", "change")]
+            network = Network.from_sparse(
+                data["species"], data["channels"], *tables, data["ways"], data["rates"], data["combinations"]
+            )
+            return NetworkModel(network, data["initial"], data["observables"])
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path} is no sheet: {error}") from None
+
+    def text(self, model: NetworkModel) -> str:
+        """A sheet of mass action."""
+        net = model.network
+        if not net.is_mass_action:
+            raise ValueError(f"a sheet has mass action alone; {[*net.laws]} or {[*net.events]} do not fit")
+        tables = {"needs": net.sparse_reactants, "change": net.sparse_stoichiometry}
+        return json.dumps(
+            {name: [part.tolist() for part in (t.rows, t.columns, t.copies)] for name, t in tables.items()}
+            | {"species": net.species, "channels": net.channels, "combinations": net.combinations}
+            | {"ways": net.ways.tolist(), "rates": net.known_rates.tolist()}
+            | {"initial": model.initial.tolist(), "observables": dict(model.observables)}
+        )
+'''
+# Each is (in the place of, this) and a case of the contract that sees it.
+MISTAKES = (
+    ('net.ways.tolist(), "rates"', '[1.0] * len(net.channels), "rates"', "test_a_network_comes_back[ways-sheet]"),
+    ("if not net.is_mass_action:", "if False:", "test_what_it_cannot_hold_is_refused_and_not_changed[law-sheet]"),
+    ("(ValueError, KeyError,", "(KeyError,", "test_a_damaged_file_is_refused_by_name[sheet]"),
+    ('".sheet", ".sht"', '".sheet", ".sHt"', "test_it_says_what_it_is[sheet]"),
+    ("model.initial.tolist()", "(model.initial // 2).tolist()", "test_large_counts_and_extreme_rates_come_back[sheet]"),
+)
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """A copy in which the new format has its line in the tuple, and the import that the line needs."""
+    made = scratch_copy(tmp_path_factory.mktemp("scratch"))
+    formats = made / "kinetics" / "formats" / "__init__.py"
+    add_line(formats, "import Sbml", "from kinetics.formats.sheet import Sheet")
+    add_line(formats, "    Sbml(),", "    Sheet(),")
+    return made
+
+
+def contract_of(copy, text, monkeypatch):
+    """The contract's cases for a format that is this file; nothing is compiled for so small networks."""
+    (copy / "kinetics" / "formats" / "sheet.py").write_text(text, encoding="utf-8")
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    return run_contract(copy, "test_formats.py", "-k", "sheet", "-rf", "--tb=no")
+
+
+def test_one_file_and_its_line_add_a_format(copy, monkeypatch):
+    done = contract_of(copy, SHEET, monkeypatch)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "20 passed" in done.stdout
+
+
+def test_the_contract_sees_what_is_wrong_with_it(copy, monkeypatch):
+    text = SHEET
+    for right, wrong, _ in MISTAKES:
+        assert text.count(right) == 1
+        text = text.replace(right, wrong)
+    done = contract_of(copy, text, monkeypatch)
+    assert done.returncode == 1, done.stdout + done.stderr
+    for *_, case in MISTAKES:
+        assert f"::{case}" in done.stdout, f"{case} did not fail: {done.stdout}"
