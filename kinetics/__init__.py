@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from kinetics.network import Network
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.passage import (
+        Committor,
         Passage,
         RareEvent,
-        Splitting,
         Stationary,
+        committor,
         first_passage,
         rare_event,
-        splitting,
         stationary,
     )
     from kinetics.predicting import Prediction, predict
@@ -46,8 +46,8 @@ _HOMES = {
     "kinetics.network": ("Network",),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.passage": (
-        *("Passage", "RareEvent", "Splitting", "Stationary"),
-        *("first_passage", "rare_event", "splitting", "stationary"),
+        *("Passage", "RareEvent", "Committor", "Stationary"),
+        *("first_passage", "rare_event", "committor", "stationary"),
     ),
     "kinetics.predicting": ("Prediction", "predict"),
     "kinetics.ranking": ("Ranking", "rank"),
@@ -69,6 +69,7 @@ __all__ = [
     "Auto",
     "ChannelRate",
     "ClassRates",
+    "Committor",
     "CompositionRejection",
     "Convention",
     "Dense",
@@ -89,12 +90,12 @@ __all__ = [
     "Ranking",
     "RareEvent",
     "Rates",
-    "Splitting",
     "StateSpace",
     "Stationary",
     "Transient",
     "Verification",
     "__version__",
+    "committor",
     "first_passage",
     "grow",
     "predict",
@@ -105,7 +106,6 @@ __all__ = [
     "simulate",
     "simulate_statistics",
     "solve",
-    "splitting",
     "stationary",
     "verify",
 ]

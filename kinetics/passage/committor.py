@@ -1,4 +1,4 @@
-"""Which of several ends a chain comes to: probabilities, times, states on the way, and paths to a given one."""
+"""Committors: which of several targets a chain reaches first, when, by which states, and paths to a given one."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.elimination import equations, relative_error, totals
+from kinetics.passage.entry import reached_states
 from kinetics.runs import JumpPath
-from kinetics.solving import StateSpace, reachable
+from kinetics.solving import StateSpace
 from kinetics.solving.states import MAX_STATES
 from kinetics.support.arrays import Floats, Ints, read_only, whole_number
 
@@ -19,7 +20,7 @@ Target = Callable[[Ints], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
-class Splitting:
+class Committor:
     """Which target is reached first, from every state.
 
     targets : K names
@@ -53,8 +54,8 @@ class Splitting:
 
         A channel that leads from x to y fires at its rate times committor(y) / committor(x).
         """
-        committor = self.committors[self._index(target)]
-        if committor[0] == 0.0:
+        chances = self.committors[self._index(target)]
+        if chances[0] == 0.0:
             raise ValueError(f"target {target!r} is never reached first; there are no such runs")
         sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(whole_number("run", run, 0),))
         rng = np.random.default_rng(sequence)
@@ -64,7 +65,7 @@ class Splitting:
             rates = network.propensities(states[row])
             able = np.flatnonzero((rates > 0) & network.stoichiometry.any(axis=1))
             ends = self.space.index_of(states[row] + network.stoichiometry[able])
-            biased = np.cumsum(rates[able] * (committor[ends] / committor[row]))
+            biased = np.cumsum(rates[able] * (chances[ends] / chances[row]))
             now += rng.exponential() / biased[-1]
             chosen = min(int(np.searchsorted(biased, rng.random() * biased[-1], side="right")), able.size - 1)
             times.append(now)
@@ -78,17 +79,22 @@ class Splitting:
         return self.targets.index(target)
 
 
-def splitting(
+def committor(
     network: Network, initial: ArrayLike, targets: Mapping[str, Target], max_states: int = MAX_STATES
-) -> Splitting:
-    """Which of `targets` the chain reaches first from `initial`.
+) -> Committor:
+    """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
 
-    targets : name -> function that tells of states (n, S) which ones belong to it (n,)
-    Every figure is a sum of positive terms, so a probability of 1e-30 has all its digits.
+    targets : name -> function of states (n, S), which of them belong to it (n,)
+    max_states : more are refused
+    ValueError: no targets, a state in two of them, missing rates, or too many states
+
+    The equations of first-step analysis, solved by elimination without subtractions (see `elimination`): every figure
+    is a sum of positive terms, so a probability of 1e-30 has all its digits. Cost: that of the elimination, states
+    times the square of the band's width, and two substitutions a target. Choose it where the states can be listed;
+    `rare_event` goes on where they cannot.
     """
     if not targets:
         raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")
-    network.known_rates  # noqa: B018
 
     def belongs(states: Ints) -> NDArray[np.bool_]:
         tables = [np.asarray(test(states), dtype=bool) for test in targets.values()]
@@ -107,7 +113,7 @@ def splitting(
     def is_target(states: Ints) -> NDArray[np.bool_]:
         return np.logical_or.reduce(belongs(states))
 
-    space = reachable(network, initial, is_target, max_states)
+    space = reached_states(network, initial, max_states, is_target)
     member = belongs(space.states)
     rows, columns, rates, _ = space.transitions()
     n, committors = len(space), member.astype(float)
@@ -133,7 +139,7 @@ def splitting(
         lost = ~way & ~space.is_stopped
         never = float(chain.solve(totals(here, gone * lost[there], size))[0])
         occupation[way] = chain.occupation(np.eye(1, size)[0])
-    return Splitting(space, tuple(targets), committors, never, times, occupation, 2.0 * error)
+    return Committor(space, tuple(targets), committors, never, times, occupation, 2.0 * error)
 
 
 def _leading(rows: Ints, columns: Ints, goals: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -1,4 +1,7 @@
-"""Equations on a Markov chain solved without subtractions: every entry comes with its own relative accuracy."""
+"""Linear equations of a Markov chain solved without subtractions: every entry has its own relative accuracy.
+
+Grassmann, Taksar & Heyman (1985), doi:10.1287/opre.33.5.1107.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +30,16 @@ class TooLargeError(ValueError):
 class Elimination:
     """A chain on n states that goes from rows (K,) to columns (K,) at rates (K,), and is left at `leaving` (n,).
 
-    The states are ordered so that the rates lie in a narrow band (Cuthill & McKee 1969); the cost is n * width**2.
+    The states are ordered so that the rates lie in a narrow band (Cuthill & McKee 1969,
+    doi:10.1145/800195.805928); the cost is n * width**2.
 
     width : of the band
     error : bound on the relative error of every number that comes out
 
     Every figure is a ratio of sums of spanning forests, products of one rate out of each state. So a relative error of
-    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993). Where a step reroutes the rates out of
-    a state, each of them rounds five times: exit rate (twice), share, product, sum. The steps count these states.
+    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). Where a step
+    reroutes the rates out of a state, each of them rounds five times: exit rate (twice), share, product, sum. The steps
+    count these states.
     """
 
     def __init__(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:

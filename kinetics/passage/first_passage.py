@@ -1,4 +1,4 @@
-"""First passage: the time until there first are so many copies of a species."""
+"""First passage times: until there first are so many copies of a species."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error, totals
-from kinetics.solving import reachable
+from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
@@ -26,7 +26,7 @@ NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is t
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Law of the first passage time from one state, tu.
+    """Distribution of the first passage time from one state, tu.
 
     target : what is waited for, in words
     mean, sd : of the time; mean inf and sd nan where the target may never be reached
@@ -57,23 +57,23 @@ class Passage:
 
     def cdf(self, times: ArrayLike) -> Floats:
         """Probability (...) that the target has been reached by `times` (...), tu."""
-        return self._law(times)[0]
+        return self._at(times)[0]
 
     def survival(self, times: ArrayLike) -> Floats:
         """Probability (...) that it has not; summed on its own, so right also where it is tiny."""
-        return self._law(times)[1]
+        return self._at(times)[1]
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
         """Between which the cdf (...) lies: truncation and every rounding, those of the rates included."""
-        value, _, error = self._law(times)
+        value, _, error = self._at(times)
         return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
 
     def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
         """Between which the survival (...) lies."""
-        _, value, error = self._law(times)
+        _, value, error = self._at(times)
         return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
 
-    def _law(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    def _at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         asked = np.asarray(times, dtype=float)
         flat = reals("times", asked.ravel(), (None,), minimum=0)
         self._check_steps(flat.max(initial=0.0))
@@ -111,8 +111,8 @@ class Passage:
             if q > self.probability * (1.0 + self.error):
                 return np.inf, np.inf
             low = self._quantile(max(self.probability * (1.0 - self.error) - NEARLY, 0.0))
-            return low if float(self._law(low)[2]) <= NEARLY else 0.0, np.inf
-        error = float(self._law(2.0 * middle)[2])
+            return low if float(self._at(low)[2]) <= NEARLY else 0.0, np.inf
+        error = float(self._at(2.0 * middle)[2])
         low, high = self._quantile(max(q - error, 0.0)), self._quantile(q + error)
         return low, high if high <= 2.0 * middle else np.inf
 
@@ -162,13 +162,18 @@ def first_passage(
 ) -> Passage:
     """Time from `initial` until there first are at least `copies` of a species.
 
-    Mean and variance from linear equations on the states before the target (Norris 1997, ch. 3), the distribution by
-    uniformisation. Where the chain may miss the target for good, the mean is inf and `probability` below 1.
+    max_states : more are refused
+    ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
+
+    Mean and variance from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
+    doi:10.1017/CBO9780511810633), the distribution by uniformisation when it is asked for. Where the chain may miss the
+    target for good, the mean is inf and `probability` below 1. Cost: states times the square of the band's width, and
+    for the distribution a step for each uniformised event. Choose it where the states can be listed, else sample.
     """
     index = network.index(species)
     wanted = whole_number("copies", copies, 0)
     target = f"{wanted} {species}"
-    space = reachable(network, initial, stop=lambda states: states[:, index] >= wanted, max_states=max_states)
+    space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     lumped = _lump(space.generator(), space.is_stopped)
     chain = DiscreteChain.of(lumped)
     n = lumped.shape[0] - 1

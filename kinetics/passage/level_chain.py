@@ -1,4 +1,4 @@
-"""How likely an event still is, from a level and the time left: a chain on the levels alone, learnt from runs."""
+"""A Markov chain on levels alone, learnt from runs: the chance of an event from a level and the time left."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_BINS = 256  # more levels than this share bins of equal width
 STEPS = 400  # of the time until the end
 
 
-class Bins:
+class LevelBins:
     """Levels as numbers of bins; the last one is the event, and holds all levels from `threshold` on."""
 
     def __init__(self, levels: Floats, threshold: float) -> None:
@@ -26,31 +26,31 @@ class Bins:
         return np.maximum(np.searchsorted(self.edges, levels, side="right") - 1, 0)
 
 
-class Watch:
+class LevelJumps:
     """Time spent in each bin, tu, and how often a run went from one to another."""
 
-    def __init__(self, bins: Bins) -> None:
-        self.bins, self.times, self.jumps = bins, np.zeros(bins.n), np.zeros((bins.n, bins.n))
+    def __init__(self, bins: LevelBins) -> None:
+        self.bins, self.times, self.counts = bins, np.zeros(bins.n), np.zeros((bins.n, bins.n))
 
     def note(self, before: Floats, waits: Floats, fired: Ints, after: Floats) -> None:
         """Runs that stayed at the levels `before` (n,) for `waits` (n,), and of which `fired` went to `after`."""
         rows = self.bins.of(before)
         np.add.at(self.times, rows, waits)
-        np.add.at(self.jumps, (rows[fired], self.bins.of(after)), 1.0)
+        np.add.at(self.counts, (rows[fired], self.bins.of(after)), 1.0)
 
 
-class Progress:
+class LevelChances:
     """Chance (M + 1, n) of the event from each bin, with the time left in M equal steps from none to all.
 
     The rates between bins are jumps over time spent. That forgets all but the level, so the chances are rough where
-    other counts matter; they only say where runs are worth splitting. Implicit Euler steps, which are sums of positive
+    other counts matter; they only show where runs are worth splitting. Implicit Euler steps, which are sums of positive
     terms, so that a chance of 1e-30 is as good as one of 0.5.
     """
 
-    def __init__(self, watch: Watch, end: float) -> None:
-        self.bins, self.end = watch.bins, end
-        last, step = watch.bins.n - 1, end / STEPS
-        rates = np.divide(watch.jumps, watch.times[:, None], out=np.zeros_like(watch.jumps), where=watch.jumps > 0)
+    def __init__(self, jumps: LevelJumps, end: float) -> None:
+        self.bins, self.end = jumps.bins, end
+        last, step = jumps.bins.n - 1, end / STEPS
+        rates = np.divide(jumps.counts, jumps.times[:, None], out=np.zeros_like(jumps.counts), where=jumps.counts > 0)
         np.fill_diagonal(rates, 0.0)
         rows, columns = np.nonzero(rates[:last, :last])
         hits = rates[:last, last]

@@ -1,4 +1,4 @@
-"""Rare events where the states cannot be listed: splitting by how likely the event still is."""
+"""Probabilities of rare events by importance splitting, where the states cannot be listed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.level_chain import Bins, Progress, Watch
+from kinetics.passage.level_chain import LevelBins, LevelChances, LevelJumps
 from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 
 Level = Callable[[Ints], NDArray[np.float64]]
@@ -30,8 +30,8 @@ class RareEvent:
     """Probability that a level is reached by a time.
 
     probability, standard_error : unbiased estimate, and its error by chance, from independent replicates
-    low, high : 95 % interval: by Student's law where the replicates agree (`is_trusted`); else only a lower limit, by
-        Markov's inequality, which holds for any unbiased estimate that is not negative
+    low, high : 95 % interval: by Student's distribution where the replicates agree (`is_trusted`); else only a lower
+        limit, by Markov's inequality, which holds for any unbiased estimate that is not negative
     chances : of the event, roughly, at which runs were split; the last one, 1, is the event itself
     runs : begun at each stage, over all replicates
     """
@@ -70,17 +70,19 @@ def rare_event(
 
     level : of states (n, S), values (n,) that rise on the way to the event, as in lambda states: states[:, 0]
     runs : begun at each stage
+    ValueError: no way to the event was found, or wrong input
 
-    Splitting (Kahn & Harris 1951): each next stage is reached by a share of the runs that start where earlier ones
-    entered the stage before, and the probability is the product of the shares. Stages are chances of the event given
-    level and time left, from a chain on the levels learnt in a pilot; so a run that is late must be further to enter,
-    and events that have to hurry all the way are found as well as those that come sooner or later. All is fixed before
-    the estimate, which keeps it unbiased (Amrein & Kuensch 2011), whatever the level.
+    Importance splitting (Kahn & Harris 1951): each next stage is reached by a share of the runs that start where
+    earlier ones entered the stage before, and the probability is the product of the shares. Stages are chances of the
+    event given level and time left, from a chain on the levels learnt in a pilot; so a run that is late must be further
+    to enter, and events that have to hurry all the way are found as well as those that come sooner or later. All is
+    fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011), whatever the level.
 
-    The interval holds where the level tells how far a run has come: runs that enter a stage in different states must
+    The interval holds where the level shows how far a run has come: runs that enter a stage in different states must
     go on with similar chances. Where the event comes almost only by a way that few enter at first, and that the level
     does not show (a hidden switch), the replicates may all miss it and agree on too small a number: `low` still holds,
-    `high` does not. Where the states can be listed, `first_passage` and `splitting` are exact.
+    `high` does not. Cost: events of all runs at all stages, some log(1 / p) / 1.6 of them. Where the
+    states can be listed, `first_passage` and `committor` are exact: choose those.
     """
     horizon = float(rising_times([end])[0])
     start = network.state(initial)
@@ -105,25 +107,25 @@ def rare_event(
     return RareEvent(mean, error, low, high, chances, n * REPLICATES, seed)
 
 
-def _learn(runner: _Runner, start: Ints, threshold: float, n: int) -> tuple[Progress, tuple[float, ...]]:
+def _learn(runner: _Runner, start: Ints, threshold: float, n: int) -> tuple[LevelChances, tuple[float, ...]]:
     """How likely the event is from where, and the chances at which to split.
 
     First from runs that climb the levels with all the time at each; then from runs that had to make it by the end.
     """
     ladder, levels = _pilot(runner, start, _level_alone, threshold, n, has_all_time=True)
-    watch = Watch(Bins(levels, threshold))
+    jumps = LevelJumps(LevelBins(levels, threshold))
     states = np.tile(start, (n, 1))
     for goal in ladder:
-        found = runner.run(states, np.zeros(n), _level_alone, goal, watch)
+        found = runner.run(states, np.zeros(n), _level_alone, goal, jumps)
         hits = np.flatnonzero(found.tops >= goal)
         if not hits.size:
             break
         states = found.states[runner.rng.choice(hits, n)]
-    later = Watch(watch.bins)
-    _pilot(runner, start, Progress(watch, runner.end), 1.0, n, watch=later)
-    later.times += OLDER * watch.times
-    later.jumps += OLDER * watch.jumps
-    progress = Progress(later, runner.end)
+    later = LevelJumps(jumps.bins)
+    _pilot(runner, start, LevelChances(jumps, runner.end), 1.0, n, jumps=later)
+    later.times += OLDER * jumps.times
+    later.counts += OLDER * jumps.counts
+    progress = LevelChances(later, runner.end)
     return progress, _pilot(runner, start, progress, 1.0, n)[0]
 
 
@@ -138,7 +140,7 @@ def _pilot(
     threshold: float,
     n: int,
     has_all_time: bool = False,
-    watch: Watch | None = None,
+    jumps: LevelJumps | None = None,
 ) -> tuple[tuple[float, ...], Floats]:
     """Values that about a fifth of the runs reach from the one before, and the levels that were seen.
 
@@ -149,7 +151,7 @@ def _pilot(
     seen = [runner.levels(states[:1])]
     reached = float(value(seen[0], clocks[:1])[0])
     while reached < threshold:
-        first = runner.run(states, clocks, value, threshold, watch, seen)
+        first = runner.run(states, clocks, value, threshold, jumps, seen)
         goal = min(float(np.quantile(first.tops, 1.0 - SHARE, method="higher")), threshold)
         if goal <= reached:  # few go further; the next value that any reached
             goal = float(first.tops[first.tops > reached].min(initial=np.inf))
@@ -210,12 +212,12 @@ class _Runner:
         clocks: Floats,
         value: Value,
         goal: float,
-        watch: Watch | None = None,
+        jumps: LevelJumps | None = None,
         seen: list[Floats] | None = None,
     ) -> _Runs:
         """From states (n, S) at clocks (n,), each run until its value reaches the goal, or the end.
 
-        watch, seen : note jumps between levels, and the levels themselves
+        jumps, seen : note jumps between levels, and the levels themselves
         """
         states, clocks = states.copy(), clocks.copy()
         changes = self.network.stoichiometry
@@ -238,8 +240,8 @@ class _Runner:
             chosen = np.minimum((ladder <= marks[:, None]).sum(axis=1), ladder.shape[1] - 1)
             states[going] += changes[chosen]
             levels[going] = self.levels(states[going])
-            if watch is not None:
-                watch.note(before, spent, fires, levels[going])
+            if jumps is not None:
+                jumps.note(before, spent, fires, levels[going])
             if seen is not None:
                 seen.append(np.unique(levels[going]))
             tops[going] = np.maximum(tops[going], value(levels[going], clocks[going]))

@@ -1,4 +1,4 @@
-"""Where a chain comes to rest: its law after infinite time."""
+"""Stationary distributions: the probabilities after infinite time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.elimination import Elimination, TooLargeError, totals
-from kinetics.solving import StateSpace, reachable
+from kinetics.passage.entry import reached_states
+from kinetics.solving import StateSpace
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.support.arrays import Floats, read_only
@@ -18,7 +19,7 @@ from kinetics.support.arrays import Floats, read_only
 
 @dataclass(frozen=True, eq=False)
 class Stationary:
-    """Law after infinite time from one state.
+    """Distribution after infinite time from one state.
 
     probabilities : (N,) of every reachable state; 0 for states that are left for good
     classes : rows of the states of each closed class, which is never left
@@ -59,23 +60,26 @@ class Stationary:
         """Probabilities of the copies of one species, as steps; returns `ax`."""
         from kinetics.support import plots
 
-        law = self.marginal(species)
-        ax.stairs(law, np.arange(law.size + 1) - 0.5, color=plots.COLOURS[0], fill=True, alpha=0.4)
+        shares = self.marginal(species)
+        ax.stairs(shares, np.arange(shares.size + 1) - 0.5, color=plots.COLOURS[0], fill=True, alpha=0.4)
         ax.set_xlabel(f"copies of {species}")
         ax.set_ylabel("stationary probability")
         return ax
 
 
 def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATES) -> Stationary:
-    """Law after infinite time from `initial`, by elimination without subtractions (Grassmann, Taksar & Heyman 1985).
+    """Stationary distribution that the chain comes to from `initial`.
 
-    Where the chain may end up in several closed classes, each class's own law weighted by the probability of ending up
-    in it. A space without end has no such law that could be listed, and is refused.
+    max_states : more are refused, as is a space without end
+    ValueError: missing rates, too many states, or a band too wide to eliminate
+
+    By elimination without subtractions (Grassmann, Taksar & Heyman 1985, doi:10.1287/opre.33.5.1107), each class on
+    its own; where the chain may end up in several closed classes, they are weighted by the probability of ending up
+    in each. Cost: states times the square of the band's width.
     """
     from scipy.sparse.csgraph import connected_components
 
-    network.known_rates  # noqa: B018
-    space = reachable(network, initial, max_states=max_states)
+    space = reached_states(network, initial, max_states)
     rows, columns, rates, _ = space.transitions()
     n = len(space)
     n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
@@ -83,22 +87,22 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
         weights, weights_error = _weights(rows, columns, rates, label, is_closed)
-        probabilities, law_error = np.zeros(n), 0.0
+        probabilities, rest_error = np.zeros(n), 0.0
         classes = []
         by_class = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
         for number in np.flatnonzero(is_closed):
             members = by_class[number]
             classes.append(members)
-            law, own_error = (np.ones(1), 0.0)
+            rest, own_error = (np.ones(1), 0.0)
             if members.size > 1:
-                law, own_error = _law_within(rows, columns, rates, members, n)
-            probabilities[members] = weights[number] * law
-            law_error = max(law_error, own_error)
+                rest, own_error = _rest_within(rows, columns, rates, members, n)
+            probabilities[members] = weights[number] * rest
+            rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
         raise ValueError(
-            f"the stationary law is out of reach: {refusal}; start from fewer copies, or ask for the law at a late time"
+            f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
         ) from None
-    error = weights_error + law_error + 2.0 * ROUNDOFF * (weights_error + law_error > 0)
+    error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
     return Stationary(space, probabilities, tuple(classes), weights[is_closed], error)
 
 
@@ -128,10 +132,10 @@ def _weights(
     return weights, chain.error
 
 
-def _law_within(
+def _rest_within(
     rows: NDArray[Any], columns: NDArray[Any], rates: Floats, members: NDArray[np.intp], n: int
 ) -> tuple[Floats, float]:
-    """Stationary law of one closed class."""
+    """Stationary distribution of one closed class."""
     place = np.full(n, -1)
     place[members] = np.arange(members.size)
     inside = place[rows] >= 0

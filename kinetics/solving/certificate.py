@@ -1,4 +1,4 @@
-"""The transient law of a small chain in fixed point, with a proven bound: what a solution in doubles is held against.
+"""A proven bound on the error of a small chain's probabilities, by a second solution in fixed point.
 
 Scaling and squaring. Stochastic matrices do not enlarge errors: where two of them differ by d in their largest row sum,
 their squares differ by at most 2 d. So s squarings with errors of 2**-w each end within 2**(s + 1 - w), whatever the
@@ -7,12 +7,14 @@ rates: s bits more than a double has are enough. Cutting the series off is bound
 
 from __future__ import annotations
 
-from math import ceil, factorial, log2
+from fractions import Fraction
+from math import ceil, comb, factorial, log2
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.network import Network
 from kinetics.solving.fixedpoint import FixedPoint
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats
@@ -35,35 +37,48 @@ class Entries(NamedTuple):
 
 
 def exact_entries(space: StateSpace) -> Entries:
-    """Every rate of a space without stopped states as two doubles: constant times count, and what that rounds off."""
+    """Every rate of a space without stopped states: under mass action as doubles that add up to it, without rounding.
+
+    Rate constants and ways are doubles and combinations whole numbers, so that their products are fractions. What rate
+    laws give is taken as it was computed.
+    """
     network, states = space.network, space.states
-    counts = network.ways * network.combinations_of(states)
-    high = network.known_rates * counts
-    # Whole, and small enough that combinations came without rounding before they were divided by a factorial.
-    is_whole = bool((network.ways % 1 == 0).all() and (counts % 1 == 0).all() and counts.max(initial=0.0) < 2.0**43)
-    is_exact = is_whole and not network.laws
-    rates = high if is_exact else network.propensities(states)
-    low = _product_rest(network.known_rates, counts, high) if is_exact else np.zeros_like(high)
-    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
-    for channel in np.flatnonzero(network.stoichiometry.any(axis=1)):
-        here = np.flatnonzero(rates[:, channel] > 0)
+    is_exact = not network.laws
+    propensities = network.propensities(states)
+    places: list[tuple[int, int]] = []
+    values: list[float] = []
+    for channel in np.flatnonzero(network.stoichiometry.any(axis=1)).tolist():
+        here = np.flatnonzero(propensities[:, channel] > 0)
         there = space.index_of(states[here] + network.stoichiometry[channel])
-        rows += [here, here]
-        columns += [there, there]
-        values += [rates[here, channel], low[here, channel]]
-    return Entries(np.concatenate(rows), np.concatenate(columns), np.concatenate(values), is_exact)
+        for row, column in zip(here.tolist(), there.tolist(), strict=True):
+            parts: tuple[float, ...] = (float(propensities[row, channel]),)
+            if is_exact:
+                parts, rest = _parts(_rate(network, channel, states[row].tolist()))
+                is_exact &= rest == 0
+            places += [(row, column)] * len(parts)
+            values += parts
+    rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
+    return Entries(rows, columns, np.array(values, dtype=np.float64), is_exact)
 
 
-def _product_rest(a: Floats, b: Floats, product: Floats) -> Floats:
-    """a * b - product, exactly, where the product is the rounded one (Dekker 1971); numbers far from the limits."""
+def _rate(network: Network, channel: int, state: list[int]) -> Fraction:
+    """Rate constant * ways * combinations of a channel in a state, exactly."""
+    ways = 1
+    for have, taken in zip(state, network.reactants[channel].tolist(), strict=True):
+        if network.combinations == "product":
+            ways *= have**taken
+        else:
+            ways *= comb(have, taken) * (factorial(taken) if network.combinations == "ordered" else 1)
+    return Fraction(float(network.known_rates[channel])) * Fraction(float(network.ways[channel])) * ways
 
-    def halves(x: Floats) -> tuple[Floats, Floats]:
-        mantissa, exponent = np.frexp(x)
-        upper = np.rint(mantissa * 2.0**26) / 2.0**26
-        return np.ldexp(upper, exponent), np.ldexp(mantissa - upper, exponent)
 
-    (a1, a2), (b1, b2) = halves(a), halves(b)
-    return ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
+def _parts(number: Fraction) -> tuple[tuple[float, ...], Fraction]:
+    """Doubles, the nearest first, and what is left once the next would be too small for a double."""
+    parts: list[float] = []
+    while len(parts) < 2 or (number and parts[-1]):
+        parts.append(float(number))
+        number -= Fraction(parts[-1])
+    return tuple(parts), number
 
 
 def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Matrix exponential of a generator by scaling and squaring without subtractions: for small chains, however stiff."""
+"""The matrix exponential of a generator by scaling and squaring without subtractions, for small and stiff chains."""
 
 from __future__ import annotations
 
@@ -30,14 +30,18 @@ OTHER_UNIT = 0.7  # makes q smaller, so the step that was short enough still is
 class Dense(SolvingMethod):
     """Non-negative scaling and squaring: every probability comes with its own relative accuracy, at any stiffness.
 
-    exp(Q h) of a short step by a Taylor series of a positive matrix (Xue & Ye 2013), then squared. Products of positive
-    numbers lose nothing; after each squaring the diagonal is set to what the row needs to sum to one, as Grassmann,
-    Taksar & Heyman (1985) do in elimination, so that mass is kept and the errors of the entries do not double.
+    exp(Q h) of a short step by a Taylor series of a positive matrix, then squared. Products of positive numbers lose
+    nothing; after each squaring the diagonal is set to what the row needs to sum to one, as Grassmann, Taksar & Heyman
+    do in elimination, so that mass is kept and the errors of the entries do not double.
 
-    max_states : more are refused; cost grows with their cube
+    max_states : more are refused
     certified_states : up to so many the error is a proven bound, by a second solution in fixed point that takes some
-        twenty times as long; above, an estimate, by a second solution in another unit of time
-    A bound needs rates that are a constant times a whole number; for others it stays an estimate.
+        twenty times as long; above, an estimate, by a second solution in another unit of time. Of rates that come from
+        rate laws, whose own roundings are not known, it is an estimate as well.
+
+    Source: Xue & Ye (2013), doi:10.1090/S0025-5718-2013-02677-4, and Grassmann, Taksar & Heyman (1985),
+    doi:10.1287/opre.33.5.1107. Cost: the cube of the states times log2(fastest rate * last time), for any number of
+    times. Choose it for small chains with rates many decades apart, or for tiny probabilities with all their digits.
     """
 
     name: ClassVar[str] = "dense"

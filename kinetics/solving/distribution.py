@@ -1,4 +1,4 @@
-"""What a solving method gives: the probability of every state at each time, with a bound on its error."""
+"""The answer of a solving method: the probability of every state at each time, with a bound on its error."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 A number is the sum over d of digit[d] * 2**(-bits * d). Digits are doubles that hold whole numbers up to half the base,
 so short that sums of their products stay below 2**53: whatever the order in which a library adds them, they are exact
-(the error-free products of Ozaki et al. 2012). Only what is cut off at the end is lost, and that is known beforehand.
+(the error-free products of Ozaki et al. 2012, doi:10.1007/s11075-011-9478-1). Only what is cut off at the end is lost,
+and that is known beforehand.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Finite state projection: the master equation on the states that matter, which move along with the probability."""
+"""Finite state projection: the master equation on a set of likely states that moves along with the probability."""
 
 from __future__ import annotations
 
@@ -24,20 +24,26 @@ MOST_LAYERS = 8  # events that the states are extended by at a time
 SMALLEST = 1e-300
 SHARE = 1e-3  # of the tolerance that the Poisson windows may leave out
 MINOR = 0.1  # of the allowed loss: states that lose less than this together are not extended
-TRIAL = 0.02  # of the work allowed: done before the rest is foretold, to see whether rates fall or the law settles
+TRIAL = (
+    0.02  # of the work allowed: done before the rest is foretold, to see whether rates fall or the distribution settles
+)
 BUILDING = 60.0  # uniformised steps that cost as much as building their chain
 WINDOW_SECONDS = 1e-3  # that a window takes however few its states, on a common machine
 
 
 @dataclass(frozen=True)
 class FiniteStateProjection(SolvingMethod):
-    """Probabilities on a set of states that follows the probability (Munsky & Khammash 2006), of a space without end.
+    """Probabilities on a set of states that follows the probability; the space may be without end.
 
     In windows of time, mass that leaves the set is lost to a sink; where that is too much, the states from which it
     flowed are extended and the window is done again. After a window those states are dropped that hold little mass and
-    that little mass went through, so that bottlenecks stay. Once the law has settled it is kept as it is.
+    that little mass went through, so that bottlenecks stay. Once the distribution has settled it is kept as it is.
 
-    tolerance : largest probability that may be lost, or shift after the law has settled, until the last time
+    Source: Munsky & Khammash (2006), doi:10.1063/1.2145882, with sets that move. Cost: about (exit rate of the likely
+    states) * (last time) steps over their transitions. Choose it where more states can be reached than can be listed,
+    or far more than are likely.
+
+    tolerance : largest probability that may be lost, or shift after the distribution has settled, until the last time
     max_states : of the set, and of all sets together; more are refused
     max_seconds : what would take longer, by a rough estimate, is refused once that can be foretold: after a fiftieth
     """
@@ -140,7 +146,7 @@ class _Front:
         self._rest(window)
 
     def _rest(self, window: _Window) -> None:
-        """Keep the law as it is until the last time, where its drift until then is small enough.
+        """Keep the distribution as it is until the last time, where its drift until then is small enough.
 
         d/dt of p(t) - p is (p(t) - p) Q + p Q, and exp(Q t) enlarges no difference, so p(t) departs from p by at most
         t times the sum of |p Q|, all flow out of the set included. Small enough is what may be lost, or what the steps

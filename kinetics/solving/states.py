@@ -24,7 +24,7 @@ class TooManyStatesError(ValueError):
     """More states than allowed can be reached."""
 
 
-class Table(NamedTuple):
+class StateTable(NamedTuple):
     """States as `kernels.exploration` looks them up: factors of the keys, a key each, and the rows by key."""
 
     multipliers: NDArray[np.uint64]
@@ -46,7 +46,7 @@ class StateSpace:
     """States of a network: all that can be reached from the first one, or those that a projection kept.
 
     states : (N, S) counts, none twice; row 0 is the initial state
-    is_stopped : (N,) bool, states that the chain never leaves because it was told to stop there
+    is_stopped : (N,) bool, states that the chain never leaves because they are targets
     """
 
     network: Network
@@ -66,12 +66,12 @@ class StateSpace:
         return len(self.states)
 
     @cached_property
-    def _table(self) -> Table:
+    def _table(self) -> StateTable:
         from kinetics.kernels import exploration
 
         multipliers = _multipliers(len(self.network.species))
         keys = _keys(self.states, multipliers)
-        return Table(multipliers, keys, exploration.tabulate(keys, keys.size, _slots_for(keys.size)))
+        return StateTable(multipliers, keys, exploration.tabulate(keys, keys.size, _slots_for(keys.size)))
 
     def index_of(self, states: ArrayLike) -> NDArray[np.intp]:
         """Rows (...) of states (..., S); -1 for a state that is not among these."""
@@ -130,7 +130,7 @@ def reachable(
 ) -> StateSpace:
     """State space of `network` from `initial`, breadth first.
 
-    stop : tells of states (n, S) which ones the chain never leaves (targets of a passage)
+    stop : function of states (n, S), which of them the chain never leaves (n,), as the targets of a passage
     max_states : more than that are refused
     Channels whose rate is known to be 0 lead nowhere.
     """
@@ -221,7 +221,7 @@ class Search:
             raise TooManyStatesError(self._too_many())
 
     def _go_on_by_law(self, begin: int, end: int, is_stopped: NDArray[np.bool_] | None) -> None:
-        """The same for laws that may be 0 though all reactants are there: level by level, by the propensities."""
+        """The same for rate laws that may be 0 though all reactants are there: level by level, by the propensities."""
         network = self._network
         known = network if network.rate_constants is not None else network.with_rates(np.ones(len(network.channels)))
         until, found = len(self) if end < 0 else end, len(self)
@@ -262,7 +262,7 @@ class Search:
 
 
 def _unless(is_stopped: NDArray[np.bool_], states: Ints) -> Ints:
-    """The states (n, S), with one that goes on in the place of those that do not: their laws may hold no more."""
+    """The states (n, S), with one that goes on in the place of those that do not: their rate laws may hold no more."""
     if not is_stopped.any() or is_stopped.all():
         return states
     return np.where(is_stopped[:, None], states[np.argmin(is_stopped)], states)

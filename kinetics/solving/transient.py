@@ -1,4 +1,4 @@
-"""The master equation dp/dt = p Q, solved for the probability of every reachable state."""
+"""Uniformisation: the master equation dp/dt = p Q solved over all reachable states, with a proven bound."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays smal
 
 @dataclass(frozen=True)
 class Transient(SolvingMethod):
-    """Exact transient solution over all reachable states; no sampling, no truncated states.
+    """Transient solution over all reachable states by uniformisation; no sampling, no truncated states.
 
     tolerance : largest probability that uniformisation may leave out at a time
     max_states : more reachable states are refused
     max_seconds : what would take longer, by a rough estimate, is refused before it starts
 
-    Uniformisation makes about (largest exit rate) * (last time) steps and proves a bound on its error. Where that is
-    more than 200 000 steps, chains of up to 2000 states go to the dense method, whose error
-    is proven up to 500 states and an estimate above.
+    Source: Jensen (1953), doi:10.1080/03461238.1953.10419459; weights after Fox & Glynn (1988),
+    doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
+    times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
+    of up to 2000 states go to `Dense`, whose error is proven up to 500 states and an estimate above.
     """
 
     name: ClassVar[str] = "exact"

@@ -1,7 +1,9 @@
 """Uniformisation: a Markov chain as a discrete chain that steps at the times of a Poisson process.
 
 With q at least the largest exit rate, P = 1 + Q/q is a stochastic matrix and p(t) = sum over n of Poisson(n; q t) p P^n
-(Jensen 1953). Every term is positive, so nothing cancels and no probability falls below zero.
+(Jensen 1953, doi:10.1080/03461238.1953.10419459;
+Grassmann 1977, doi:10.1016/0305-0548(77)90007-7). Every term is positive, so nothing cancels and no probability falls
+below zero.
 """
 
 from __future__ import annotations
@@ -90,7 +92,7 @@ class DiscreteChain:
         return csr_array(moves + stays)
 
     def steps_until(self, time: float, tolerance: float) -> int:
-        """Steps after which, but for `tolerance`, all of the Poisson law at `time` has been seen."""
+        """Steps after which, but for `tolerance`, all of the Poisson probability at `time` has been seen."""
         return poisson_bounds(self.rate * time, tolerance)[1]
 
     @property
@@ -123,8 +125,9 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
 
     start : (N,), not negative, with a sum of at most 1
     tolerance : largest probability that may be left out at a time; the error holds it and every rounding
-    Where the law has settled, the steps end early: no later step changes it by more than the last one did, because a
-    stochastic matrix enlarges no difference. They end once that, in all steps to come, is less than these would round.
+    Where the distribution has settled, the steps end early: no later step changes it by more than the last one did,
+    because a stochastic matrix enlarges no difference. They end once that, in all steps to come, is less than these
+    would round.
     """
     from kinetics.kernels import markov
 

@@ -1,8 +1,8 @@
-"""Whether a sampler draws from the law of the chain: its runs against the certified master equation.
+"""Verification of a sampler: its runs against the certified solution of the master equation.
 
 Every check compares the mean of a bounded function over the runs with its exact mean, and allows for chance by
-Bernstein's inequality from the exact variance. That holds for any law and any number of runs, so the false-alarm rate
-of all checks together is proven, not approximate.
+Bernstein's inequality from the exact variance. That holds for any distribution and any number of runs, so the
+false-alarm rate of all checks together is proven, not approximate.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of all checks.
+    """The outcome of all checks.
 
     false_alarm : probability that a right sampler fails any of them, at most
-    error : of the exact law, allowed for
+    error : of the exact probabilities, allowed for
     """
 
     method: str
@@ -96,7 +96,7 @@ def verify(
     false_alarm: float = FALSE_ALARM,
     solver: SolvingMethod | None = None,
 ) -> Verification:
-    """Check runs of `method` against the exact law at `times`, tu.
+    """Check runs of `method` against the exact probabilities at `times` (T,), tu.
 
     solver : Transient() unless another is given; FiniteStateProjection() where the space is without end
 
@@ -108,14 +108,14 @@ def verify(
     n = whole_number("runs", runs, 100)
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm = {false_alarm}; expected a probability")
-    law = (Transient() if solver is None else solver).solve(network, initial, grid)
+    solution = (Transient() if solver is None else solver).solve(network, initial, grid)
     sample = method.simulate(network, initial, grid, runs=n, seed=seed)
-    means = [*_counts_at_each_time(law, sample), *_over_time(law, sample)]
+    means = [*_counts_at_each_time(solution, sample), *_over_time(solution, sample)]
     waits = _waits(network, method, initial, float(grid[-1]), seed, int(PATHS * n))
     depth = log(2.0 * (len(means) + len(waits)) / false_alarm)
-    checks = [mean.check(n, depth, law.error) for mean in means]
+    checks = [mean.check(n, depth, solution.error) for mean in means]
     checks += [Check(what, gap, 0.0, sqrt(depth / (2 * size))) for what, gap, size in waits]
-    return Verification(method.name, n, seed, false_alarm, law.error, tuple(checks))
+    return Verification(method.name, n, seed, false_alarm, solution.error, tuple(checks))
 
 
 @dataclass(frozen=True)
@@ -129,20 +129,20 @@ class _Mean:
     width: float
 
     def check(self, n: int, depth: float, error: float) -> Check:
-        """Bernstein's inequality, solved for the deviation; the law's own error in mean and variance is added."""
+        """Bernstein's inequality, solved for the deviation; the solution's own error is added to both moments."""
         variance = max(self.variance, 0.0) + error * self.width**2
         third = self.width * depth / (3.0 * n)
         chance = third + sqrt(third**2 + 2.0 * variance * depth / n)
         return Check(self.what, self.found, self.expected, chance + error * self.width if self.width else 0.0)
 
 
-def _counts_at_each_time(law: Distribution, sample: Ensemble) -> Iterator[_Mean]:
-    n, names = sample.runs, law.network.species
-    states = law.space.states
+def _counts_at_each_time(solution: Distribution, sample: Ensemble) -> Iterator[_Mean]:
+    n, names = sample.runs, solution.network.species
+    states = solution.space.states
     tops = np.maximum(states.max(axis=0), 1)
-    for t, time in enumerate(law.times):
-        p, at = law.probabilities[t], f"at {time:g} tu"
-        rows = law.space.index_of(sample.counts[:, t])
+    for t, time in enumerate(solution.times):
+        p, at = solution.probabilities[t], f"at {time:g} tu"
+        rows = solution.space.index_of(sample.counts[:, t])
         share = np.bincount(rows[rows >= 0], minlength=len(states)) / n
         likely = np.flatnonzero(n * p >= EXPECTED)
         for i in likely:
@@ -150,7 +150,9 @@ def _counts_at_each_time(law: Distribution, sample: Ensemble) -> Iterator[_Mean]
         rest = max(1.0 - float(p[likely].sum()), 0.0)
         yield _Mean(f"all other states {at}", 1.0 - float(share[likely].sum()), rest, rest * (1 - rest), 1.0)
         # What no chain can do is not left to chance.
-        yield _Mean(f"states that cannot be {at}", float((rows < 0).mean()), 0.0, 0.0, 0.0 if law.is_complete else 1.0)
+        yield _Mean(
+            f"states that cannot be {at}", float((rows < 0).mean()), 0.0, 0.0, 0.0 if solution.is_complete else 1.0
+        )
         # Runs may go where a projection has no states; such counts are cut off, on both sides of the comparison.
         counts = np.minimum(sample.counts[:, t], tops)
         for s, name in enumerate(names):
@@ -177,19 +179,19 @@ def _moment(what: str, values: Any, exact_values: Any, p: Floats, top: float) ->
     return _Mean(what, float(values.mean()), mean, variance, float(top))
 
 
-def _over_time(law: Distribution, sample: Ensemble) -> Iterator[_Mean]:
-    """Mean products of a count with one at the next time: from the law at the first, weighted by the count."""
-    if not law.is_complete or law.times.size < 2:
+def _over_time(solution: Distribution, sample: Ensemble) -> Iterator[_Mean]:
+    """Mean products of a count with one at the next time: from the distribution at the first, weighted by the count."""
+    if not solution.is_complete or solution.times.size < 2:
         return
-    chain = DiscreteChain.of(law.space.generator())
-    states, names = law.space.states.astype(float), law.network.species
+    chain = DiscreteChain.of(solution.space.generator())
+    states, names = solution.space.states.astype(float), solution.network.species
     tops = np.maximum(states.max(axis=0), 1.0)
-    for t in range(law.times.size - 1):
-        gap = float(law.times[t + 1] - law.times[t])
+    for t in range(solution.times.size - 1):
+        gap = float(solution.times[t + 1] - solution.times[t])
         if chain.rate * gap > MANY_STEPS:
             continue
         for s, name in enumerate(names):
-            weighted = law.probabilities[t] * states[:, s]
+            weighted = solution.probabilities[t] * states[:, s]
             squares = weighted * states[:, s]
             if weighted.sum() == 0.0:
                 continue
@@ -199,7 +201,7 @@ def _over_time(law: Distribution, sample: Ensemble) -> Iterator[_Mean]:
                 mean = float(weighted.sum() * (later[0] @ states[:, other]))
                 square = float(squares.sum() * (later_squares[0] @ states[:, other] ** 2))
                 found = (sample.counts[:, t, s] * sample.counts[:, t + 1, other].astype(float)).mean()
-                what = f"mean of {name} at {law.times[t]:g} * {other_name} at {law.times[t + 1]:g} tu"
+                what = f"mean of {name} at {solution.times[t]:g} * {other_name} at {solution.times[t + 1]:g} tu"
                 top = float(tops[s] * tops[other])
                 slack = error * top**2 + 1e-12 * square
                 yield _Mean(what, float(found), mean, square - mean**2 + slack, top)

@@ -1,4 +1,4 @@
-"""Questions on which numerical methods break, each with an answer from elsewhere.
+"""Hard cases: questions on which numerical methods break, each with an answer from elsewhere.
 
 To add one: a function that yields an `Attempt` a method, and its `Case` in the tuple of its module below.
 """

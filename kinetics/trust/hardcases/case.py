@@ -1,4 +1,4 @@
-"""What a hard case is, and small networks to ask them of."""
+"""Hard cases and attempts at them, and small networks for both."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.solving import Distribution
 
 CHANCE = 1e-9  # of a right sampler to look wrong, each time
 
@@ -75,6 +76,12 @@ def refusal(method: str, work: Callable[[], Any], expected: str) -> Attempt:
     return Attempt(method, np.inf, 0.0, time.process_time() - began, message)
 
 
+def beyond_its_error(solution: Distribution, exact: ArrayLike) -> float:
+    """Largest error of the mean counts (T, S) of a solution, over what its own stated error allows and rounding."""
+    off = np.abs(solution.mean() - np.asarray(exact))
+    return float((off / (solution.space.states.max(axis=0) * (solution.error + 1e-14) + 1e-14)).max())
+
+
 def relative(found: ArrayLike, exact: ArrayLike) -> float:
     """Largest relative error; infinite where something was found that must be 0."""
     found, exact = np.atleast_1d(np.asarray(found, dtype=float)), np.atleast_1d(np.asarray(exact, dtype=float))
@@ -83,12 +90,13 @@ def relative(found: ArrayLike, exact: ArrayLike) -> float:
         return float(np.divide(off, np.abs(exact), out=np.zeros_like(off), where=off > 0).max())
 
 
-def departure(counts: ArrayLike, law: ArrayLike) -> float:
-    """Distance of the distribution function of counts (n,) from a law of 0, 1, ..., over what chance allows.
+def departure(counts: ArrayLike, probabilities: ArrayLike) -> float:
+    """Distance of the distribution function of counts (n,) from that of 0, 1, ... of the given probabilities.
 
-    A right sampler comes above 1 with probability `CHANCE` at most, for any law (Massart 1990).
+    In units of what chance allows: a right sampler comes above 1 with probability `CHANCE` at most, whatever the
+    distribution (Massart 1990, doi:10.1214/aop/1176990746).
     """
-    sample, exact = np.asarray(counts), np.cumsum(np.asarray(law, dtype=float))
+    sample, exact = np.asarray(counts), np.cumsum(np.asarray(probabilities, dtype=float))
     found = np.cumsum(np.bincount(np.minimum(sample, exact.size), minlength=exact.size + 1))[:-1] / sample.size
     return float(np.abs(found - exact).max() / np.sqrt(np.log(2 / CHANCE) / (2 * sample.size)))
 

@@ -1,4 +1,4 @@
-"""What must be refused, with a message that says why."""
+"""Hard cases of wrong input: what must be refused, with a message that says why."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def _counts() -> Iterator[Attempt]:
         yield refusal(f"state, {bad:g} copies", partial(net.state, [bad]), expected)
     yield refusal("state, unknown species", partial(net.state, {"Y": 1}), "unknown species")
     sides: Any = {"turn": ({"X": 1}, {"Z": 1})}
-    told = partial(Network.from_reactions, sides, [1.0], ("X", "Y"))
-    yield refusal("network, unknown species", told, "unknown species 'Z'")
+    unknown = partial(Network.from_reactions, sides, [1.0], ("X", "Y"))
+    yield refusal("network, unknown species", unknown, "unknown species 'Z'")
     for bad, expected in ((1.5, "whole"), (-1, "at least 0")):
         copies: Any = {"turn": ({"X": bad}, {})}
         yield refusal(f"network, {bad} copies", partial(Network.from_reactions, copies, [1.0]), expected)

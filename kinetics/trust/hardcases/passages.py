@@ -1,4 +1,4 @@
-"""First passages: remote, unlikely, long."""
+"""Hard cases of first passage: remote, unlikely, long."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.passage import first_passage, rare_event, splitting, stationary
+from kinetics.passage import committor, first_passage, rare_event, stationary
 from kinetics.passage.committor import Target
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.solving import Dense, FiniteStateProjection, Transient
@@ -38,22 +38,22 @@ def _drift() -> Iterator[Attempt]:
 
     def also(n: int) -> float:
         last: dict[str, Target] = {"end": _at_least(n, 1)}
-        return relative(splitting(walk(n, 1.0, 2.0), _first(n), last).mean_times[0], 2.0 ** (n + 1) - n - 2)
+        return relative(committor(walk(n, 1.0, 2.0), _first(n), last).mean_times[0], 2.0 ** (n + 1) - n - 2)
 
     for n in (20, 60, 500):
         yield attempt(f"passage, N = {n}", partial(off, n), 1e-13)
-        yield attempt(f"splitting, N = {n}", partial(also, n), 1e-13)
+        yield attempt(f"committor, N = {n}", partial(also, n), 1e-13)
 
 
 def _ruin() -> Iterator[Attempt]:
     net = network({"win": ({"X": 1}, {"X": 2}, 1.0), "lose": ({"X": 1}, {}, 2.0)})
 
     def off(n: int) -> float:
-        found = splitting(net, [1], {"ruin": _none, "rich": _at_least(0, n)})
+        found = committor(net, [1], {"ruin": _none, "rich": _at_least(0, n)})
         return relative(found.probabilities[1], 1 / (2.0**n - 1))
 
     for n in (100, 1000):
-        yield attempt(f"splitting, chance {1 / (2.0**n - 1):.0e}", partial(off, n), 1e-13)
+        yield attempt(f"committor, chance {1 / (2.0**n - 1):.0e}", partial(off, n), 1e-13)
         rich = partial(first_passage, net, [1], "X", n)
         yield attempt(
             f"passage, chance {1 / (2.0**n - 1):.0e}",
@@ -63,7 +63,7 @@ def _ruin() -> Iterator[Attempt]:
 
 
 def _rare() -> Iterator[Attempt]:
-    # 25 stages at rate 1 within 1 tu: 25 or more of a Poisson law of mean 1.
+    # 25 stages at rate 1 within 1 tu: 25 or more of a Poisson number of mean 1.
     n = 25
     terms = np.cumprod(1.0 / np.arange(1, 80))
     exact = float(np.exp(-1.0) * terms[n - 1 :].sum())
@@ -76,7 +76,7 @@ def _rare() -> Iterator[Attempt]:
     births = network({"birth": ({}, {"X": 1}, 1.0)})
     for copies, allowed in ((10, 0.5), (14, 0.7)):
         tail = float(np.exp(-1.0) * terms[copies - 1 :].sum())
-        # 7.3 standard errors of at most a tenth each, by Student's law a chance of 1e-6
+        # 7.3 standard errors of at most a tenth each, by Student's distribution a chance of 1e-6
         found = partial(rare_event, births, [0], _copies, copies, 1.0, runs=20_000, seed=21)
         yield attempt(
             f"rare event, chance {tail:.0e}",
@@ -118,12 +118,12 @@ def _schloegl() -> Iterator[Attempt]:
     )
     ends: dict[str, Target] = {"low": lambda states: states[:, 0] <= low, "beyond": _at_least(0, top)}
     yield attempt(
-        f"splitting down, {downwards:.4g} tu",
-        lambda: relative(splitting(net, [high], ends).mean_times[0], downwards),
+        f"committor down, {downwards:.4g} tu",
+        lambda: relative(committor(net, [high], ends).mean_times[0], downwards),
         1e-11,
     )
     yield refusal("stationary", lambda: stationary(net, [low], max_states=2000), "X up to")
-    # The law when both modes are filled, from the symmetrised matrix with a wall far above the upper mode.
+    # The distribution when both modes are filled, from the symmetrised matrix with a wall far above the upper mode.
     from scipy.linalg import eigh_tridiagonal
 
     between, time, wall = 250, 4.0, 1000
@@ -133,8 +133,8 @@ def _schloegl() -> Iterator[Attempt]:
     shares = (vectors[between] * np.exp(values * time)) @ vectors.T * np.exp((weights - weights[between]) / 2)
 
     def off() -> float:
-        law = FiniteStateProjection(1e-10).solve(net, [between], [time]).marginal("X")[0]
-        return float(abs(np.resize(law, wall + 1) * (np.arange(wall + 1) < law.size) - shares).sum())
+        found = FiniteStateProjection(1e-10).solve(net, [between], [time]).marginal("X")[0]
+        return float(abs(np.resize(found, wall + 1) * (np.arange(wall + 1) < found.size) - shares).sum())
 
     yield attempt("fsp, modes and valley", off, 1e-8)
     for kind in SAMPLING_METHODS:
@@ -151,10 +151,10 @@ def _erlang() -> Iterator[Attempt]:
     from scipy.special import gammainc
 
     n = 1000
-    law = first_passage(walk(n, 1.0, 0.0), _first(n), f"p{n}")
-    yield attempt("passage, mean and sd", lambda: relative([law.mean, law.sd], [n, n**0.5]), 1e-12)
+    passage = first_passage(walk(n, 1.0, 0.0), _first(n), f"p{n}")
+    yield attempt("passage, mean and sd", lambda: relative([passage.mean, passage.sd], [n, n**0.5]), 1e-12)
     times = np.array([900.0, 1000.0, 1100.0])
-    yield attempt("passage, cdf", lambda: float(abs(law.cdf(times) - gammainc(n, times)).max()), 1e-12)
+    yield attempt("passage, cdf", lambda: float(abs(passage.cdf(times) - gammainc(n, times)).max()), 1e-12)
     stages, last = walk(n, 1.0, 0.0), np.eye(1, n + 1, n, dtype=int)[0]
 
     def solved() -> float:
@@ -174,8 +174,8 @@ def _extinction() -> Iterator[Attempt]:
     net, n = network({"death": ({"X": 1}, {}, 1.0)}), 20_000
     exact = float((1.0 / np.arange(n, 0, -1)).sum())
     gone = {"gone": _none}
-    yield attempt(f"splitting, {n} copies", lambda: relative(splitting(net, [n], gone).mean_times[0], exact), 1e-11)
-    yield refusal("splitting, 1e6 copies", partial(splitting, net, [10**6], gone, max_states=50_000), "reachable")
+    yield attempt(f"committor, {n} copies", lambda: relative(committor(net, [n], gone).mean_times[0], exact), 1e-11)
+    yield refusal("committor, 1e6 copies", partial(committor, net, [10**6], gone, max_states=50_000), "reachable")
 
 
 PASSAGES = (
@@ -183,6 +183,6 @@ PASSAGES = (
     Case("gambler's ruin", "odds 2 : 1: relative error of the chance", "1 / (2**N - 1)", _ruin),
     Case("rare passage", "25 stages in a 25th of their time: relative error", "Poisson tail", _rare),
     Case("schloegl", "both ways between the modes: relative error of the mean times", "sums of steps", _schloegl),
-    Case("erlang", "1000 stages: relative error of moments, error of the cdf", "gamma law", _erlang),
+    Case("erlang", "1000 stages: relative error of moments, error of the cdf", "gamma distribution", _erlang),
     Case("extinction", "deaths down to none: relative error of the mean time", "harmonic number", _extinction),
 )

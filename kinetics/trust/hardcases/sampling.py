@@ -1,4 +1,4 @@
-"""Where samplers go wrong: large counts, late times, output grids, nothing to do."""
+"""Hard cases of sampling: large counts, late times, output grids, nothing to do."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def _large_counts() -> Iterator[Attempt]:
 
     def missed(start: int) -> float:
         net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
-        law = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
-        exact = np.exp(-20.0) * np.cumprod(np.append(1.0, 20.0 / np.arange(1, law.size)))
-        return float(abs(law - exact).sum() + 1.0 - exact.sum())
+        probabilities = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
+        exact = np.exp(-20.0) * np.cumprod(np.append(1.0, 20.0 / np.arange(1, probabilities.size)))
+        return float(abs(probabilities - exact).sum() + 1.0 - exact.sum())
 
     for start in (5 * 10**9, 10**15):
         for method in _samplers():
@@ -113,16 +113,18 @@ def _nothing() -> Iterator[Attempt]:
 def _consumption() -> Iterator[Attempt]:
     """X is eaten at a constant rate of 2 from 3 copies on: 3 minus a Poisson number, and never below 0."""
     eaten = np.exp(-2.0) * np.array([1.0, 2.0, 2.0])  # none, one, two of three
-    law = np.append(1.0 - eaten.sum(), eaten[::-1])
+    probabilities = np.append(1.0 - eaten.sum(), eaten[::-1])
     reactions: Any = {"eat": ({"X": 1}, {})}
     net = Network.from_reactions(reactions, ["2.0"])
     strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
     counts = partial(General().simulate, net, [3], [1.0], runs=4000, seed=8)
-    yield attempt("general, blocked at 0", lambda: departure(counts().counts[:, 0, 0], law), 1.0)
+    yield attempt("general, blocked at 0", lambda: departure(counts().counts[:, 0, 0], probabilities), 1.0)
     yield refusal("general, refused at 0", partial(General().simulate, strict, [3], [9.0], runs=50, seed=8), "'eat'")
     for kind in SOLVING_METHODS:
         solved = partial(kind().solve, net, [3], [1.0])
-        yield attempt(f"{kind.name}, blocked at 0", lambda solved=solved: _summed(solved().marginal("X")[0], law), 1e-8)
+        yield attempt(
+            f"{kind.name}, blocked at 0", lambda solved=solved: _summed(solved().marginal("X")[0], probabilities), 1e-8
+        )
 
 
 def _summed(found: Any, exact: Any) -> float:
@@ -156,7 +158,7 @@ SAMPLING = (
     Case(
         "constant consumption",
         "3 copies eaten at a constant rate: error, or deviation over chance",
-        "Poisson law",
+        "Poisson distribution",
         _consumption,
     ),
     Case("any grid", "the same seed on two grids: runs that differ", "the same runs", _grids),
@@ -166,15 +168,15 @@ SAMPLING = (
         "conservation",
         _large_counts,
     ),
-    Case("dying out", "1e6 copies die: deviation over what chance allows", "binomial law", _extinction),
-    Case("late events", "times near 1e16: deviation over what chance allows", "exponential law", _late_times),
+    Case("dying out", "1e6 copies die: deviation over what chance allows", "binomial distribution", _extinction),
+    Case("late events", "times near 1e16: deviation over what chance allows", "exponential distribution", _late_times),
     Case(
         "nothing to do", "t = 0, no channel, none that can fire, A -> A: how far the mean moves", "the start", _nothing
     ),
     Case(
         "duplicate reactions",
         "two channels for one decay: error, or deviation over chance",
-        "binomial law",
+        "binomial distribution",
         _duplicates,
     ),
 )

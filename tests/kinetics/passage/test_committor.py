@@ -4,7 +4,7 @@ from known_systems import assert_follows_cdf, assert_follows_table, line, networ
 from numpy.testing import assert_allclose
 
 from kinetics import first_passage, sample_path
-from kinetics.passage import splitting
+from kinetics.passage import committor
 
 
 def at_least(index, copies):
@@ -21,7 +21,7 @@ def ruin(n, up=1.0, down=2.0):
 @pytest.mark.parametrize("n", [2, 10, 100, 1000])
 def test_gamblers_ruin(n):
     # The stakes in proportion to the coins change the times, not the odds: 1 / (2**n - 1).
-    found = splitting(ruin(n)[0], [1], ruin(n)[1])
+    found = committor(ruin(n)[0], [1], ruin(n)[1])
     assert_allclose(found.probabilities[1], 1 / (2.0**n - 1), rtol=1e-13)
     assert_allclose(found.probabilities.sum(), 1.0, rtol=1e-13)
     assert found.never == 0.0
@@ -36,7 +36,7 @@ def test_conditional_times_and_occupation():
     steps = {f"up{k}": (here[k], here[k + 1]) for k in range(1, n)}
     steps |= {f"down{k}": (here[k], here[k - 1]) for k in range(1, n)}
     net = network(species, steps, np.ones(2 * n - 2))
-    found = splitting(net, here[i], {"low": at_least(0, 1), "high": at_least(n, 1)})
+    found = committor(net, here[i], {"low": at_least(0, 1), "high": at_least(n, 1)})
     assert_allclose(found.probabilities, [1 - i / n, i / n], rtol=1e-13)
     assert_allclose(found.mean_times[1], (n * n - i * i) / 6, rtol=1e-12)
     assert_allclose(found.probabilities @ found.mean_times, i * (n - i) / 2, rtol=1e-12)
@@ -48,7 +48,7 @@ def test_conditional_times_and_occupation():
 
 def test_expected_times_against_a_drift():
     n = 60
-    found = splitting(walk(n), np.eye(1, n + 1, dtype=int)[0], {"top": at_least(n, 1)})
+    found = committor(walk(n), np.eye(1, n + 1, dtype=int)[0], {"top": at_least(n, 1)})
     assert_allclose(found.mean_times, [2.0 ** (n + 1) - n - 2], rtol=1e-13)
     # Place k is left upwards once more than it is come back to: 2**(n-k) - 1 over k = 0..n-1.
     place = found.space.states.argmax(axis=1)
@@ -62,27 +62,27 @@ def test_ends_that_are_no_target():
         "on": ((0, 0, 1, 0), (0, 0, 0, 1)),
     }
     net = network("ABCD", reactions, [1.0, 3.0, 1.0])
-    found = splitting(net, [1, 0, 0, 0], {"B": at_least(1, 1)})
+    found = committor(net, [1, 0, 0, 0], {"B": at_least(1, 1)})
     assert_allclose([*found.probabilities, found.never], [0.25, 0.75], rtol=1e-14)
     assert_allclose(found.mean_times, [0.25], rtol=1e-13)
-    nowhere = splitting(net, [0, 0, 1, 0], {"B": at_least(1, 1)})
+    nowhere = committor(net, [0, 0, 1, 0], {"B": at_least(1, 1)})
     assert nowhere.never == 1.0
     assert np.isnan(nowhere.mean_times[0])
     with pytest.raises(ValueError, match="'B' is never reached first"):
         nowhere.sample_path("B")
-    there = splitting(net, [0, 1, 0, 0], {"B": at_least(1, 1)})
+    there = committor(net, [0, 1, 0, 0], {"B": at_least(1, 1)})
     assert_allclose([there.probabilities[0], there.never, there.mean_times[0]], [1.0, 0.0, 0.0])
     assert there.sample_path("B").times.size == 0
 
 
 def test_one_target_is_a_first_passage():
-    found = splitting(line(), [20, 0, 0, 0], {"two": at_least(3, 2)})
+    found = committor(line(), [20, 0, 0, 0], {"two": at_least(3, 2)})
     assert_allclose(found.mean_times[0], first_passage(line(), [20, 0, 0, 0], "quadmer", 2).mean, rtol=1e-11)
 
 
 def test_conditioned_paths_follow_the_law_of_selected_ones():
     net, ends = ruin(4, 2.0, 3.0)
-    found = splitting(net, [2], ends)
+    found = committor(net, [2], ends)
     drawn = [found.sample_path("rich", seed=1, run=run) for run in range(2000)]
     assert all(path.states[-1, 0] == 4 for path in drawn)
     free = [sample_path(net, [2], 60.0, seed=2, run=run) for run in range(8000)]
@@ -108,7 +108,7 @@ def test_conditioned_paths_follow_the_law_of_selected_ones():
 
 def test_paths_to_an_end_of_chance_1e_30():
     net, ends = ruin(100)
-    found = splitting(net, [1], ends)
+    found = committor(net, [1], ends)
     path = found.sample_path("rich", seed=3)
     assert path.states[-1, 0] == 100
     assert (path.states[:-1, 0] > 0).all()
@@ -119,7 +119,7 @@ def test_paths_to_an_end_of_chance_1e_30():
 def test_waits_of_a_conditioned_chain_of_one_step():
     # A -> B at 1 or A -> C at 3: which one says nothing about when; the wait has rate 4 either way.
     net = network("ABC", {"b": ((1, 0, 0), (0, 1, 0)), "c": ((1, 0, 0), (0, 0, 1))}, [1.0, 3.0])
-    found = splitting(net, [1, 0, 0], {"B": at_least(1, 1), "C": at_least(2, 1)})
+    found = committor(net, [1, 0, 0], {"B": at_least(1, 1), "C": at_least(2, 1)})
     waits = np.array([found.sample_path("B", 5, run).end for run in range(2000)])
     assert_follows_cdf(waits, lambda t: 1 - np.exp(-4 * t))
     assert_follows_table([500, 1500], found.probabilities)
@@ -135,9 +135,9 @@ def test_waits_of_a_conditioned_chain_of_one_step():
 )
 def test_bad_targets(targets, message):
     with pytest.raises(ValueError, match=message):
-        splitting(switch(), [3, 0], targets)
+        committor(switch(), [3, 0], targets)
 
 
 def test_unknown_target():
     with pytest.raises(ValueError, match="unknown target 'poor'; there are ruin, rich"):
-        splitting(ruin(4)[0], [1], ruin(4)[1]).sample_path("poor")
+        committor(ruin(4)[0], [1], ruin(4)[1]).sample_path("poor")

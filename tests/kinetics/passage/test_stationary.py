@@ -134,7 +134,7 @@ def test_out_of_reach(monkeypatch):
     with pytest.raises(ValueError, match="over 1000 states are reachable"):
         stationary(birth, [0], max_states=1000)
     monkeypatch.setattr(elimination, "MAX_WORK", 10)
-    with pytest.raises(ValueError, match="the stationary law is out of reach: 15 states, up to"):
+    with pytest.raises(ValueError, match="the stationary distribution is out of reach: 15 states, up to"):
         stationary(line(), [8, 0, 0, 0])
 
 

@@ -1,6 +1,7 @@
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from math import comb
 
 import numpy as np
 import pytest
@@ -134,12 +135,32 @@ def test_rates_are_taken_to_the_last_bit():
     for row, column, (rate, copies) in ((0, 1, (0.1, 3)), (1, 2, (0.1, 2)), (1, 0, (0.7, 1)), (3, 2, (0.7, 3))):
         here = (found.rows == row) & (found.columns == column)
         assert sum(Fraction(float(x)) for x in found.rates[here]) == Fraction(rate) * copies
-    fractional = replace(net, ways=np.array([0.5, 1.0]))
-    assert not exact_entries(reachable(fractional, [3, 0])).is_exact
-    assert not exact_entries(reachable(replace(net, laws={"out": "0.1 * A"}), [30, 0])).is_exact
-    law = Dense().solve(fractional, [3, 0], [1.0])
-    assert not law.is_bound
-    assert law.error < 1e-14
+    by_law = replace(net, laws={"out": "0.1 * A"})
+    assert not exact_entries(reachable(by_law, [30, 0])).is_exact
+    assert not Dense().solve(by_law, [3, 0], [1.0]).is_bound
+
+
+@pytest.mark.parametrize("combinations", ["distinct", "ordered", "product"])
+def test_any_mass_action_rate_is_taken_to_the_last_bit(combinations):
+    """Constants and ways of 53 bits each, and more combinations than a double counts: products of up to 180 bits."""
+    turn = network("ABC", {"turn": ((5, 1, 0), (5, 0, 1))}, [0.1], combinations)
+    net, have = replace(turn, ways=np.array([1 / 3])), 50_003
+    found = exact_entries(reachable(net, [have, 1, 0]))
+    ways = {"distinct": comb(have, 5), "ordered": comb(have, 5) * 120, "product": have**5}[combinations]
+    assert ways > 2**53
+    assert found.is_exact
+    assert sum(map(Fraction, found.rates.tolist())) == Fraction(0.1) * Fraction(1 / 3) * ways
+    assert Fraction(float(found.rates[0])) != Fraction(0.1) * Fraction(1 / 3) * ways  # the control
+    small = replace(network("AB", {"turn": ((2, 0), (1, 1))}, [0.1], combinations), ways=np.array([1 / 3]))
+    solution = Dense().solve(small, [12, 0], [0.4, 3.0])
+    assert solution.is_bound
+    assert solution.error < 1e-14
+
+
+def test_a_rate_below_all_doubles_is_not_taken_for_exact():
+    tiny = network("AB", {"turn": ((1, 0), (0, 1))}, [1.1e-308])
+    assert exact_entries(reachable(tiny, [1, 0])).is_exact
+    assert not exact_entries(reachable(replace(tiny, ways=np.array([1e-3])), [1, 0])).is_exact
 
 
 def test_the_bound_of_a_network():

@@ -22,7 +22,7 @@ from exact_distributions import (
     transient_distribution,
 )
 
-from kinetics import Dense, first_passage, splitting, stationary
+from kinetics import Dense, committor, first_passage, stationary
 
 each_system = pytest.mark.parametrize("system", SYSTEMS, ids=[one.name for one in SYSTEMS])
 
@@ -109,7 +109,7 @@ def test_passage_within_its_own_bound(system):
         assert relative_errors([found.mean * (1 + 1e-11)], [mean])[0] > found.error  # the control
     index = system.net.species.index(system.waited)
     targets = {"there": lambda states: states[:, index] >= system.copies}
-    ends = splitting(system.net, system.start, targets)
+    ends = committor(system.net, system.start, targets)
     assert relative_errors(ends.probabilities, [chance])[0] <= max(ends.error, 2.0**-52)
 
 
