@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from kinetics.assembly import Derivation, Event, RuleBook, Structure, check, derive
+from kinetics.assembly import Derivation, RuleBook, Structure, StructureEvent, check, derive
 from kinetics.ranking.yield_and_first_time import (
     Figure,
     Question,
@@ -70,7 +70,7 @@ def pathway(derivation: Derivation, rates: ClassRates) -> tuple[str, ...]:
     works = [event for event, k in zip(derivation.events, network.known_rates, strict=True) if k > 0]
     starts = (book.monomer(), book.seed())
     present = {derivation.species_of(structure) for structure in starts if structure is not None}
-    found: list[Event] = []
+    found: list[StructureEvent] = []
     while len(new := [event for event in works if present.issuperset(event.before)]) > len(found):
         found = new
         present.update(after for event in new for after in event.after)

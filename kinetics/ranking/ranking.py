@@ -79,7 +79,7 @@ class Ranking:
         return tuple(places)
 
     def ties_of(self, name: str) -> tuple[str, ...]:
-        """Names of the other books that cannot be told from this one."""
+        """Names of the other books that cannot be distinguished from this one."""
         found = [candidate for candidate in self.books if candidate.name == name]
         if not found:
             raise ValueError(f"unknown book {name!r}; ranked are {', '.join(c.name for c in self.books)}")
@@ -226,7 +226,7 @@ def rank(
 
     runs : of a figure whose chain has more than `max_states` states, or takes too long
     draws : sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it has to be sampled
-    progress : told which book is at work
+    progress : called with the name of the book at work
     A book's figures follow from the book and the seed, whatever it is compared with. After Ctrl-C the ranking has the
     books that were finished, if any.
     """
@@ -237,7 +237,7 @@ def rank(
         whole_number("draws", draws, 2)
     derivations = [derived(book) for book in books]
     for one in derivations:
-        rates.apply(one)  # tells of a class without a rate before any work
+        rates.apply(one)  # a class without a rate is refused before any work
     bare = rates.without_evidence([c for one in derivations for c in one.rate_classes])
     used = {rates.key(c) for one in derivations for c in one.rate_classes}
     sequence = np.random.SeedSequence(seed, spawn_key=(1,))

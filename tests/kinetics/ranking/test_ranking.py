@@ -6,6 +6,7 @@ from math import exp
 
 import numpy as np
 import pytest
+from command_line import run_here
 from known_systems import assert_follows_cdf
 from scipy.integrate import quad
 from scipy.stats import gamma, norm
@@ -379,9 +380,9 @@ def test_a_class_without_a_rate_is_told_before_any_work():
 # --- the command ---
 
 
-def test_the_command(wellmixed, tmp_path):
+def test_the_command(tmp_path):
     table, picture = tmp_path / "ranked.csv", tmp_path / "ranked.png"
-    done = wellmixed(
+    done = run_here(
         *("rules", "rank", "line4", "line4_pairs", "--rates", "table3"),
         *("--json", "--csv", table, "--plot", picture),
         cwd=tmp_path,
@@ -398,11 +399,11 @@ def test_the_command(wellmixed, tmp_path):
 TARGET = 'cubes = [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]]\ntops = ["z", "z", "z", "z"]\n'
 
 
-def test_the_command_compiles_a_target(wellmixed, tmp_path):
+def test_the_command_compiles_a_target(tmp_path):
     """Five choices of joins lead to lines of four; the best book can be used as it is."""
     (tmp_path / "line.toml").write_text(TARGET, encoding="utf-8")
-    shared = ("--rates", "table3_geometric", "--json")
-    found = wellmixed("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
+    shared = ("--rates", "table3_geometric", "--time-limit", "inf", "--json")
+    found = run_here("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
     assert [(book["place"], ", ".join(found["pathways"][book["book"]])) for book in found["books"]] == [
         (1, "1+1, 1+3, 2+2"),
         (2, "1+1, 2+2"),
@@ -411,19 +412,19 @@ def test_the_command_compiles_a_target(wellmixed, tmp_path):
         (5, "1+1, 1+2, 2+2"),
     ]
     assert found["notes"] == ["5 books compiled of target 'line': all choices of joins for which one was found"]
-    again = wellmixed("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
+    again = run_here("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
     assert again["books"][0]["book"] == "best"
     assert again["books"][0]["yield"]["value"] == found["books"][0]["yield"]["value"]
 
 
-def test_the_command_takes_rates_by_class_and_uniform_ones(wellmixed, tmp_path):
+def test_the_command_takes_rates_by_class_and_uniform_ones(tmp_path):
     TABLE3.save(tmp_path / "rates.toml")
     shared = ("rules", "rank", "line4", "--cubes", "12", "--horizon", "100", "--json")
-    by_class = wellmixed(*shared, "--rates", "rates.toml", cwd=tmp_path).json
+    by_class = run_here(*shared, "--rates", "rates.toml", cwd=tmp_path).json
     assert by_class["books"][0]["yield"]["value"] == pytest.approx(
         rank([LINE4], TABLE3, cubes=12, horizon=100.0).books[0].result.yield_.value
     )
-    uniform = wellmixed(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
+    uniform = run_here(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
     assert uniform["rates"]["classes"] == {"join": {"rate": 1e-3}, "break": {"rate": 1e-4}}
 
 
