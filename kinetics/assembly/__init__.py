@@ -3,7 +3,7 @@
 # Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
 from kinetics.assembly.checking.checker import Finding, Report, check
 from kinetics.assembly.deriving.derive import Derivation, derive
-from kinetics.assembly.deriving.explore import Event, Exploration, explore
+from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
 from kinetics.assembly.deriving.ways import RateClass
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
 from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, Semantics, Senses, View
@@ -14,7 +14,6 @@ __all__ = [
     "ROTATIONS",
     "SCHEMES",
     "Derivation",
-    "Event",
     "Exploration",
     "FaceScheme",
     "Finding",
@@ -26,6 +25,7 @@ __all__ = [
     "Semantics",
     "Senses",
     "Structure",
+    "StructureEvent",
     "View",
     "check",
     "compose",

@@ -89,7 +89,7 @@ def rank(
         click.echo("\r\033[K", err=True, nl=False)
     made = replace(made, notes=(*notes, *made.notes))
     if best_file:
-        best = made.candidates[0].name
+        best = made.books[0].name
         Path(best_file).write_text(written(next(book for book in loaded if book.name == best)), encoding="utf-8")
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)

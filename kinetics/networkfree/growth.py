@@ -77,7 +77,7 @@ class Growth:
 
     @cached_property
     def _changes(self) -> tuple[Ints, Ints, Ints]:
-        """Event, structure and change (+1 or -1) of all that was taken and made, event by event, taken first."""
+        """TankEvent, structure and change (+1 or -1) of all that was taken and made, event by event, taken first."""
         four = np.concatenate([self.before, self.after], axis=1)
         events, columns = np.nonzero(four != NOTHING)
         return events, four[events, columns], np.where(columns < 2, -1, 1)

@@ -20,7 +20,7 @@ import numpy as np
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
-from kinetics.networkfree.tank import Event, Known, Rate, Tank
+from kinetics.networkfree.tank import Known, Rate, Tank, TankEvent
 from kinetics.rates import ClassRates
 from kinetics.sampling.base import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
@@ -42,7 +42,7 @@ def grow(
 
     rates : class rates, or a function of a rate class; constants in 1/tu, like structures counted as s (s - 1) / 2
     initial : so many free cubes, and the seed besides where the book needs one; or copies of any structures
-    progress : told the runs finished and the time that the present one has come to
+    progress : called with the runs finished and the time that the present one has come to
     One seed gives one result; runs of different numbers are independent. Ctrl-C ends the work once a run is finished:
     those that are, are returned.
     """
@@ -130,7 +130,7 @@ def _run(
     times: list[float] = []
     sides: list[list[int]] = []
     draws = 0
-    with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are told of in words
+    with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are refused in words
         for time, event in _draws(tank, _uniforms(whole_number("seed", seed, 0), run).__next__, end, run):
             draws += 1
             if progress is not None and draws % PROGRESS_EVERY == 0:
@@ -147,7 +147,7 @@ def _run(
     return Growth(known.book, structures, initial_counts, np.array(times), table[:, 0], table[:, 1], end, draws)
 
 
-def _draws(tank: Tank, draw: Callable[[], float], end: float, run: int) -> Iterator[tuple[float, Event | None]]:
+def _draws(tank: Tank, draw: Callable[[], float], end: float, run: int) -> Iterator[tuple[float, TankEvent | None]]:
     """When something is drawn, and the event that comes of it, if any; the tank is then as after the event."""
     time = 0.0
     drawn, break_rate = tank.rates()

@@ -20,18 +20,18 @@ from kinetics.assembly.structure import Structure, placements
 from kinetics.support.arrays import Floats
 
 Rate = Callable[[RateClass], float]  # rate constant of a class, 1/tu
-Group = tuple[int, View]  # cubes of the structure, what its face shows
+FaceGroup = tuple[int, View]  # cubes of the structure, what its face shows
 MAX_REMEMBERED = 50_000  # outcomes, and structures, kept for when they come again
 
 
-class Kind:
+class StructureKind:
     """Structures that look alike: the faces they show, group by group, and the bonds that may break."""
 
     __slots__ = ("bond_rates", "bonds", "break_rate", "faces", "structure")
 
     def __init__(self, known: Known, structure: Structure):
         self.structure = structure
-        self.faces: dict[Group, list[tuple[int, int]]] = {}  # (cube, face) that show it
+        self.faces: dict[FaceGroup, list[tuple[int, int]]] = {}  # (cube, face) that show it
         self.bonds: list[tuple[int, int]] = []
         book, size = known.book, len(structure)
         for cube, face in structure.open_faces():
@@ -50,7 +50,7 @@ class Kind:
         self.break_rate = self.bond_rates[-1] if rates else 0.0
 
 
-Event = tuple[tuple[Kind, ...], tuple[Kind, ...]]  # taken, made
+TankEvent = tuple[tuple[StructureKind, ...], tuple[StructureKind, ...]]  # taken, made
 
 
 class Known:
@@ -59,18 +59,18 @@ class Known:
     def __init__(self, book: RuleBook, rate: Rate):
         self.book, self.rate = book, rate
         self.types = scheme_of(book.scheme).types
-        self.kinds: dict[Structure, Kind] = {}
-        self.joins: dict[object, Kind | None] = {}
-        self.breaks: dict[object, tuple[Kind, Kind]] = {}
+        self.kinds: dict[Structure, StructureKind] = {}
+        self.joins: dict[object, StructureKind | None] = {}
+        self.breaks: dict[object, tuple[StructureKind, StructureKind]] = {}
         self.constants: dict[RateClass, float] = {}
-        self.strengths: dict[tuple[Group, Group], float] = {}
+        self.strengths: dict[tuple[FaceGroup, FaceGroup], float] = {}
 
-    def kind(self, structure: Structure) -> Kind:
+    def kind(self, structure: Structure) -> StructureKind:
         """The kind of a structure."""
         canonical = structure.canonical(self.book.scheme)
         found = self.kinds.get(canonical)
         if found is None:
-            found = self.kinds[canonical] = Kind(self, canonical)
+            found = self.kinds[canonical] = StructureKind(self, canonical)
         return found
 
     def constant(self, event: str, first: tuple[int, str], second: tuple[int, str]) -> float:
@@ -84,7 +84,7 @@ class Known:
             self.constants[rate_class] = float(value)
         return self.constants[rate_class]
 
-    def strength(self, a: Group, b: Group) -> float:
+    def strength(self, a: FaceGroup, b: FaceGroup) -> float:
         """Rate constant, 1/tu, of a pair of faces; 0 where the book lets them bond at no twist and place."""
         found = self.strengths.get((a, b))
         if found is None:
@@ -94,7 +94,9 @@ class Known:
             self.strengths[a, b] = self.strengths[b, a] = found
         return found
 
-    def joined(self, a: Kind, i: int, face_i: int, b: Kind, j: int, face_j: int, twist: int) -> Kind | None:
+    def joined(
+        self, a: StructureKind, i: int, face_i: int, b: StructureKind, j: int, face_j: int, twist: int
+    ) -> StructureKind | None:
         """What a face of a and one of b make at one of the four twists; None for nothing."""
         key = (a, i, face_i, b, j, face_j, twist)
         if key not in self.joins:
@@ -103,15 +105,15 @@ class Known:
             self.joins[key] = None if made is None else self.kind(made)
         return self.joins[key]
 
-    def parted(self, kind: Kind, i: int, j: int) -> tuple[Kind, Kind]:
-        """What is left when the bond of cubes i and j breaks; i writes first where the book tells an order."""
+    def parted(self, kind: StructureKind, i: int, j: int) -> tuple[StructureKind, StructureKind]:
+        """What is left when the bond of cubes i and j breaks; i writes first where the book sets an order."""
         key = (kind, i, j)
         if key not in self.breaks:
             (_, first), (_, second) = self.book.break_bond(kind.structure, i, j)
             self.breaks[key] = self.kind(first), self.kind(second)
         return self.breaks[key]
 
-    def forget(self, all_but: Mapping[Kind, int]) -> None:
+    def forget(self, all_but: Mapping[StructureKind, int]) -> None:
         """Keep memory bounded where hardly a structure comes twice."""
         if max(len(self.joins), len(self.breaks), len(self.kinds)) > MAX_REMEMBERED:
             self.joins.clear()
@@ -129,16 +131,16 @@ class Tank:
 
     def __init__(self, known: Known, initial: Mapping[Structure, int]):
         self.known = known
-        self.counts: dict[Kind, int] = {}
-        self.slots: dict[Group, int] = {}
+        self.counts: dict[StructureKind, int] = {}
+        self.slots: dict[FaceGroup, int] = {}
         self.free: list[int] = []
-        self.members: list[dict[Kind, list[tuple[int, int]]]] = []
+        self.members: list[dict[StructureKind, list[tuple[int, int]]]] = []
         self.n = np.zeros(0)
         self.strengths = np.zeros((0, 0))
         for structure, copies in initial.items():
             self.add(known.kind(structure), copies)
 
-    def add(self, kind: Kind, copies: int) -> None:
+    def add(self, kind: StructureKind, copies: int) -> None:
         """Put copies in, or take them out where negative."""
         count = self.counts.get(kind, 0) + copies
         if count:
@@ -157,7 +159,7 @@ class Tank:
                 if not self.members[slot]:
                     self.close(group)
 
-    def opened(self, group: Group) -> int:
+    def opened(self, group: FaceGroup) -> int:
         """A slot for a group that was not there."""
         if not self.free:
             old, new = len(self.n), 2 * len(self.n) + 8
@@ -172,13 +174,13 @@ class Tank:
             self.strengths[slot, place] = self.strengths[place, slot] = self.known.strength(group, other)
         return slot
 
-    def close(self, group: Group) -> None:
+    def close(self, group: FaceGroup) -> None:
         """Free the slot of a group that is gone."""
         slot = self.slots.pop(group)
         self.strengths[slot] = self.strengths[:, slot] = 0.0
         self.free.append(slot)
 
-    def happens(self, event: Event) -> None:
+    def happens(self, event: TankEvent) -> None:
         """Take out what an event takes, put in what it makes."""
         for kinds, copies in zip(event, (-1, 1), strict=True):
             for kind in kinds:
@@ -190,7 +192,7 @@ class Tank:
         drawn = np.cumsum(self.n * (self.strengths @ self.n))
         return drawn, sum(copies * kind.break_rate for kind, copies in self.counts.items())
 
-    def face(self, slot: int, uniform: float) -> tuple[Kind, int, int, int]:
+    def face(self, slot: int, uniform: float) -> tuple[StructureKind, int, int, int]:
         """One of a slot's faces, all as likely: kind, number of the copy, cube, face."""
         left = int(uniform * self.n[slot])
         for kind, faces in self.members[slot].items():
@@ -201,7 +203,7 @@ class Tank:
             left -= held
         raise AssertionError("a slot holds fewer faces than it counts")
 
-    def join(self, drawn: Floats, draw: Callable[[], float]) -> Event | None:
+    def join(self, drawn: Floats, draw: Callable[[], float]) -> TankEvent | None:
         """Draw a pair of faces and a twist: kinds before and after, or None where nothing comes of it."""
         slot = int(np.searchsorted(drawn, draw() * drawn[-1], side="right"))
         towards = np.cumsum(self.strengths[slot] * self.n)
@@ -217,7 +219,7 @@ class Tank:
         made = self.known.joined(a, i, face_i, b, j, face_j, twist)
         return None if made is None else ((a, b), (made,))
 
-    def part(self, draw: Callable[[], float], total: float) -> Event:
+    def part(self, draw: Callable[[], float], total: float) -> TankEvent:
         """Draw a bond that breaks: kinds before and after."""
         left = draw() * total
         breaking = [kind for kind in self.counts if kind.break_rate]

@@ -174,7 +174,7 @@ def first_passage(
     wanted = whole_number("copies", copies, 0)
     target = f"{wanted} {species}"
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
-    lumped = _lump(space.generator(), space.is_stopped)
+    lumped = lump(space.generator(), space.is_stopped)
     chain = DiscreteChain.of(lumped)
     n = lumped.shape[0] - 1
     if space.is_stopped[0]:
@@ -236,7 +236,7 @@ def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:
     return solution
 
 
-def _lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:
+def lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:
     """The generator with all stopped states as one last state; the initial state, unless stopped, stays first."""
     from scipy.sparse import csr_array
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.assembly import RuleBook
-from kinetics.ranking.candidates import (
+from kinetics.ranking.ranked_book import (
     LIMITS,
     MEASURES,
-    Candidate,
     Measure,
-    candidate_of,
+    RankedBook,
     derived,
     possible_targets,
+    ranked_book,
     target_shape,
 )
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
@@ -42,7 +42,7 @@ class Ranking:
     unfinished : books that were not come to before Ctrl-C
     """
 
-    candidates: tuple[Candidate, ...]
+    books: tuple[RankedBook, ...]
     by: Measure
     cubes: int
     possible: int
@@ -54,7 +54,7 @@ class Ranking:
     notes: tuple[str, ...] = ()
     unfinished: tuple[str, ...] = ()
 
-    def are_tied(self, a: Candidate, b: Candidate) -> bool:
+    def are_tied(self, a: RankedBook, b: RankedBook) -> bool:
         """Whether the difference of two books lies within its own 95 % interval.
 
         With draws of the rates, that of the differences draw by draw; else of two independent means, from the sides of
@@ -73,29 +73,29 @@ class Ranking:
     def places(self) -> tuple[int, ...]:
         """1, 1, 3, ...: a book shares the place of the first one before it that leads its place and ties with it."""
         places: list[int] = []
-        for number, candidate in enumerate(self.candidates):
-            leads = places[-1] if places and self.are_tied(self.candidates[places[-1] - 1], candidate) else number + 1
+        for number, candidate in enumerate(self.books):
+            leads = places[-1] if places and self.are_tied(self.books[places[-1] - 1], candidate) else number + 1
             places.append(leads)
         return tuple(places)
 
     def ties_of(self, name: str) -> tuple[str, ...]:
-        """Names of the other books that cannot be told from this one."""
-        found = [candidate for candidate in self.candidates if candidate.name == name]
+        """Names of the other books that cannot be distinguished from this one."""
+        found = [candidate for candidate in self.books if candidate.name == name]
         if not found:
-            raise ValueError(f"unknown book {name!r}; ranked are {', '.join(c.name for c in self.candidates)}")
-        return tuple(c.name for c in self.candidates if c is not found[0] and self.are_tied(found[0], c))
+            raise ValueError(f"unknown book {name!r}; ranked are {', '.join(c.name for c in self.books)}")
+        return tuple(c.name for c in self.books if c is not found[0] and self.are_tied(found[0], c))
 
     @property
     def pathways(self) -> dict[str, tuple[str, ...]]:
         """Book -> the sizes that it joins."""
-        return {candidate.name: candidate.pathway for candidate in self.candidates}
+        return {candidate.name: candidate.pathway for candidate in self.books}
 
     def table(self) -> str:
         """For people: one line a book, then what the figures are."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
-        for place, candidate in zip(self.places, self.candidates, strict=True):
-            result = candidate.outcome
+        for place, candidate in zip(self.places, self.books, strict=True):
+            result = candidate.result
             rows.append(
                 (
                     f"{place}{'=' if self.places.count(place) > 1 else ''}",
@@ -118,7 +118,7 @@ class Ranking:
             "value (sd of a run); e: exact, by so many states; ±: 95 % of so many sampled runs, r"
             + ("; []: 95 % from the rates" if self.draws else ""),
         ]
-        places = {candidate.name: place for candidate, place in zip(self.candidates, self.places, strict=True)}
+        places = {candidate.name: place for candidate, place in zip(self.books, self.places, strict=True)}
         if len(set(places.values())) < len(places):
             lines.append(f"= books that their {self.by} does not tell apart from the first one of that place")
         for name, place in places.items():
@@ -154,7 +154,7 @@ class Ranking:
                     **_plain(candidate),
                     "cpu_seconds": candidate.cpu_seconds,
                 }
-                for place, candidate in zip(self.places, self.candidates, strict=True)
+                for place, candidate in zip(self.places, self.books, strict=True)
             ],
             "notes": list(self.notes),
             "unfinished": list(self.unfinished),
@@ -180,8 +180,8 @@ class Ranking:
         """
         from kinetics.support import plots
 
-        shown = min(len(self.candidates), len(plots.COLOURS))
-        for number, candidate in enumerate(self.candidates):
+        shown = min(len(self.books), len(plots.COLOURS))
+        for number, candidate in enumerate(self.books):
             spans = {measure: _span(candidate, measure) for measure in MEASURES}
             first, amount = (candidate.figure(measure) for measure in ("first", "yield"))
             is_exact = {first.method, amount.method} == {"exact"}
@@ -198,7 +198,7 @@ class Ranking:
                 markerfacecolor=colour if is_exact else "white",
                 capsize=3,
                 linestyle="none",
-                label=label or (f"{len(self.candidates) - shown} more" if number == shown else None),
+                label=label or (f"{len(self.books) - shown} more" if number == shown else None),
                 zorder=3 if number < shown else 2,
             )
         ax.set_xlabel("mean time to the first target (tu)")
@@ -226,7 +226,7 @@ def rank(
 
     runs : of a figure whose chain has more than `max_states` states, or takes too long
     draws : sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it has to be sampled
-    progress : told which book is at work
+    progress : called with the name of the book at work
     A book's figures follow from the book and the seed, whatever it is compared with. After Ctrl-C the ranking has the
     books that were finished, if any.
     """
@@ -237,19 +237,19 @@ def rank(
         whole_number("draws", draws, 2)
     derivations = [derived(book) for book in books]
     for one in derivations:
-        rates.apply(one)  # tells of a class without a rate before any work
+        rates.apply(one)  # a class without a rate is refused before any work
     bare = rates.without_evidence([c for one in derivations for c in one.rate_classes])
     used = {rates.key(c) for one in derivations for c in one.rate_classes}
     sequence = np.random.SeedSequence(seed, spawn_key=(1,))
     # Draws of rates that are all taken as known would differ by nothing but noise.
     drawn = rates.draws(np.random.default_rng(sequence), draws) if draws and len(bare) < len(used) else []
     notes = (f"the rates' intervals leave out {', '.join(bare)}: taken as known, because without evidence",)
-    finished: list[Candidate] = []
+    finished: list[RankedBook] = []
     try:
         for number, one in enumerate(derivations, 1):
             if progress is not None:
                 progress(f"{one.book.name}, {number} of {len(derivations)}")
-            finished.append(candidate_of(one, rates, drawn, cubes, horizon, runs, seed, max_states))
+            finished.append(ranked_book(one, rates, drawn, cubes, horizon, runs, seed, max_states))
     except KeyboardInterrupt:
         if not finished:
             raise
@@ -296,15 +296,15 @@ def _check(books: Sequence[RuleBook], cubes: int, horizon: float, by: str) -> No
         raise ValueError(f"{cubes} cubes do not suffice for a target of {len(shapes[0])}; give more")
 
 
-def _span(candidate: Candidate, measure: Measure) -> tuple[float, float]:
+def _span(candidate: RankedBook, measure: Measure) -> tuple[float, float]:
     """How far the 95 % interval reaches below and above the point, the rates' included where there is one."""
     figure = candidate.figure(measure)
     low, high = candidate.from_rates(measure) or (figure.low, figure.high)
     return max(figure.value - low, 0.0), max(high - figure.value, 0.0)
 
 
-def _plain(candidate: Candidate) -> Mapping[str, Any]:
-    result = candidate.outcome
+def _plain(candidate: RankedBook) -> Mapping[str, Any]:
+    result = candidate.result
     figures = {"yield": result.yield_, "first": result.first, "reached": result.reached}
     return {
         name: asdict(figure) | {"from_rates": None if name == "reached" else candidate.from_rates(name)}  # type: ignore[arg-type]

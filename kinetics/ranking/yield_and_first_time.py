@@ -1,31 +1,27 @@
-"""What a tank comes to: the time to its first target and its yield at a horizon, solved where that is possible.
-
-Exact: the master equation by uniformisation on all reachable states, every term positive, so that the error is known.
-Sampled: runs of the direct method, with 95 % intervals.
-"""
+"""The yield of a target at a horizon, and the time to its first copy: exact where that is possible, else sampled."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.sampling import sample_path
-from kinetics.solving import StateSpace, reachable
-from kinetics.solving.poisson import poisson_window, window_error
-from kinetics.solving.states import TooManyStatesError
-from kinetics.solving.uniformisation import DiscreteChain
+from kinetics.network.laws import Event
+from kinetics.network.laws.expression import quoted
+from kinetics.network.sparse_tables import SparseTable
+from kinetics.passage.restricted import restricted_passage
+from kinetics.sampling import General
+from kinetics.solving import Transient
 from kinetics.support.arrays import Floats, Ints, whole_number
 
 MAX_STATES = 100_000
-MAX_WORK = 2e10  # multiplications of one exact figure, about half a minute
+MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
+TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
 
 
 @dataclass(frozen=True)
@@ -71,7 +67,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class YieldAndFirstTime:
     """The answers.
 
     first : time to the first target, tu; runs without one by the horizon are counted with the horizon, so that the
@@ -85,18 +81,18 @@ class Outcome:
     yield_: Figure
 
 
-def outcome(
+def yield_and_first_time(
     question: Question,
     runs: int,
     seed: int,
     max_states: int = MAX_STATES,
     first_run: int = 0,
-    like: Outcome | None = None,
-) -> Outcome:
+    like: YieldAndFirstTime | None = None,
+) -> YieldAndFirstTime:
     """Exact where the states are few enough, each figure for itself; else from `runs` sampled runs.
 
     first_run : number of the first run; with one seed, runs of different numbers are independent
-    like : the outcome at other rates; what was too large there is not tried again
+    like : the answers at other rates; what was too large there is not tried again
     """
     load_kernels()
     passage = amount = None
@@ -105,11 +101,11 @@ def outcome(
     if like is None or like.yield_.method == "exact":
         amount = _exact_yield(question, max_states)
     if passage is not None and amount is not None:
-        return Outcome(*passage, amount)
+        return YieldAndFirstTime(*passage, amount)
     first, reached, sampled = _sampled(question, runs, seed, first_run)
     if passage is not None:
         first, reached = passage
-    return Outcome(first, reached, sampled if amount is None else amount)
+    return YieldAndFirstTime(first, reached, sampled if amount is None else amount)
 
 
 @cache
@@ -122,129 +118,93 @@ def load_kernels() -> None:
     _sampled(question, 2, 0, 0)
 
 
-@dataclass(frozen=True)
-class _Chain:
-    """A chain that is worth solving. weights : Poisson probabilities of the steps first, first + 1, ... by the end."""
-
-    space: StateSpace
-    chain: DiscreteChain
-    end: float
-    first: int
-    weights: Floats
-
-    @classmethod
-    def of(cls, question: Question, stops: bool, max_states: int) -> _Chain | None:
-        """The chain, stopped at the first target or not; None where it is too large or takes too many steps."""
-
-        def stop(states: Ints) -> NDArray[np.bool_]:
-            return states[:, question.target] >= 1
-
-        try:
-            space = reachable(question.network, question.initial, stop if stops else None, max_states)
-        except TooManyStatesError:
-            return None
-        chain = DiscreteChain.of(space.generator())
-        # The window's own arrays have a place for each step, so the bound comes first.
-        if chain.steps_until(question.horizon, TOLERANCE) * chain.transposed.nnz > MAX_WORK:
-            return None
-        return cls(space, chain, question.horizon, *poisson_window(chain.rate * question.horizon, TOLERANCE))
-
-    @property
-    def steps(self) -> int:
-        return self.first + self.weights.size
-
-    @property
-    def error(self) -> float:
-        """Bound on the summed error of the probabilities."""
-        window = window_error(self.chain.rate * self.end, self.first, self.weights, TOLERANCE)
-        return window + self.chain.rounding(self.steps)
-
-    def vectors(self) -> Iterator[Floats]:
-        """Probability (N,) of each state after 0, 1, ... steps."""
-        vector = np.zeros(len(self.space))
-        vector[0] = 1.0
-        for _ in range(self.steps):
-            yield vector
-            vector = self.chain.transposed @ vector
-
-    def alive(self) -> Floats:
-        """Probability (steps,) of not being stopped after each step."""
-        goes_on = ~self.space.is_stopped
-        return np.array([vector @ goes_on for vector in self.vectors()])
-
-    def probabilities(self) -> Floats:
-        """Probability (N,) of each state at the end."""
-        total = np.zeros(len(self.space))
-        for n, vector in enumerate(self.vectors()):
-            if n >= self.first:
-                total += self.weights[n - self.first] * vector
-        return total
-
-
 def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure] | None:
-    """First target, and probability of it by the horizon.
-
-    The moments of min(T, horizon) are integrals of the survival function, and the integral of each of its terms
-    Poisson(n; q t) is a Poisson tail: sums of positive terms again.
-    """
+    """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
-    solved = _Chain.of(question, True, max_states)
-    if solved is None:
+    network, end = question.network, question.horizon
+    target = network.species[question.target]
+    try:
+        found = restricted_passage(network, question.initial, target, end, 1, max_states, MAX_SECONDS)
+    except ValueError:
         return None
-    alive, rate, end = solved.alive(), solved.chain.rate, solved.end
-    # P(N > n) for n = 0, 1, ...: certain before the window, nothing after it
-    tails = np.ones(solved.steps + 1)
-    tails[solved.first :] = np.append(np.cumsum(solved.weights[::-1])[::-1][1:], [0.0, 0.0])
-    mean = float(alive @ tails[:-1]) / rate
-    square = 2.0 * float((alive * np.arange(1, alive.size + 1)) @ tails[1:]) / rate**2
-    missed = float(alive[solved.first :] @ solved.weights)
-    reached = 1.0 - missed
     cost = time.process_time() - began
-    states = len(solved.space)
+    sd = (found.reached * (1.0 - found.reached)) ** 0.5
     return (
-        _exact(mean, max(square - mean**2, 0.0), solved.error * end, end, states, cost),
-        _exact(reached, reached * missed, solved.error, 1.0, states, cost),
+        _exact(found.mean, found.sd, found.mean_error, end, found.n_states, cost),
+        _exact(found.reached, sd, found.reached_error, 1.0, found.n_states, cost),
     )
 
 
 def _exact_yield(question: Question, max_states: int) -> Figure | None:
-    """Targets at the horizon over those possible."""
+    """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
-    solved = _Chain.of(question, False, max_states)
-    if solved is None:
+    method = Transient(TOLERANCE, max_states, MAX_SECONDS)
+    try:
+        end = method.solve(question.network, question.initial, [question.horizon])
+    except ValueError:
         return None
-    probabilities = solved.probabilities()
-    shares = solved.space.states[:, question.target] / question.possible
-    mean = float(probabilities @ shares)
-    variance = float(probabilities @ (shares - mean) ** 2)
-    return _exact(mean, variance, solved.error, 1.0, len(solved.space), time.process_time() - began)
+    mean, sd, high = (
+        table[0, question.target] / question.possible for table in (end.mean(), end.sd(), end.mean_bounds()[1])
+    )
+    return _exact(float(mean), float(sd), float(high - mean), 1.0, len(end.space), time.process_time() - began)
 
 
-def _exact(value: float, variance: float, error: float, top: float, states: int, cost: float) -> Figure:
-    low, high = max(value - error, 0.0), min(value + error, top)
-    return Figure(value, float(np.sqrt(variance)), low, high, "exact", states, cost)
+def _exact(value: float, sd: float, error: float, top: float, states: int, cost: float) -> Figure:
+    return Figure(value, sd, max(value - error, 0.0), min(value + error, top), "exact", states, cost)
 
 
 def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[Figure, Figure, Figure]:
-    """First target, probability of it by the horizon, and yield."""
-    n = whole_number("runs", runs, 2)
-    name, end = question.network.species[question.target], question.horizon
+    """First target, probability of it by the horizon, and yield, from the same runs."""
+    n, end = whole_number("runs", runs, 2), question.horizon
     began = time.process_time()
-    times, shares = np.empty(n), np.empty(n)
-    for i in range(n):
-        path = sample_path(question.network, question.initial, end, seed, first_run + i)
-        times[i] = path.first_time(name)
-        shares[i] = path.states[-1, question.target] / question.possible
-    is_reached = np.isfinite(times)
-    times[~is_reached] = end
+    network = _noting(question)
+    start = np.append(question.initial, 0)
+    counts = General().simulate(network, start, [end], n, seed, first_run=first_run).counts[:, 0]
+    noted = counts[:, -1]
+    times = np.where(noted > 0, (noted - 0.5) * (end / TICKS), end)
+    shares = counts[:, question.target] / question.possible
     cost = time.process_time() - began
-    return _mean(times, end, cost), _mean(is_reached.astype(float), 1.0, cost), _mean(shares, 1.0, cost)
+    return _mean(times, end, cost), _mean((noted > 0).astype(float), 1.0, cost), _mean(shares, 1.0, cost)
+
+
+def _noting(question: Question) -> Network:
+    """The network with one more species, whose count notes the time of the first target, in ticks from 1.
+
+    An event sets it and no channel needs it, so the runs are those of the network itself, and the kernel makes them
+    all in one call.
+    """
+    network, target = question.network, question.network.species[question.target]
+    name = "noted"
+    while name in network.species:
+        name += "_"
+    first = Event(
+        "first target",
+        f"{quoted(target)} >= 1 and {name} < 1",
+        {name: f"1 + floor(t * {TICKS / question.horizon!r})"},
+        was_true=False,
+    )
+    reactants, changes = (
+        SparseTable(table.starts, table.columns, table.copies, table.n_columns + 1)
+        for table in (network.sparse_reactants, network.sparse_stoichiometry)
+    )
+    return Network.from_sparse(
+        (*network.species, name),
+        network.channels,
+        reactants,
+        changes,
+        network.ways,
+        network.known_rates,
+        network.combinations,
+        laws=network.laws,
+        events=(*network.events, first),
+        at_zero=network.at_zero,
+    )
 
 
 def _mean(values: Floats, top: float, cost: float) -> Figure:
     """Mean of values between 0 and `top` with Student's interval.
 
-    Where all runs agree the spread tells nothing; the interval then allows for a share of other runs that n alike ones
+    Where all runs agree the spread shows nothing; the interval then allows for a share of other runs that n alike ones
     do not exclude (Clopper & Pearson 1934), at either end of the range.
     """
     from scipy.special import stdtrit

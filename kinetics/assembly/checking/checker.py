@@ -1,4 +1,4 @@
-"""What is wrong with a rule book: found by exhausting it, told with the shortest way that leads there."""
+"""The checker: faults of a rule book, found by exploring all it can do, each with the shortest way that leads there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from kinetics.assembly.checking.compositions import MAX_COMPOSITIONS, compositions, events_to, leading_to
 from kinetics.assembly.deriving.derive import named
-from kinetics.assembly.deriving.explore import MAX_SPECIES, Event, Exploration, Indices, explore
+from kinetics.assembly.deriving.explore import MAX_SPECIES, Exploration, Indices, StructureEvent, explore
 from kinetics.assembly.deriving.history import Change, fits_into, laid_out, shortest, way_to
 from kinetics.assembly.drawing.counterexamples import Counterexample, counterexample_drawing, report_drawing
 from kinetics.assembly.drawing.drawing import Drawing
@@ -103,7 +103,7 @@ def check(
     slow_waves: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Report:
-    """Explore a book and tell all that is wrong with it.
+    """Explore a book and report all that is wrong with it.
 
     max_cubes, max_species : caps of the exploration, as of `derive`
     slow_waves : also let cubes collide while internal rules are still under way, each cube changing by itself;
@@ -147,7 +147,7 @@ class _Examined:
         if found.beyond is not None:
             a, b, made = found.beyond
             known = {structure: index for index, structure in enumerate(found.structures)}
-            steps, changes = self.told(self.way(known[a], known[b]))
+            steps, changes = self.as_steps(self.way(known[a], known[b]))
             last = f"{self.names[known[a]]} + {self.names[known[b]]} -> {len(made)} cubes: {made}"
             text = f"structures grow beyond {found.max_cubes} cubes; the smallest join that does makes {len(made)}"
             yield Finding("not closed", True, text, (*steps, last), made, (*changes, Change((a, b), (made,))))
@@ -219,30 +219,32 @@ class _Examined:
         return self._shortest[0]
 
     @cached_property
-    def _shortest(self) -> tuple[list[float], dict[int, Event]]:
+    def _shortest(self) -> tuple[list[float], dict[int, StructureEvent]]:
         starts = range(1 if self.book.seed_letter is None else 2)
         return shortest(len(self.found.structures), starts, self.found.events)
 
-    def way(self, *indices: int) -> tuple[Event, ...]:
+    def way(self, *indices: int) -> tuple[StructureEvent, ...]:
         """The shortest way to make some structures."""
         return way_to(indices, self._shortest[1])
 
     def finding(self, kind: str, is_error: bool, text: str, index: int) -> Finding:
         """A finding about one structure, with the shortest way to it."""
-        steps, changes = self.told(self.way(index))
+        steps, changes = self.as_steps(self.way(index))
         return Finding(kind, is_error, text, steps, self.found.structures[index], changes)
 
-    def at_event(self, kind: str, is_error: bool, text: str, event: Event) -> Finding:
+    def at_event(self, kind: str, is_error: bool, text: str, event: StructureEvent) -> Finding:
         """A finding about a join, with the shortest way to it."""
-        steps, changes = self.told((*self.way(*event.before), event))
+        steps, changes = self.as_steps((*self.way(*event.before), event))
         return Finding(kind, is_error, text, steps, self.found.structures[event.after[0]], changes)
 
-    def told(self, events: Iterable[Event]) -> tuple[tuple[str, ...], tuple[Change, ...]]:
+    def as_steps(self, events: Iterable[StructureEvent]) -> tuple[tuple[str, ...], tuple[Change, ...]]:
         """Events in words and as structures."""
-        told = [(self.words(e), Change(*(tuple(self.found.structures[n] for n in side) for side in e))) for e in events]
-        return tuple(words for words, _ in told), tuple(change for _, change in told)
+        steps = [
+            (self.words(e), Change(*(tuple(self.found.structures[n] for n in side) for side in e))) for e in events
+        ]
+        return tuple(words for words, _ in steps), tuple(change for _, change in steps)
 
-    def words(self, event: Event) -> str:
+    def words(self, event: StructureEvent) -> str:
         """`monomer + dimer -> trimer`, with the structure that a join makes."""
         before, after = (" + ".join(self.names[n] for n in side) for side in event)
         shown = f": {self.found.structures[event.after[0]]}" if len(event.after) == 1 else ""
@@ -275,7 +277,7 @@ def _starvation(examined: _Examined) -> Iterable[Finding]:
         contents = " + ".join(examined.names[n] for n in stuck)
         what = "where nothing happens any more" if not tank[stuck] else "from which it does not get there"
         text = f"{cubes} cubes can end as {contents}, {what}: {stuck.count(target)} targets instead of {full}"
-        steps, changes = examined.told(events_to(stuck, start, tank))
+        steps, changes = examined.as_steps(events_to(stuck, start, tank))
         yield Finding("starvation", False, text, steps, changes=changes)
         return
 

@@ -6,21 +6,23 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
-from kinetics.assembly.deriving.explore import Event, Indices
+from kinetics.assembly.deriving.explore import Indices, StructureEvent
 
 MAX_COMPOSITIONS = 20_000
 Node = TypeVar("Node")
 
 
-def compositions(start: Indices, events: Mapping[Event, object]) -> dict[Indices, list[tuple[Event, Indices]]] | None:
+def compositions(
+    start: Indices, events: Mapping[StructureEvent, object]
+) -> dict[Indices, list[tuple[StructureEvent, Indices]]] | None:
     """What can become of a tank: composition (structures, rising) -> events and compositions after them.
 
     None where there are more than MAX_COMPOSITIONS.
     """
-    by_first: dict[int, list[Event]] = {}
+    by_first: dict[int, list[StructureEvent]] = {}
     for event in events:
         by_first.setdefault(event.before[0], []).append(event)
-    tank: dict[Indices, list[tuple[Event, Indices]]] = {tuple(sorted(start)): []}
+    tank: dict[Indices, list[tuple[StructureEvent, Indices]]] = {tuple(sorted(start)): []}
     waiting = deque(tank)
     while waiting:
         state = waiting.popleft()
@@ -41,10 +43,12 @@ def compositions(start: Indices, events: Mapping[Event, object]) -> dict[Indices
     return tank
 
 
-def events_to(goal: Indices, start: Indices, tank: Mapping[Indices, Sequence[tuple[Event, Indices]]]) -> list[Event]:
+def events_to(
+    goal: Indices, start: Indices, tank: Mapping[Indices, Sequence[tuple[StructureEvent, Indices]]]
+) -> list[StructureEvent]:
     """A shortest way from the first composition to another one."""
     first = tuple(sorted(start))
-    came: dict[Indices, tuple[Indices, Event] | None] = {first: None}
+    came: dict[Indices, tuple[Indices, StructureEvent] | None] = {first: None}
     waiting = deque([first])
     while goal not in came:
         state = waiting.popleft()
@@ -52,7 +56,7 @@ def events_to(goal: Indices, start: Indices, tank: Mapping[Indices, Sequence[tup
             if after not in came:
                 came[after] = state, event
                 waiting.append(after)
-    way: list[Event] = []
+    way: list[StructureEvent] = []
     step = came[goal]
     while step is not None:
         way.insert(0, step[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice, product
 from math import prod
@@ -14,8 +14,8 @@ from kinetics.assembly.compiler.choices import Choices, asked_joins
 from kinetics.assembly.compiler.orientation import turnings
 from kinetics.assembly.compiler.plan import MOST, Channel, Plan, planned
 from kinetics.assembly.compiler.proof import proven
-from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
-from kinetics.assembly.compiler.search import MOST_LETTERS, Problem, Tables, solutions
+from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, UndecidedError, sensing
+from kinetics.assembly.compiler.search import MOST_LETTERS, Problem, Solution, solutions
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.rules.conditions import Senses
 
@@ -35,8 +35,6 @@ LADDER = tuple(
     for touched, across, roll in sorted(product((False, True), repeat=3), key=lambda senses: (sum(senses), senses))
 )
 
-Progress = Callable[[str], None]
-
 
 def compile_book(
     target: Target,
@@ -46,7 +44,7 @@ def compile_book(
     max_letters: int | None = None,
     time_limit: float = TIME_LIMIT,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Notify | None = None,
 ) -> Compiled:
     """A rule book that builds the target and nothing else, with as few letters as there can be.
 
@@ -56,7 +54,7 @@ def compile_book(
     max_letters : most letters; None: what the target says, or 8
     time_limit : s of wall time
     seed : of what is drawn by chance; only growth from a seed does
-    progress : told what is being tried
+    progress : called with what is being tried
     Where the target names no senses, the weakest that are enough are taken. Targets of more than eight cubes, and
     those with a seed, are grown from a seed (see `seeded`).
     InfeasibleError: there is no such book, and why. UndecidedError: none was found in time, nor a proof.
@@ -74,7 +72,7 @@ def compile_book(
         outcome = asked.attempt(senses)
         if isinstance(outcome, Compiled):
             return outcome
-        failures[told(senses)] = outcome
+        failures[sensing(senses)] = outcome
         if asked.is_late:
             break
     if all(failure.is_proof for failure in failures.values()):
@@ -91,7 +89,7 @@ def all_books(
     breaks: bool | None = None,
     max_letters: int | None = None,
     time_limit: float = TIME_LIMIT,
-    progress: Progress | None = None,
+    progress: Notify | None = None,
 ) -> Iterator[Compiled]:
     """One book for each choice among the joins with which everything leads to the target, fewest joins first.
 
@@ -144,7 +142,7 @@ class _Asked:
     breaks: bool
     max_letters: int
     time_limit: float
-    progress: Progress
+    progress: Notify
     start: float = field(default_factory=time.monotonic)
     steps: int = 0
     hurry: int = 1
@@ -157,7 +155,7 @@ class _Asked:
         breaks: bool | None,
         max_letters: int | None,
         time_limit: float,
-        progress: Progress | None,
+        progress: Notify | None,
     ) -> _Asked:
         if not time_limit > 0:
             raise ValueError(f"time_limit = {time_limit} s; it must be more than 0")
@@ -199,7 +197,7 @@ class _Asked:
                 failures.append(made)
         except TimeoutError:
             return _Failure(
-                f"{self.target.name!r} with {told(senses)}: not decided within {self.time_limit:g} s", False
+                f"{self.target.name!r} with {sensing(senses)}: not decided within {self.time_limit:g} s", False
             )
         is_proof = all(failure.is_proof for failure in failures)
         also = "\nwith all cubes turned alike, it is no better" if is_proof else ""
@@ -207,7 +205,7 @@ class _Asked:
 
     def turned(self, target: Target, senses: Senses) -> Compiled | _Failure:
         """The same for a target whose cubes are turned."""
-        head = f"target {target.name!r} is infeasible with this sensing ({told(senses)})"
+        head = f"target {target.name!r} is infeasible with this sensing ({sensing(senses)})"
         plan = planned(target, senses, self.tick)
         choices = Choices(plan, self.breaks, self.tick)
         if self.joins is not None:
@@ -220,11 +218,11 @@ class _Asked:
             failures.append(made)
         if failures:
             is_proof = _tries_all(choices) and all(failure.is_proof for failure in failures)
-            what = head if is_proof else f"target {target.name!r} with {told(senses)}: not decided,"
+            what = head if is_proof else f"target {target.name!r} with {sensing(senses)}: not decided,"
             return _Failure(f"{what} because {failures[0].text}", is_proof)
-        clashes = reasons.told_all(plan, choices.obstacles(plan.joins))
+        clashes = reasons.in_words(plan, choices.obstacles(plan.joins))
         if not choices.is_complete:
-            return _Failure(f"target {target.name!r} with {told(senses)}: not decided, because of\n{clashes}", False)
+            return _Failure(f"target {target.name!r} with {sensing(senses)}: not decided, because of\n{clashes}", False)
         return _Failure(f"{head}, whatever joins are chosen, because\n{clashes}", True)
 
     def exactly(self, choices: Choices, joins: tuple[Channel, ...], head: str) -> Compiled | _Failure:
@@ -237,7 +235,7 @@ class _Asked:
             )
         clashes = choices.obstacles(joins)
         if clashes:
-            return _Failure(f"{head} and these joins because\n{reasons.told_all(plan, clashes[-1:])}", True)
+            return _Failure(f"{head} and these joins because\n{reasons.in_words(plan, clashes[-1:])}", True)
         made = self.book(plan, joins)
         if isinstance(made, Compiled):
             return made
@@ -250,7 +248,7 @@ class _Asked:
         exhausted = True
         for n_letters in range(2, self.max_letters + 1):
             for deferred in (False, True):
-                self.progress(f"{told(plan.senses)}: {len(problem.joins)} joins, {n_letters} letters")
+                self.progress(f"{sensing(plan.senses)}: {len(problem.joins)} joins, {n_letters} letters")
                 found, complete = self.search(problem, n_letters, deferred, hurry)
                 if found is not None:
                     book, verified = proven(problem, found)
@@ -262,7 +260,7 @@ class _Asked:
             return _Failure(f"the joins {listed} take more than {self.max_letters} letters: all were tried", True)
         return _Failure(f"the joins {listed}: not decided within the steps allowed for the search", False)
 
-    def search(self, problem: Problem, n_letters: int, deferred: bool, hurry: int) -> tuple[Tables | None, bool]:
+    def search(self, problem: Problem, n_letters: int, deferred: bool, hurry: int) -> tuple[Solution | None, bool]:
         """A solution, and whether all were tried."""
         self.steps = (DEFERRED_STEPS if deferred else DIRECT_STEPS) // max(hurry, self.hurry)
 
@@ -288,7 +286,7 @@ class _Asked:
             if senses != own and _is_stronger(senses, own):
                 made = self.attempt(senses)
                 if isinstance(made, Compiled):
-                    return f"{told(senses)} are enough: a book of {made.letters} letters does it"
+                    return f"{sensing(senses)} are enough: a book of {made.letters} letters does it"
         return "no stronger sensing was found to be enough in time"
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, told
+from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.faces import Position
-from kinetics.assembly.rules.conditions import DIRECTIONS, Direction, Senses
-from kinetics.assembly.rules.conditions import Target as Placed
+from kinetics.assembly.rules.conditions import DIRECTIONS, BookTarget, Direction, Senses
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")
 TRIALS = 500  # of orbits in one search for an order of growth
@@ -24,7 +23,7 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
     tick : called again and again; its TimeoutError ends the search
     InfeasibleError: there is none for cubes with these senses; UndecidedError: none was found.
     """
-    head = f"with this sensing ({told(senses)})"
+    head = f"with this sensing ({sensing(senses)})"
     if not _is_its_mirror_image(target.positions, target.tops):
         raise InfeasibleError(
             f"target {target.name!r} is infeasible {head} because it differs from its mirror image, and cubes with two "
@@ -60,7 +59,9 @@ def _is_its_mirror_image(places: Sequence[Position], tops: tuple[Direction, ...]
     """Whether cubes at these places, their tops along these axes, can be turned into their mirror image."""
     scheme = "one" if tops is None else "two"
     letters = ("",) * len(places)
-    both = (Placed(cubes=tuple((sign * x, y, z) for x, y, z in places), letters=letters, tops=tops) for sign in (1, -1))
+    both = (
+        BookTarget(cubes=tuple((sign * x, y, z) for x, y, z in places), letters=letters, tops=tops) for sign in (1, -1)
+    )
     own, mirrored = (placed.structure().canonical(scheme) for placed in both)
     return own == mirrored
 

@@ -44,7 +44,7 @@ class GuestView(NamedTuple):
     touched: tuple[int, ...]
 
 
-Contact = tuple[HostView, GuestView]
+ViewPair = tuple[HostView, GuestView]
 Around = tuple[int, tuple[int, ...]]  # a letter, and those of its neighbours
 
 
@@ -127,13 +127,13 @@ class Facts:
     examples : for each contact, a place, for messages
     """
 
-    events: dict[frozenset[Contact], int] = field(default_factory=dict)
-    forbidden: set[Contact] = field(default_factory=set)
+    events: dict[frozenset[ViewPair], int] = field(default_factory=dict)
+    forbidden: set[ViewPair] = field(default_factory=set)
     internal: dict[Around, int] = field(default_factory=dict)
-    examples: dict[Contact, Position] = field(default_factory=dict)
+    examples: dict[ViewPair, Position] = field(default_factory=dict)
     states: int = 0
 
-    def usable(self) -> set[Contact] | None:
+    def usable(self) -> set[ViewPair] | None:
         """Contacts that may be enabled without enabling a forbidden one; None where some cube would have none left."""
         allowed = {contact for event in self.events for contact in event} - self.forbidden
         guests: dict[GuestView, int] = {}
@@ -248,7 +248,7 @@ def around(place: Position, letters: Letters) -> tuple[int, ...]:
     return tuple(sorted([letters[p] for p in beside(place) if p in letters]))
 
 
-def contacts(stage: Stage, letters: Letters, place: Position, axis: int) -> Iterator[Contact]:
+def contacts(stage: Stage, letters: Letters, place: Position, axis: int) -> Iterator[ViewPair]:
     """What a cube and each of its hosts read as it comes to an empty place, its top along an axis."""
     senses = stage.senses
     touched = around(place, letters) if senses.touched else ()

@@ -11,11 +11,11 @@ from itertools import combinations
 
 import numpy as np
 
-from kinetics.assembly.compiler.growth import Around, Contact, Facts, GuestView, HostView
+from kinetics.assembly.compiler.growth import Around, Facts, GuestView, HostView, ViewPair
 
 
 @dataclass(frozen=True)
-class Tables:
+class ReadingTables:
     """What cubes do on what they read.
 
     hosts : readings of a cube that lets another one dock
@@ -28,11 +28,11 @@ class Tables:
     hosts: frozenset[HostView]
     guests: dict[GuestView, int]
     internal: dict[Around, int]
-    forbidden: frozenset[Contact]
+    forbidden: frozenset[ViewPair]
     merged: dict[int, int]
 
     @classmethod
-    def of(cls, facts: Facts) -> Tables:
+    def of(cls, facts: Facts) -> ReadingTables:
         """The tables of a growth without clashes."""
         usable = facts.usable()
         if usable is None:
@@ -49,7 +49,7 @@ class Tables:
         """Those in use, in order."""
         return sorted(set(self.merged.values()))
 
-    def joined(self, a: int, b: int, is_strict: bool = True) -> Tables | None:
+    def joined(self, a: int, b: int, is_strict: bool = True) -> ReadingTables | None:
         """The tables with two letters merged, and all that follows from it.
 
         None where a cube that must not dock would look like one that may; with is_strict off, such tables are returned.
@@ -82,7 +82,7 @@ class Tables:
         if is_strict and any(host in hosts and guest in guests for host, guest in forbidden):
             return None
         merged = {letter: name[now] for letter, now in self.merged.items()}
-        return Tables(hosts, guests, internal, forbidden, merged)
+        return ReadingTables(hosts, guests, internal, forbidden, merged)
 
 
 def _many(letters: tuple[int, ...], name: dict[int, int]) -> tuple[int, ...]:
@@ -99,7 +99,7 @@ def _guest(view: GuestView, name: dict[int, int]) -> GuestView:
     return GuestView(own, name[letter], face, roll, _many(touched, name))
 
 
-def reduced(tables: Tables, rng: np.random.Generator) -> Tables:
+def reduced(tables: ReadingTables, rng: np.random.Generator) -> ReadingTables:
     """Merge letters, in a random order, until no two can be merged any more."""
     refused: set[tuple[int, int]] = set()
     while True:
@@ -115,7 +115,7 @@ def reduced(tables: Tables, rng: np.random.Generator) -> Tables:
             return tables
 
 
-def named(tables: Tables, seed: int) -> dict[int, str]:
+def named(tables: ReadingTables, seed: int) -> dict[int, str]:
     """Names for all letters, merged ones alike: b for the seed's, and on in the order in which they first occurred."""
     names: dict[int, str] = {}
     for letter in (tables.merged[seed], *tables.letters):

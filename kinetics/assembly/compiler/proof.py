@@ -8,7 +8,7 @@ from typing import Any
 
 from kinetics.assembly.checking.checker import check
 from kinetics.assembly.compiler.plan import Channel
-from kinetics.assembly.compiler.search import Problem, Tables
+from kinetics.assembly.compiler.search import Problem, Solution
 from kinetics.assembly.compiler.target import PLACEHOLDER
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal, Semantics
@@ -17,8 +17,8 @@ from kinetics.assembly.rules.rule_book import RuleBook
 MERGED = ("partner", "partner_face", "face", "lost", "letter", "roll", "across")  # one-of conditions, in this order
 
 
-def book_of(problem: Problem, tables: Tables) -> RuleBook:
-    """The rule book of a solution: rules that differ in one condition only are told as one."""
+def book_of(problem: Problem, tables: Solution) -> RuleBook:
+    """The rule book of a solution: rules that differ in one condition only become one."""
     plan = problem.plan
     of = {unknown: ascii_lowercase[number] for unknown, number in tables.letters.items()}
     joined: dict[tuple[Any, ...], str] = {}
@@ -78,7 +78,7 @@ def _rules(names: tuple[str, ...], table: dict[tuple[Any, ...], str]) -> Iterabl
     return enumerate(rules, 1)
 
 
-def proven(problem: Problem, tables: Tables) -> tuple[RuleBook, tuple[str, ...]]:
+def proven(problem: Problem, tables: Solution) -> tuple[RuleBook, tuple[str, ...]]:
     """The book of a solution, with how it was proven; RuntimeError where it does not do what was asked.
 
     Neither derivation nor checker know anything of the search: they read the rules alone.

@@ -12,7 +12,7 @@ TOPS = {4, 5}  # top and bottom
 SHOWN = 3
 
 
-def told(plan: Plan, clash: Clash) -> str:
+def _situations(plan: Plan, clash: Clash) -> str:
     """The two situations that cubes cannot tell apart."""
     (first, example), (second, other) = clash.joins
     lines = [f"the join {plan.name(first)} must form{_twist(plan, example)}:", *_drawn(plan, example)]
@@ -38,9 +38,9 @@ def _twist(plan: Plan, meeting: Meeting) -> str:
     return ""
 
 
-def told_all(plan: Plan, clashes: list[Clash]) -> str:
+def in_words(plan: Plan, clashes: list[Clash]) -> str:
     """One clash after another, the first few."""
-    text = "\nand without this join:\n".join(told(plan, clash) for clash in clashes[:SHOWN])
+    text = "\nand without this join:\n".join(_situations(plan, clash) for clash in clashes[:SHOWN])
     return text + (f"\nand so on: {len(clashes) - SHOWN} more" if len(clashes) > SHOWN else "")
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from kinetics.assembly.rules.conditions import Senses
 from kinetics.assembly.rules.rule_book import RuleBook
+
+Notify = Callable[[str], None]  # called with what is being done, a line at a time
 
 
 class InfeasibleError(ValueError):
@@ -41,10 +44,10 @@ class Compiled:
     @property
     def capability(self) -> str:
         """What the cubes sense, in words."""
-        return told(self.book.senses)
+        return sensing(self.book.senses)
 
 
-def told(senses: Senses) -> str:
+def sensing(senses: Senses) -> str:
     """`two face types, roll, across`."""
     faces = {"one": "faces all alike", "two": "two face types", "six": "six face types"}.get(senses.faces, senses.faces)
     return ", ".join([faces, *(name for name in ("roll", "across", "touched") if getattr(senses, name))])

@@ -24,7 +24,7 @@ _NOTHING = object()
 
 
 @dataclass(frozen=True, eq=False)
-class Tables:
+class Solution:
     """A solution, letters as numbers, 0 that of a free cube.
 
     letters : of each unknown of the plan
@@ -100,17 +100,17 @@ class Problem:
 
 def solutions(
     problem: Problem, n_letters: int, deferred: bool = False, tick: Callable[[], None] = lambda: None
-) -> Iterator[Tables]:
+) -> Iterator[Solution]:
     """All solutions with at most that many letters, none twice by other names of the letters.
 
     tick : called again and again; it may raise to end the search
     """
     if not 2 <= n_letters <= MOST_LETTERS:
         raise ValueError(f"{n_letters} letters; the search takes 2 to {MOST_LETTERS}")
-    return _Search(problem, n_letters, deferred, tick).run()
+    return _LetterSearch(problem, n_letters, deferred, tick).run()
 
 
-class _Search:
+class _LetterSearch:
     """Depth first, a part at a time; what was decided on the way is on a trail, to be undone."""
 
     def __init__(self, problem: Problem, n_letters: int, deferred: bool, tick: Callable[[], None]):
@@ -136,13 +136,13 @@ class _Search:
                 [(readings[first], readings[second]) for first, second in dockings],
             )
 
-    def run(self) -> Iterator[Tables]:
+    def run(self) -> Iterator[Solution]:
         """Search from the free cube on."""
         (free,) = self.problem.plan.parts[0].unknowns
         self.letters[free] = 0
         return self.part(0, 0)
 
-    def part(self, level: int, highest: int) -> Iterator[Tables]:
+    def part(self, level: int, highest: int) -> Iterator[Solution]:
         """Solutions that go on from the parts before; letters up to `highest` are in use."""
         if level == len(self.problem.parts):
             yield self.tables()
@@ -316,8 +316,8 @@ class _Search:
             others += 1 << 3 * letters[unknown]
         return (key << 3 * MOST_LETTERS | others) << 3 * MOST_LETTERS | neighbours
 
-    def tables(self) -> Tables:
-        """What is settled, with the keys told in full."""
+    def tables(self) -> Solution:
+        """What is settled, with the keys written out in full."""
         problem = self.problem
         waves = [wave for part in problem.parts for wave in problem.waves[part]]
         joined, lost = {}, {}
@@ -333,7 +333,7 @@ class _Search:
             own, around = key & (1 << BITS) - 1, key >> BITS
             if letter != own:
                 followed[own, tuple(n for n in range(MOST_LETTERS) for _ in range(around >> 3 * n & 7))] = letter
-        return Tables(dict(self.letters), joined, lost, followed)  # type: ignore[arg-type]  # all are settled
+        return Solution(dict(self.letters), joined, lost, followed)  # type: ignore[arg-type]  # all are settled
 
 
 def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:

@@ -8,22 +8,20 @@ fits at one face and one twist alone, and may have to slip in between two others
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from kinetics.assembly.compiler.courses import AXES, minus, planned_course
-from kinetics.assembly.compiler.merging import Tables, letter_name, named, reduced
-from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError, told
+from kinetics.assembly.compiler.merging import ReadingTables, letter_name, named, reduced
+from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import centre, distances, spanning_tree
 from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
-from kinetics.assembly.rules.conditions import Semantics, Senses
-from kinetics.assembly.rules.conditions import Target as Placed
+from kinetics.assembly.rules.conditions import BookTarget, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
@@ -37,7 +35,6 @@ LADDER = (
     SIX,
 )  # tried in this order where the target names no senses; what of it is not needed is then left out
 HOLD = Semantics(bonds="hold")
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,7 @@ def compile_seeded(
     seed: int = 0,
     tries: int = TRIES,
     growths: int = GROWTHS,
-    progress: Tell | None = None,
+    progress: Notify | None = None,
 ) -> Compiled:
     """A rule book that grows the target from a seed; bonds hold, free cubes come one at a time.
 
@@ -66,10 +63,10 @@ def compile_seeded(
     seed : of the search and of the random growths; the same seed gives the same book, if time does not run out
     tries : orders in which letters are merged (two face types)
     growths : random ones that the book has to pass
-    progress : told what is being done
+    progress : called with what is being done
     Where the target names no senses, those of LADDER are tried, and what is not needed is left out.
     Ctrl-C ends the search for fewer letters; the best book so far is still checked. Another one ends the checks, too,
-    once they have found it right a first time; `verified` tells how far they came.
+    once they have found it right a first time; `verified` says how far they came.
     InfeasibleError: no book of this kind with this sensing. UndecidedError: none found, or none with so few letters.
     """
     if target.breaks:
@@ -82,16 +79,16 @@ def compile_seeded(
     if not time_limit > 0 or tries < 1 or growths < 1:
         raise ValueError(f"time_limit = {time_limit} s, tries = {tries}, growths = {growths}; all must be more than 0")
     start = time.monotonic()
-    tell = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     clock = _Clock(start + time_limit)
-    draft = _draft(target, seed, tries, clock, tell)
+    draft = _draft(target, seed, tries, clock, report)
     most = target.max_letters if max_letters is None else max_letters
     if most is not None and len(draft.book.letters) > most:
         raise UndecidedError(
-            f"target {target.name!r} with {told(draft.book.senses)}: not found within {tries} tries and "
+            f"target {target.name!r} with {sensing(draft.book.senses)}: not found within {tries} tries and "
             f"{time_limit:g} s; the best book has {len(draft.book.letters)} letters, max_letters is {most}"
         )
-    found = grown(draft.book, growths, seed, lambda n, all_: tell(f"random growth {n} of {all_}"))
+    found = grown(draft.book, growths, seed, lambda n, all_: report(f"random growth {n} of {all_}"))
     if found.fault:
         raise RuntimeError(f"the book compiled for {target.name!r} is wrong, please report it: {found.fault}")
     verified = (
@@ -114,32 +111,32 @@ class _Clock:
             raise TimeoutError
 
 
-def _draft(target: Target, seed: int, tries: int, clock: _Clock, tell: Tell) -> _Draft:
+def _draft(target: Target, seed: int, tries: int, clock: _Clock, report: Notify) -> _Draft:
     """A book with the senses asked for, or those that are enough."""
     reasons = []
     undecided = False
     for senses in LADDER if target.senses is None else (target.senses,):
-        tell(f"trying {told(senses)}")
+        report(f"trying {sensing(senses)}")
         try:
             if senses.faces == "six":
-                return _by_tree(target, senses, seed, clock, tell)
-            return _by_stages(target, senses, seed, tries, clock, tell)
+                return _by_tree(target, senses, seed, clock, report)
+            return _by_stages(target, senses, seed, tries, clock, report)
         except (InfeasibleError, UndecidedError) as error:
             undecided |= isinstance(error, UndecidedError)
             reasons.append(str(error))
     raise (UndecidedError if undecided else InfeasibleError)("\n".join(reasons))
 
 
-def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, tell: Tell) -> _Draft:
+def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, report: Notify) -> _Draft:
     """Along a spanning tree; the cubes turn as the letters need it."""
     if not senses.roll:
         raise UndecidedError(
-            f"target {target.name!r} with {told(senses)}: a cube docks at any of four twists, and nothing tells which; "
-            "set roll = true in its senses"
+            f"target {target.name!r} with {sensing(senses)}: a cube docks at any of four twists, and nothing says "
+            "which; set roll = true in its senses"
         )
     if target.tops is not None:
         raise UndecidedError(
-            f"target {target.name!r} with {told(senses)}: the turns of the cubes are chosen so that few letters are "
+            f"target {target.name!r} with {sensing(senses)}: the turns of the cubes are chosen so that few letters are "
             "needed; leave out tops and fronts (and draw cubes as #)"
         )
     places = target.positions
@@ -149,7 +146,7 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, tell: Tel
         root,
         np.random.default_rng(seed),
         MOVES,
-        lambda t: tell(f"a tree with {len(t.letters)} letters"),
+        lambda t: report(f"a tree with {len(t.letters)} letters"),
         clock.check,
     )
     names = {kind: letter_name(number) for number, kind in enumerate(tree.letters, 1)}
@@ -166,21 +163,21 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, tell: Tel
     return _Draft(book, len(names) == bound, verified)
 
 
-def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Clock, tell: Tell) -> _Draft:
+def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Clock, report: Notify) -> _Draft:
     """Orbit by orbit, then with merged letters."""
     if senses.faces != "two":
         raise UndecidedError(
-            f"target {target.name!r} with {told(senses)}: growth from a seed needs cubes with two or six face types; "
+            f"target {target.name!r} with {sensing(senses)}: growth from a seed needs two or six face types; "
             'set faces = "two" in its senses'
         )
     course, root = planned_course(target, senses, clock.check)
-    tell(f"a growth in {len(course.stages)} stages; reading along")
+    report(f"a growth in {len(course.stages)} stages; reading along")
     for weaker in _weaker(senses) if target.senses is None else (senses,):
         facts, seed_letter, final = facts_of(replace(course, senses=weaker))
         if facts.usable() is not None:
             senses = weaker
             break
-    tables = Tables.of(facts)
+    tables = ReadingTables.of(facts)
     best, rng = None, np.random.default_rng(seed)
     try:
         for number in range(tries):
@@ -194,7 +191,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
             size = len(found.letters), sum(map(len, rules))
             if best is None or size < best[0]:
                 best = size, names, rules
-                tell(f"{size[0] + 1} letters, {size[1]} rules after {number + 1} tries")
+                report(f"{size[0] + 1} letters, {size[1]} rules after {number + 1} tries")
     except (TimeoutError, KeyboardInterrupt):
         if best is None:
             raise
@@ -202,7 +199,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
     _, names, rules = best
     tops = tuple(AXES[course.axes[minus(p, root)]] for p in target.positions)
     letters = tuple(names[final[minus(p, root)]] for p in target.positions)
-    finished = Placed(cubes=target.positions, letters=letters, tops=tops).structure()
+    finished = BookTarget(cubes=target.positions, letters=letters, tops=tops).structure()
     book = RuleBook(
         target.name, (FREE, *dict.fromkeys(names.values())), FREE, senses, finished, names[seed_letter], HOLD,
         rules[0], (), rules[1],
@@ -211,14 +208,14 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
         f"letters were merged from {len(tables.letters)} such that nobody is misled in any of {facts.states} states "
         "(up to turns and mirrors) nor in the middle of a wave"
     )
-    return _Draft(book, False, (merged, _exhaustive(book, facts.states, tell)))
+    return _Draft(book, False, (merged, _exhaustive(book, facts.states, report)))
 
 
-def _exhaustive(book: RuleBook, states: int, tell: Tell) -> str:
+def _exhaustive(book: RuleBook, states: int, report: Notify) -> str:
     """What exploring every event of the book says; RuntimeError where the book is wrong."""
     if states > MOST_STRUCTURES:
         return f"not explored again as a book: more than {MOST_STRUCTURES} structures"
-    found = exhausted(book, progress=lambda n, all_: tell(f"explored {n} of {all_} structures found"))
+    found = exhausted(book, progress=lambda n, all_: report(f"explored {n} of {all_} structures found"))
     if found.fault:
         raise RuntimeError(f"the book compiled for {book.name!r} is wrong, please report it: {found.fault}")
     if found.stopped:

@@ -126,26 +126,26 @@ def spanning_tree(
     seed: Position,
     rng: np.random.Generator,
     moves: int,
-    told: Callable[[Tree], None] = lambda _: None,
+    report: Callable[[Tree], None] = lambda _: None,
     tick: Callable[[], None] = lambda: None,
 ) -> Tree:
     """A tree of shortest paths with few different subtrees, by annealing from regular ones, two an order of axes.
 
     moves : in which one cube is hung on another neighbour; how many are tried from each start
-    told : hears of every better tree; tick : called at every move
+    report : called with every better tree; tick : called at every move
     Ctrl-C, or a TimeoutError of `tick`, ends the search; the best tree so far is returned.
     """
     best: Tree | None = None
     bound = max(distances(places, seed).values()) + 1
     try:
         for order in 2 * list(permutations(range(3))):
-            search = _Search(places, seed, order)
+            search = _TreeSearch(places, seed, order)
             cost = search.cost()
             free = [place for place, choices in search.choices.items() if len(choices) > 1]
             for move in range(moves if free else 1):
                 if best is None or len(search.counts) < len(best.letters):
                     best = search.tree()
-                    told(best)
+                    report(best)
                 if len(best.letters) == bound or not free:
                     return best
                 tick()
@@ -165,7 +165,7 @@ def spanning_tree(
     return best
 
 
-class _Search:
+class _TreeSearch:
     """A tree of shortest paths under change.
 
     choices : place -> the places that it may hang on

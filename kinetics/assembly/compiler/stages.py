@@ -1,7 +1,7 @@
 """In which order and in which stages a target grows, so that no cube is misled and none has to be squeezed in.
 
 Cubes that symmetry takes into each other come under the same rules: they make an orbit. A cube comes when it touches
-all its neighbours of earlier orbits, and nothing else. As every cube is told when the next stage begins (see `waves`),
+all its neighbours of earlier orbits, and nothing else. As every cube learns when the next stage begins (see `waves`),
 a place may look like another one as long as their stages differ.
 """
 
@@ -153,7 +153,7 @@ class Planner:
         standing: Letters,
         coming: Letters,
     ) -> bool:
-        """Let all other orbits come, and tell whether it works; axes and required are filled up."""
+        """Let all other orbits come; whether that works; axes and required are filled up."""
         if len(axes) == len(self.orbit_of):
             return True
         state = frozenset(axes.items())
@@ -216,7 +216,7 @@ class Planner:
             return False
         if facts.usable() is not None:
             return True
-        self.clash = told(facts, stage)
+        self.clash = clash_words(facts, stage)
         return False
 
 
@@ -226,7 +226,7 @@ def is_tight(place: Position, touched: frozenset[Position]) -> bool:
     return any(a in touched and b in touched for a, b in zip(six[::2], six[1::2], strict=True))
 
 
-def told(facts: Facts, stage: Stage) -> str:
+def clash_words(facts: Facts, stage: Stage) -> str:
     """The clash in words: which cube reads the same as one that must not come."""
     for event in facts.events:
         bad = sorted(event & facts.forbidden)

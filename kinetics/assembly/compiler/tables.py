@@ -8,16 +8,16 @@ from itertools import combinations
 from typing import Any
 
 from kinetics.assembly.compiler.growth import SIDE
-from kinetics.assembly.compiler.merging import Tables
+from kinetics.assembly.compiler.merging import ReadingTables
 from kinetics.assembly.rules.conditions import Combination, Internal, Senses
 
 FREE = "a"
-Multiset = tuple[int, ...]
-Condition = tuple[str, Multiset]  # the kind, `has` or `neighbours`, "" for none; and what it asks for
+Neighbours = tuple[int, ...]
+Condition = tuple[str, Neighbours]  # the kind, `has` or `neighbours`, "" for none; and what it asks for
 
 
 def rules_of(
-    tables: Tables, names: dict[int, str], senses: Senses
+    tables: ReadingTables, names: dict[int, str], senses: Senses
 ) -> tuple[tuple[Combination, ...], tuple[Internal, ...]]:
     """The rules that do what the tables say, and on what they say nothing about, anything that is simple.
 
@@ -26,9 +26,9 @@ def rules_of(
     return (*_guests(tables, names, senses), *_hosts(tables, names, senses)), _internal(tables, names)
 
 
-def _guests(tables: Tables, names: dict[int, str], senses: Senses) -> list[Combination]:
+def _guests(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list[Combination]:
     """What a free cube becomes; partners that mean the same come together."""
-    partners: defaultdict[tuple[str, str, str, Multiset, int], set[str]] = defaultdict(set)
+    partners: defaultdict[tuple[str, str, str, Neighbours, int], set[str]] = defaultdict(set)
     for (own, letter, face, roll, touched), becomes in tables.guests.items():
         partners[own, face, roll, touched, becomes].add(names[letter])
     rules = []
@@ -50,7 +50,7 @@ def _guests(tables: Tables, names: dict[int, str], senses: Senses) -> list[Combi
     return rules
 
 
-def _hosts(tables: Tables, names: dict[int, str], senses: Senses) -> list[Combination]:
+def _hosts(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list[Combination]:
     """Which cubes let a free one dock; they keep their letters."""
     refused = {host for host, guest in tables.forbidden if guest in tables.guests} - tables.hosts
     rules = []
@@ -80,7 +80,7 @@ def _hosts(tables: Tables, names: dict[int, str], senses: Senses) -> list[Combin
     return rules
 
 
-def _internal(tables: Tables, names: dict[int, str]) -> tuple[Internal, ...]:
+def _internal(tables: ReadingTables, names: dict[int, str]) -> tuple[Internal, ...]:
     """How letters follow their neighbours."""
     rules: list[Internal] = []
     title = _Titles()
@@ -103,7 +103,7 @@ def _internal(tables: Tables, names: dict[int, str]) -> tuple[Internal, ...]:
     return tuple(rules)
 
 
-def covering(good: Collection[Multiset], bad: Collection[Multiset]) -> list[Condition]:
+def covering(good: Collection[Neighbours], bad: Collection[Neighbours]) -> list[Condition]:
     """A few conditions on neighbours that hold for all good ones and for no bad one.
 
     Each either asks for nothing, or for some letters at least, or for exactly these neighbours.
@@ -122,7 +122,7 @@ def covering(good: Collection[Multiset], bad: Collection[Multiset]) -> list[Cond
     return chosen
 
 
-def _holds(condition: Condition, near: Multiset) -> bool:
+def _holds(condition: Condition, near: Neighbours) -> bool:
     kind, letters = condition
     return near == letters if kind == "neighbours" else Counter(letters) <= Counter(near)
 
@@ -132,7 +132,7 @@ def _condition(condition: Condition, names: dict[int, str]) -> dict[str, Any]:
     return {kind: _named(letters, names)} if kind else {}
 
 
-def _named(letters: Multiset, names: dict[int, str]) -> tuple[str, ...]:
+def _named(letters: Neighbours, names: dict[int, str]) -> tuple[str, ...]:
     return tuple(sorted([names[letter] for letter in letters]))
 
 

@@ -11,8 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from kinetics.assembly.compiler.orientation import chosen_tops
 from kinetics.assembly.faces import Position, scheme_of
-from kinetics.assembly.rules.conditions import Direction, Senses
-from kinetics.assembly.rules.conditions import Target as Placed
+from kinetics.assembly.rules.conditions import BookTarget, Direction, Senses
 from kinetics.assembly.structure import Structure
 from kinetics.support.config import Settings, find, read_toml, validated
 
@@ -124,7 +123,7 @@ class Target:
         if tops is None:
             tops = chosen_tops(self.positions) if scheme_of(scheme).name == "two" else None
         letters = (PLACEHOLDER,) * len(self.positions)
-        return Placed(cubes=self.positions, letters=letters, tops=tops, fronts=self.fronts).structure()
+        return BookTarget(cubes=self.positions, letters=letters, tops=tops, fronts=self.fronts).structure()
 
 
 def check_join(join: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.assembly.deriving.explore import MAX_SPECIES, Event, Exploration, Join, explore
+from kinetics.assembly.deriving.explore import MAX_SPECIES, Exploration, Join, StructureEvent, explore
 from kinetics.assembly.deriving.ways import RateClass
 from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.rules.rule_book import LivelockError, RuleBook
@@ -35,7 +35,7 @@ class Derivation:
 
     book: RuleBook
     structures: Mapping[str, Structure]
-    events: Mapping[Event, Mapping[RateClass, float]]
+    events: Mapping[StructureEvent, Mapping[RateClass, float]]
     beyond: Join | None = None
     stopped: str = ""
 
@@ -81,7 +81,7 @@ class Derivation:
 
     def channel(self, before: Sequence[int], after: Sequence[int]) -> int:
         """Index of the channel that turns species `before` into species `after` (indices in any order)."""
-        key = Event(tuple(sorted(before)), tuple(sorted(after)))
+        key = StructureEvent(tuple(sorted(before)), tuple(sorted(after)))
         if key not in self._channels:
             sides = (" + ".join(self.network.species[s] for s in side) for side in key)
             raise KeyError(f"no channel of book {self.book.name!r} turns {' into '.join(sides)}")
@@ -103,7 +103,7 @@ class Derivation:
         return {structure: index for index, structure in enumerate(self.structures.values())}
 
     @cached_property
-    def _channels(self) -> dict[Event, int]:
+    def _channels(self) -> dict[StructureEvent, int]:
         return {event: channel for channel, event in enumerate(self.events)}
 
 
@@ -150,7 +150,7 @@ def named(found: Exploration) -> Derivation:
     place = {structure: index for index, structure in enumerate(structures)}
     new_index = [place[structure] for structure in found.structures]
     events = {
-        Event(*(tuple(sorted(new_index[s] for s in side)) for side in event)): ways
+        StructureEvent(*(tuple(sorted(new_index[s] for s in side)) for side in event)): ways
         for event, ways in found.events.items()
     }
     joined = sorted((e for e in events if len(e.before) == 2), key=lambda e: (e.after, e.before))

@@ -21,7 +21,7 @@ MAX_SPECIES = 2000
 Indices = tuple[int, ...]
 
 
-class Event(NamedTuple):
+class StructureEvent(NamedTuple):
     """A join or a break: indices of the structures before and after, rising."""
 
     before: Indices
@@ -52,9 +52,9 @@ class Exploration:
     max_cubes: int
     max_species: int
     structures: tuple[Structure, ...]
-    events: Mapping[Event, Mapping[RateClass, float]]
+    events: Mapping[StructureEvent, Mapping[RateClass, float]]
     beyond: Join | None
-    squeezed: Mapping[Event, float]
+    squeezed: Mapping[StructureEvent, float]
     livelocks: tuple[str, ...]
     stopped: str
 
@@ -77,7 +77,7 @@ def explore(
     max_cubes, max_species : caps; larger products are left out, more structures end the exploration.
         max_cubes is by default 12, or the size of the book's target if that is larger
     first_beyond : end as soon as the book is known not to be closed
-    progress : told the numbers of structures explored and found
+    progress : called with the numbers of structures explored and found
     slow_waves : internal rules act on one cube at a time, in any order, and joins and breaks come in between; such
         steps are events of one structure before and one after
     Ctrl-C ends the exploration; what was found is returned.
@@ -121,8 +121,10 @@ class _Explorer:
         self.sites: dict[int, list[Site]] = {}
         self.holders: defaultdict[View, list[int]] = defaultdict(list)  # explored structures that show a view
         self.partners: dict[View, list[View]] = {}
-        self.events: defaultdict[Event, defaultdict[RateClass, float]] = defaultdict(lambda: defaultdict(float))
-        self.squeezed: defaultdict[Event, float] = defaultdict(float)
+        self.events: defaultdict[StructureEvent, defaultdict[RateClass, float]] = defaultdict(
+            lambda: defaultdict(float)
+        )
+        self.squeezed: defaultdict[StructureEvent, float] = defaultdict(float)
         self.livelocks: list[str] = []
         self.beyond: Join | None = None
 
@@ -181,7 +183,7 @@ class _Explorer:
                 if size > self.max_cubes:
                     self.beyond = Join(first, second, made)
                     return
-                event = Event(before, (self.entered(made, what),))
+                event = StructureEvent(before, (self.entered(made, what),))
                 self.events[event][rate_class] += share
                 if squeezes(made, len(first)):
                     self.squeezed[event] += share
@@ -193,14 +195,14 @@ class _Explorer:
         try:
             for fragments, share, rate_class in breaks(self.book, self.order[new], not self.slow_waves):
                 ends = sorted(self.entered(part, what) for part in fragments)
-                self.events[Event((new,), tuple(ends))][rate_class] += share
+                self.events[StructureEvent((new,), tuple(ends))][rate_class] += share
         except LivelockError as error:
             self.livelocks.append(f"{what}: {error}")
 
     def follow(self, new: int) -> None:
         structure = self.order[new]
         for changed in self.book.steps(structure):
-            event = Event((new,), (self.entered(changed, f"an internal rule in {structure}"),))
+            event = StructureEvent((new,), (self.entered(changed, f"an internal rule in {structure}"),))
             self.events[event][RateClass("internal", (len(structure), 0), ("", ""))] += 1
 
     def entered(self, structure: Structure, what: str) -> int:

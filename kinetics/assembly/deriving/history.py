@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.assembly.deriving.derive import Derivation
-from kinetics.assembly.deriving.explore import MAX_CUBES, Event
+from kinetics.assembly.deriving.explore import MAX_CUBES, StructureEvent
 from kinetics.assembly.faces import scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure, placements
@@ -22,14 +22,14 @@ class Change(NamedTuple):
 
 
 def shortest(
-    n_structures: int, starts: Collection[int], events: Mapping[Event, object]
-) -> tuple[list[float], dict[int, Event]]:
+    n_structures: int, starts: Collection[int], events: Mapping[StructureEvent, object]
+) -> tuple[list[float], dict[int, StructureEvent]]:
     """The fewest events that make each structure, and the last of them; infinite and none where there is no way.
 
     starts : the structures that are there at the beginning
     """
     costs = [0.0 if n in starts else float("inf") for n in range(n_structures)]
-    made_by: dict[int, Event] = {}
+    made_by: dict[int, StructureEvent] = {}
     better = True
     while better:
         better = False
@@ -41,9 +41,9 @@ def shortest(
     return costs, made_by
 
 
-def way_to(goals: Sequence[int], made_by: Mapping[int, Event]) -> tuple[Event, ...]:
+def way_to(goals: Sequence[int], made_by: Mapping[int, StructureEvent]) -> tuple[StructureEvent, ...]:
     """The events that make some structures, in order; what is needed twice comes once."""
-    steps = dict[Event, None]()
+    steps = dict[StructureEvent, None]()
 
     def make(index: int) -> None:
         event = made_by.get(index)
@@ -70,7 +70,7 @@ def chain(derivation: Derivation) -> tuple[Structure, ...]:
     canonical = book.target.canonical(book.scheme)
     at = structures.index(canonical) if canonical in structures else -1
     if at < 0 or not np.isfinite(costs[at]):
-        raise ValueError(f"the rules of book {book.name!r} never make its target; `wellmixed rules check` tells why")
+        raise ValueError(f"the rules of book {book.name!r} never make its target; `wellmixed rules check` says why")
     frames = [book.target]
     while at in made_by:
         at = max(made_by[at].before, key=lambda n: len(structures[n]))

@@ -1,4 +1,4 @@
-"""Reaction networks as graphs: structures in columns by size, a small disc for each reaction between them."""
+"""DrawnReaction networks as graphs: structures in columns by size, a small disc for each reaction between them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DrawnChannel(NamedTuple):
     ways: float
 
 
-class Group(NamedTuple):
+class SpeciesGroup(NamedTuple):
     """Species that are drawn as one: a single one, or all of one size."""
 
     name: str
@@ -52,7 +52,7 @@ class Group(NamedTuple):
 
 
 @dataclass
-class Reaction:
+class DrawnReaction:
     """A join and the break that undoes it, where there are both; of lumped species, all such.
 
     larger, smaller : the parts; the smaller one is named at the disc
@@ -72,7 +72,7 @@ class Item:
     high: float
     wide: float
     group: int | None = None
-    reaction: Reaction | None = None
+    reaction: DrawnReaction | None = None
     is_disc: bool = False
     before: list[Item] = field(default_factory=list)  # in the layer to the left
     after: list[Item] = field(default_factory=list)
@@ -85,7 +85,7 @@ class Link(NamedTuple):
 
     left: Item
     right: Item
-    reaction: Reaction
+    reaction: DrawnReaction
 
 
 def network_drawing(
@@ -138,7 +138,7 @@ def network_drawing(
 
 def grouped(
     species: Mapping[str, Cubes], channels: Iterable[DrawnChannel], lump: bool
-) -> tuple[list[Group], list[Reaction]]:
+) -> tuple[list[SpeciesGroup], list[DrawnReaction]]:
     """Groups by size, and the reactions between them. Lumped: one group a size, the seed apart from free cubes."""
     structures = list(species.values())
     keys = [(len(s), name if len(s) == 1 or not lump else "") for name, s in species.items()]
@@ -147,22 +147,22 @@ def grouped(
     for key in order:
         members = [number for number, other in enumerate(keys) if other == key]
         name = key[1] or f"{key[0]} cubes"
-        groups.append(Group(name, structures[members[0]], len(members)))
+        groups.append(SpeciesGroup(name, structures[members[0]], len(members)))
     if not lump:
-        groups = [Group(name, structure, 1) for name, structure in species.items()]
+        groups = [SpeciesGroup(name, structure, 1) for name, structure in species.items()]
     place = {key: number for number, key in enumerate(order)}
     of = [place[key] for key in keys] if lump else list(range(len(structures)))
-    found: dict[tuple[int, int, int], Reaction] = {}
+    found: dict[tuple[int, int, int], DrawnReaction] = {}
     for before, after, ways in channels:
         kind, parts, (whole,) = ("join", before, after) if len(before) == 2 else ("break", after, before)
         smaller, larger = sorted((of[n] for n in parts), key=lambda n: (len(groups[n].shown), n))
-        reaction = found.setdefault((larger, smaller, of[whole]), Reaction(larger, smaller, of[whole]))
+        reaction = found.setdefault((larger, smaller, of[whole]), DrawnReaction(larger, smaller, of[whole]))
         reaction.ways[kind] += 1 if lump else ways
     return groups, list(found.values())
 
 
 def _layers(
-    groups: Sequence[Group], reactions: Sequence[Reaction], pictures: Sequence[Drawing], scale: float
+    groups: Sequence[SpeciesGroup], reactions: Sequence[DrawnReaction], pictures: Sequence[Drawing], scale: float
 ) -> tuple[list[list[Item]], list[Link]]:
     """Columns of groups, with a layer of discs before each; what goes past a column has an item in it."""
     sizes = sorted({len(group.shown) for group in groups})
@@ -258,7 +258,7 @@ def _rows(layers: Sequence[Sequence[Item]], most_wide: float) -> list[list[Seque
 
 
 def _draw_links(
-    drawing: Drawing, row: Sequence[Sequence[Item]], links: Sequence[Link], groups: Sequence[Group]
+    drawing: Drawing, row: Sequence[Sequence[Item]], links: Sequence[Link], groups: Sequence[SpeciesGroup]
 ) -> None:
     """The lines within a row; one that leaves it ends there, and goes on in the next row from a name."""
     here = {id(item) for layer in row for item in layer}
@@ -286,7 +286,7 @@ def _draw_links(
             drawing.arrow([(start[0] + HEAD[0] + 0.01, start[1]), start], colour, 0.9)
 
 
-def _look(reaction: Reaction) -> tuple[str, Any]:
+def _look(reaction: DrawnReaction) -> tuple[str, Any]:
     """Colour and style of a reaction's line."""
     if all(reaction.ways.values()):
         return INK, "solid"
@@ -297,7 +297,7 @@ def _half(item: Item) -> float:
     return item.wide / 2 + (0.08 if item.group is not None else 0.0)
 
 
-def _draw_group(drawing: Drawing, item: Item, group: Group, picture: Drawing, scale: float) -> None:
+def _draw_group(drawing: Drawing, item: Item, group: SpeciesGroup, picture: Drawing, scale: float) -> None:
     words = _words(group)
     left, bottom, right, top = picture.bounds
     middle = item.y + 0.7 * WORDS * len(words)
@@ -308,7 +308,7 @@ def _draw_group(drawing: Drawing, item: Item, group: Group, picture: Drawing, sc
         y -= 1.3 * WORDS
 
 
-def _draw_disc(drawing: Drawing, item: Item, reaction: Reaction, groups: Sequence[Group]) -> None:
+def _draw_disc(drawing: Drawing, item: Item, reaction: DrawnReaction, groups: Sequence[SpeciesGroup]) -> None:
     drawing.disc((item.x, item.y), 0.11, INK)
     drawing.write(f"+ {groups[reaction.smaller].name}", item.x, item.y - 0.36, WORDS)
     texts = [(f"{SIGNS[kind]} {n:g}", COLOUR[kind]) for kind, n in reaction.ways.items() if n]
@@ -318,11 +318,11 @@ def _draw_disc(drawing: Drawing, item: Item, reaction: Reaction, groups: Sequenc
         x += width_of(text, WORDS) + 0.25
 
 
-def _words(group: Group) -> list[str]:
+def _words(group: SpeciesGroup) -> list[str]:
     return [group.name, *([f"{group.n_species} species"] if group.n_species > 1 else [])]
 
 
-def _key(reactions: Sequence[Reaction], is_lumped: bool) -> Drawing:
+def _key(reactions: Sequence[DrawnReaction], is_lumped: bool) -> Drawing:
     """What numbers and lines mean, as far as they occur."""
     key = Drawing()
     what = "channels" if is_lumped else "ways N"

@@ -132,7 +132,7 @@ class Semantics(Settings):
     finished: tuple[Finished, ...] = ()
 
 
-class Target(Settings):
+class BookTarget(Settings):
     """The finished structure: cubes at these places.
 
     tops : where each cube's own top (f1 of scheme `two`) looks; upright if left out
@@ -175,7 +175,7 @@ class BookFile(Settings):
     initial: str
     seed: str | None = None
     senses: Senses
-    target: Target | None = None
+    target: BookTarget | None = None
     semantics: Semantics = Semantics()
     combine: tuple[Combination, ...] = ()
     dissociate: tuple[Dissociation, ...] = ()

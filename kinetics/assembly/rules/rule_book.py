@@ -199,7 +199,7 @@ class RuleBook:
     ) -> Structure | None:
         """Put b into a's lattice and bond a's cube i with b's cube j, which must come to lie side by side.
 
-        The joined structure, a's cubes first and then b's, letters rewritten and, unless told otherwise, settled.
+        The joined structure, a's cubes first and then b's, letters rewritten and, with `settle`, settled.
         None where the rules refuse the bond or cubes would overlap. All cubes that touch are bonded, but only the two
         that dock run a combination rule.
         """

@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import Any
 
 from kinetics.assembly.faces import turned
-from kinetics.assembly.rules.conditions import DIRECTIONS, EXACT, Rule, Semantics, Senses, Target
+from kinetics.assembly.rules.conditions import DIRECTIONS, EXACT, BookTarget, Rule, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.support.config import Settings
@@ -64,7 +64,7 @@ def _target(target: Structure) -> list[str]:
     cubes: dict[str, Any] = {"cubes": target.positions, "letters": target.letters}
     directions = [[DIRECTIONS[turned[rotation, face]] for rotation in target.rotations] for face in (4, 0)]
     for name, given in zip(("tops", "fronts"), directions, strict=True):
-        if Target(**cubes).structure().rotations != target.rotations:
+        if BookTarget(**cubes).structure().rotations != target.rotations:
             cubes[name] = tuple(given)
     return [line for name, value in cubes.items() for line in _entry(name, value)]
 

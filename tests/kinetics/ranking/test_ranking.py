@@ -6,17 +6,18 @@ from math import exp
 
 import numpy as np
 import pytest
+from command_line import run_here
 from known_systems import assert_follows_cdf
 from scipy.integrate import quad
 from scipy.stats import gamma, norm
 
-from kinetics import Transient, first_passage, solve
+from kinetics import Transient, first_passage, sample_path, solve
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check, derive
 from kinetics.assembly.rules.conditions import Combination
 from kinetics.ranking import rank, ranking
-from kinetics.ranking import yield_and_first_time as outcomes
-from kinetics.ranking.candidates import pathway
-from kinetics.ranking.yield_and_first_time import Question, outcome
+from kinetics.ranking import yield_and_first_time as figures_of
+from kinetics.ranking.ranked_book import pathway
+from kinetics.ranking.yield_and_first_time import Question, yield_and_first_time
 from kinetics.rates import ClassRates, Rates
 from kinetics.rates.by_class import ClassRate
 
@@ -87,7 +88,7 @@ def test_a_pathway_leaves_out_what_needs_a_break():
 def test_two_cubes_follow_the_closed_form(horizon):
     """One dimer: it comes at rate 4 k, goes at rate q."""
     k, q = 0.3, 0.5
-    result = outcome(question(DIMER, ClassRates.uniform(k, q), 2, horizon), 2, 0)
+    result = yield_and_first_time(question(DIMER, ClassRates.uniform(k, q), 2, horizon), 2, 0)
     rate = 4 * k
     mean = (1 - exp(-rate * horizon)) / rate
     square = 2 * (1 - exp(-rate * horizon) * (1 + rate * horizon)) / rate**2
@@ -108,7 +109,7 @@ def test_two_cubes_follow_the_closed_form(horizon):
 def test_exact_figures_agree_with_the_other_solvers(book, cubes, horizon):
     """The restricted mean is the integral of the survival function, however likely the target is."""
     asked = question(book, ClassRates.uniform(3e-4, 1e-4), cubes, horizon)
-    result = outcome(asked, 2, 0)
+    result = yield_and_first_time(asked, 2, 0)
     law = first_passage(asked.network, asked.initial, asked.network.species[asked.target])
     mean = quad(law.survival, 0, horizon, epsabs=1e-9)[0]
     square = quad(lambda t: 2 * t * law.survival(t), 0, horizon, epsabs=1e-7)[0]
@@ -125,7 +126,7 @@ def test_sampled_figures_agree_with_exact_ones():
     asked = question(LINE4, ClassRates.uniform(2e-3, 1e-3), 12, 60.0)
     wrong = question(LINE4, ClassRates.uniform(2.4e-3, 1e-3), 12, 60.0)
     runs = 4000
-    sampled = outcome(asked, runs, 7, max_states=0)
+    sampled = yield_and_first_time(asked, runs, 7, max_states=0)
     allowed = norm.isf(FALSE_ALARM / 6)
 
     def distances(exact):
@@ -134,12 +135,36 @@ def test_sampled_figures_agree_with_exact_ones():
 
     assert {sampled.first.method, sampled.yield_.method} == {"ssa"}
     assert sampled.yield_.size == runs
-    assert (distances(outcome(asked, 2, 0)) < allowed).all()
-    assert (distances(outcome(wrong, 2, 0)) > allowed).any()
+    assert (distances(yield_and_first_time(asked, 2, 0)) < allowed).all()
+    assert (distances(yield_and_first_time(wrong, 2, 0)) > allowed).any()
+
+
+def test_sampled_runs_are_those_of_the_direct_method_and_their_first_times_too():
+    """The event that notes the first time changes nothing else; paths, event by event, are the reference."""
+    asked = question(LINE4, ClassRates.uniform(2e-3, 1e-3), 12, 30.0)
+    sampled = yield_and_first_time(asked, 40, 3, max_states=0, first_run=5)
+    paths = [sample_path(asked.network, asked.initial, asked.horizon, 3, 5 + run) for run in range(40)]
+    times = [path.first_time(asked.network.species[asked.target]) for path in paths]
+    assert 0 < np.isnan(times).sum() < 40
+    assert sampled.first.value == pytest.approx(np.nan_to_num(times, nan=asked.horizon).mean(), rel=1e-11)
+    assert sampled.reached.value == np.isfinite(times).mean()
+    shares = [path.states[-1, asked.target] / asked.possible for path in paths]
+    assert sampled.yield_.value == np.mean(shares)
+    other = yield_and_first_time(asked, 40, 4, max_states=0, first_run=5)
+    assert other.first.value != sampled.first.value
+
+
+def test_a_target_that_is_there_from_the_beginning_takes_no_time():
+    asked = question(DIMER, ClassRates.uniform(0.3, 0.5), 4, 1.0)
+    asked = replace(asked, initial=asked.network.state({"monomer": 2, "dimer": 1}))
+    for max_states in (100, 0):
+        result = yield_and_first_time(asked, 10, 0, max_states)
+        assert result.first.value == pytest.approx(0.0, abs=1e-11)
+        assert result.reached.value == 1.0
 
 
 def test_runs_without_a_target_count_with_the_horizon():
-    result = outcome(question(LINE4, ClassRates.uniform(1e-9), 8, 10.0), 100, 0, max_states=0)
+    result = yield_and_first_time(question(LINE4, ClassRates.uniform(1e-9), 8, 10.0), 100, 0, max_states=0)
     assert (result.first.value, result.reached.value, result.yield_.value) == (10.0, 0.0, 0.0)
     share = 1 - 0.025**0.01  # a chance that would still leave 100 runs without a target in 2.5 % of all cases
     assert result.reached.low == result.yield_.low == 0.0
@@ -150,15 +175,17 @@ def test_runs_without_a_target_count_with_the_horizon():
 def test_each_figure_is_exact_where_its_own_chain_is_small_enough():
     """On the way to the first target there are fewer states than in all."""
     asked = question(LINE4, TABLE3, 60, 2000.0)
-    result = outcome(asked, 10, 0, max_states=1000)
+    result = yield_and_first_time(asked, 10, 0, max_states=1000)
     assert (result.first.method, result.first.size) == ("exact", 621)
     assert result.yield_.method == "ssa"
-    assert outcome(asked, 10, 0, like=result).yield_.method == "ssa"  # what was too large is not tried again
+    assert (
+        yield_and_first_time(asked, 10, 0, like=result).yield_.method == "ssa"
+    )  # what was too large is not tried again
 
 
 def test_too_much_work_is_sampled(monkeypatch):
-    monkeypatch.setattr(outcomes, "MAX_WORK", 1e4)
-    assert outcome(question(LINE4, TABLE3, 12, 2000.0), 10, 0).yield_.method == "ssa"
+    monkeypatch.setattr(figures_of, "MAX_SECONDS", 1e-9)
+    assert yield_and_first_time(question(LINE4, TABLE3, 12, 2000.0), 10, 0).yield_.method == "ssa"
 
 
 def seeded(cubes):
@@ -179,8 +206,8 @@ def test_a_seeded_book_makes_one_target():
     made = seeded(5)
     mean = (1 - exp(-0.2 * 30)) / 0.2
     assert made.possible == 1
-    assert made.candidates[0].outcome.first.value == pytest.approx(mean)
-    assert made.candidates[0].outcome.yield_.value == pytest.approx(1 - exp(-0.2 * 30))
+    assert made.books[0].result.first.value == pytest.approx(mean)
+    assert made.books[0].result.yield_.value == pytest.approx(1 - exp(-0.2 * 30))
 
 
 # --- what was found before, by another program (exact, and SSA where ± is large) ---
@@ -188,9 +215,9 @@ def test_a_seeded_book_makes_one_target():
 
 def test_pairs_beat_the_papers_line():
     made = rank([LINE4, PAIRS, NO_TRIMERS, NO_PAIRS], TABLE3)
-    assert [c.name for c in made.candidates] == ["line4_no12", "line4_pairs", "line4", "line4_no22"]
+    assert [c.name for c in made.books] == ["line4_no12", "line4_pairs", "line4", "line4_no22"]
     assert made.places == (1, 2, 3, 4)
-    found = {c.name: (c.outcome.first.value, 15 * c.outcome.yield_.value) for c in made.candidates}
+    found = {c.name: (c.result.first.value, 15 * c.result.yield_.value) for c in made.books}
     assert found["line4"] == (pytest.approx(47.7, abs=0.05), pytest.approx(9.39, abs=0.005))
     assert found["line4_pairs"] == (pytest.approx(60.3, abs=0.05), pytest.approx(12.83, abs=0.005))
     assert found["line4_no12"] == (pytest.approx(60.3, abs=0.05), pytest.approx(12.94, abs=0.005))
@@ -203,12 +230,12 @@ def test_pairs_beat_the_papers_line():
 
 def test_bar_and_dimer_beat_the_papers_t_and_all_joins_ruin_it():
     made = rank([T5, T5_ALL, T5_BAR], ClassRates.uniform(7e-5), runs=400, seed=3)
-    assert [c.name for c in made.candidates] == ["t5_bar", "t5", "t5_all"]
+    assert [c.name for c in made.books] == ["t5_bar", "t5", "t5_all"]
     assert made.places == (1, 2, 3)
-    found = {c.name: (c.outcome.first.value, 12 * c.outcome.yield_.value) for c in made.candidates}
+    found = {c.name: (c.result.first.value, 12 * c.result.yield_.value) for c in made.books}
     assert found["t5"] == (pytest.approx(99.7, abs=1.5), pytest.approx(7.0, abs=0.05))
     assert found["t5_bar"] == (pytest.approx(72.7, abs=1.0), pytest.approx(9.5, abs=0.05))
-    worst = made.candidates[-1].outcome.yield_
+    worst = made.books[-1].result.yield_
     assert worst.method == "ssa"
     assert worst.high * 12 < 0.4
 
@@ -220,11 +247,11 @@ def test_the_order_of_the_books_does_not_matter():
     books = [LINE4, PAIRS, NO_TRIMERS]
     made = rank(books, TABLE3, cubes=12, runs=50, seed=5, max_states=0)
     assert figures(rank(books[::-1], TABLE3, cubes=12, runs=50, seed=5, max_states=0)) == figures(made)
-    alone = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=5, max_states=0).candidates[0]
-    again = next(c for c in made.candidates if c.name == PAIRS.name)
-    assert alone.outcome.first.value == again.outcome.first.value
-    other = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=6, max_states=0).candidates[0]
-    assert other.outcome.first.value != again.outcome.first.value
+    alone = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=5, max_states=0).books[0]
+    again = next(c for c in made.books if c.name == PAIRS.name)
+    assert alone.result.first.value == again.result.first.value
+    other = rank([PAIRS], TABLE3, cubes=12, runs=50, seed=6, max_states=0).books[0]
+    assert other.result.first.value != again.result.first.value
 
 
 def test_differences_within_the_intervals_are_ties():
@@ -238,11 +265,11 @@ def test_differences_within_the_intervals_are_ties():
 
 def test_a_place_is_shared_with_its_leader_only():
     """0.50, 0.45, 0.40, each ± 0.04: the third ties with the second, but not with the first."""
-    one = rank([DIMER], ClassRates.uniform(1.0), cubes=2, horizon=1.0).candidates[0]
+    one = rank([DIMER], ClassRates.uniform(1.0), cubes=2, horizon=1.0).books[0]
 
     def like(name, value):
-        figure = replace(one.outcome.yield_, value=value, low=value - 0.04, high=value + 0.04)
-        return replace(one, name=name, outcome=replace(one.outcome, yield_=figure))
+        figure = replace(one.result.yield_, value=value, low=value - 0.04, high=value + 0.04)
+        return replace(one, name=name, result=replace(one.result, yield_=figure))
 
     candidates = tuple(like(name, value) for name, value in (("x", 0.50), ("y", 0.45), ("z", 0.40)))
     made = ranking.Ranking(candidates, "yield", 2, 1, 1.0, 100, 0, 0, 0)
@@ -260,11 +287,11 @@ def test_draws_follow_the_posterior_of_the_rates():
     """Two cubes that wait for ever: the mean is 1 / (4 k), and k has 20 events behind it."""
     rates = ClassRates(classes={"join": ClassRate(rate=2.0, events=20, exposure=10.0), "break": ClassRate(rate=0.0)})
     made = rank([DIMER], rates, cubes=2, horizon=8.0, draws=400, seed=2)
-    drawn = 1 / (4 * made.candidates[0].drawn[:, 1])
+    drawn = 1 / (4 * made.books[0].drawn[:, 1])
     assert_follows_cdf(drawn, gamma(20.5, scale=0.1).cdf)
     with pytest.raises(AssertionError):
         assert_follows_cdf(drawn, gamma(20.5, scale=0.08).cdf)
-    low, high = made.candidates[0].from_rates("first")
+    low, high = made.books[0].from_rates("first")
     assert low < 1 / 8 < high
     assert made.notes == ("the rates' intervals leave out break: taken as known, because without evidence",)
 
@@ -274,7 +301,7 @@ def test_shared_draws_tell_books_apart_that_their_intervals_do_not():
     entry = ClassRate(rate=7e-5, events=4, exposure=4 / 7e-5)
     rates = ClassRates(classes={"join": entry, "break": ClassRate(rate=3e-5)})
     made = rank([PAIRS, NO_TRIMERS], rates, cubes=24, draws=60)
-    (low, high), (other_low, other_high) = (c.from_rates("yield") for c in made.candidates)
+    (low, high), (other_low, other_high) = (c.from_rates("yield") for c in made.books)
     assert low < other_high  # the intervals overlap
     assert other_low < high
     assert made.places == (1, 2)
@@ -284,7 +311,7 @@ def test_shared_draws_tell_books_apart_that_their_intervals_do_not():
 def test_draws_of_rates_without_evidence_are_not_made():
     made = rank([PAIRS], TABLE3, cubes=8, draws=50)
     assert made.draws == 0
-    assert made.candidates[0].from_rates("yield") is None
+    assert made.books[0].from_rates("yield") is None
     assert "taken as known" in made.notes[0]
 
 
@@ -295,12 +322,12 @@ def test_ctrl_c_keeps_what_was_finished(monkeypatch):
     def interrupted(derivation, *rest):
         if derivation.book.name == PAIRS.name:
             raise KeyboardInterrupt
-        return candidate_of(derivation, *rest)
+        return ranked_book(derivation, *rest)
 
-    candidate_of = ranking.candidate_of
-    monkeypatch.setattr(ranking, "candidate_of", interrupted)
+    ranked_book = ranking.ranked_book
+    monkeypatch.setattr(ranking, "ranked_book", interrupted)
     made = rank([LINE4, PAIRS], TABLE3, cubes=8)
-    assert [c.name for c in made.candidates] == ["line4"]
+    assert [c.name for c in made.books] == ["line4"]
     assert made.unfinished == ("line4_pairs",)
     assert "interrupted before line4_pairs" in made.table()
     with pytest.raises(KeyboardInterrupt):
@@ -314,7 +341,7 @@ def test_plot_shows_each_book_with_its_interval():
     ax = Figure().add_subplot()
     assert made.plot(ax) is ax
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        f"{c.name}: {', '.join(c.pathway)}" for c in made.candidates
+        f"{c.name}: {', '.join(c.pathway)}" for c in made.books
     ]
     assert "(tu)" in ax.get_xlabel()
 
@@ -353,9 +380,9 @@ def test_a_class_without_a_rate_is_told_before_any_work():
 # --- the command ---
 
 
-def test_the_command(wellmixed, tmp_path):
+def test_the_command(tmp_path):
     table, picture = tmp_path / "ranked.csv", tmp_path / "ranked.png"
-    done = wellmixed(
+    done = run_here(
         *("rules", "rank", "line4", "line4_pairs", "--rates", "table3"),
         *("--json", "--csv", table, "--plot", picture),
         cwd=tmp_path,
@@ -372,11 +399,11 @@ def test_the_command(wellmixed, tmp_path):
 TARGET = 'cubes = [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]]\ntops = ["z", "z", "z", "z"]\n'
 
 
-def test_the_command_compiles_a_target(wellmixed, tmp_path):
+def test_the_command_compiles_a_target(tmp_path):
     """Five choices of joins lead to lines of four; the best book can be used as it is."""
     (tmp_path / "line.toml").write_text(TARGET, encoding="utf-8")
-    shared = ("--rates", "table3_geometric", "--json")
-    found = wellmixed("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
+    shared = ("--rates", "table3_geometric", "--time-limit", "inf", "--json")
+    found = run_here("rules", "rank", "line.toml", *shared, "--best", "best.toml", cwd=tmp_path).json
     assert [(book["place"], ", ".join(found["pathways"][book["book"]])) for book in found["books"]] == [
         (1, "1+1, 1+3, 2+2"),
         (2, "1+1, 2+2"),
@@ -385,19 +412,19 @@ def test_the_command_compiles_a_target(wellmixed, tmp_path):
         (5, "1+1, 1+2, 2+2"),
     ]
     assert found["notes"] == ["5 books compiled of target 'line': all choices of joins for which one was found"]
-    again = wellmixed("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
+    again = run_here("rules", "rank", "best.toml", "line4", *shared, cwd=tmp_path).json
     assert again["books"][0]["book"] == "best"
     assert again["books"][0]["yield"]["value"] == found["books"][0]["yield"]["value"]
 
 
-def test_the_command_takes_rates_by_class_and_uniform_ones(wellmixed, tmp_path):
+def test_the_command_takes_rates_by_class_and_uniform_ones(tmp_path):
     TABLE3.save(tmp_path / "rates.toml")
     shared = ("rules", "rank", "line4", "--cubes", "12", "--horizon", "100", "--json")
-    by_class = wellmixed(*shared, "--rates", "rates.toml", cwd=tmp_path).json
+    by_class = run_here(*shared, "--rates", "rates.toml", cwd=tmp_path).json
     assert by_class["books"][0]["yield"]["value"] == pytest.approx(
-        rank([LINE4], TABLE3, cubes=12, horizon=100.0).candidates[0].outcome.yield_.value
+        rank([LINE4], TABLE3, cubes=12, horizon=100.0).books[0].result.yield_.value
     )
-    uniform = wellmixed(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
+    uniform = run_here(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
     assert uniform["rates"]["classes"] == {"join": {"rate": 1e-3}, "break": {"rate": 1e-4}}
 
 

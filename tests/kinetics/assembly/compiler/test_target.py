@@ -75,7 +75,7 @@ def test_senses_and_limits_are_read(load):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "says"),
     [
         ("", "either as `layers` or as `cubes`"),
         ('layers = ["##"]\ncubes = [[0, 0, 0]]', "either as"),
@@ -106,10 +106,10 @@ def test_senses_and_limits_are_read(load):
         ("layers = [", "not valid TOML"),
     ],
 )
-def test_bad_targets_are_refused_with_what_is_wrong(load, text, told):
+def test_bad_targets_are_refused_with_what_is_wrong(load, text, says):
     with pytest.raises(ValueError, match=r"wanted\.toml") as caught:
         load(text)
-    assert told in str(caught.value)
+    assert says in str(caught.value)
 
 
 def test_unknown_targets_are_refused():

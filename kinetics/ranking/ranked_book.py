@@ -10,8 +10,14 @@ from typing import Literal
 
 import numpy as np
 
-from kinetics.assembly import Derivation, Event, RuleBook, Structure, check, derive
-from kinetics.ranking.yield_and_first_time import Figure, Outcome, Question, load_kernels, outcome
+from kinetics.assembly import Derivation, RuleBook, Structure, StructureEvent, check, derive
+from kinetics.ranking.yield_and_first_time import (
+    Figure,
+    Question,
+    YieldAndFirstTime,
+    load_kernels,
+    yield_and_first_time,
+)
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import Floats, read_only
 
@@ -22,12 +28,12 @@ LIMITS = (0.025, 0.975)
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class RankedBook:
     """One book and what becomes of its tank.
 
     pathway : see the function of that name
     letters, rules : how many the book has
-    outcome : at the rates' point values
+    result : at the rates' point values
     drawn : (draws, 2) yield and mean time to the first target under each draw of the rates, the same draws for all
         candidates; no rows where the rates are taken as known
     """
@@ -36,13 +42,13 @@ class Candidate:
     pathway: tuple[str, ...]
     letters: int
     rules: int
-    outcome: Outcome
+    result: YieldAndFirstTime
     drawn: Floats
     cpu_seconds: float
 
     def figure(self, measure: Measure) -> Figure:
         """The figure that `measure` ranks by."""
-        return self.outcome.yield_ if measure == "yield" else self.outcome.first
+        return self.result.yield_ if measure == "yield" else self.result.first
 
     def from_rates(self, measure: Measure) -> tuple[float, float] | None:
         """95 % interval of a mean from the rates' uncertainty; None where the rates are taken as known.
@@ -64,7 +70,7 @@ def pathway(derivation: Derivation, rates: ClassRates) -> tuple[str, ...]:
     works = [event for event, k in zip(derivation.events, network.known_rates, strict=True) if k > 0]
     starts = (book.monomer(), book.seed())
     present = {derivation.species_of(structure) for structure in starts if structure is not None}
-    found: list[Event] = []
+    found: list[StructureEvent] = []
     while len(new := [event for event in works if present.issuperset(event.before)]) > len(found):
         found = new
         present.update(after for event in new for after in event.after)
@@ -101,7 +107,7 @@ def derived(book: RuleBook) -> Derivation:
     return derivation
 
 
-def candidate_of(
+def ranked_book(
     derivation: Derivation,
     rates: ClassRates,
     drawn: Sequence[ClassRates],
@@ -110,7 +116,7 @@ def candidate_of(
     runs: int,
     seed: int,
     max_states: int,
-) -> Candidate:
+) -> RankedBook:
     """The figures of one book at `rates` and under each of the drawn sets; see `ranking.rank`."""
     load_kernels()
     began = time.process_time()
@@ -118,13 +124,13 @@ def candidate_of(
     # A stream for each book, so that the figures of different books are independent in whatever order they come.
     words = np.random.SeedSequence([seed, int(book.fingerprint, 16)]).generate_state(2, np.uint64)
     own_seed = int(words[0]) << 64 | int(words[1])
-    found = outcome(_question(derivation, rates, cubes, horizon), runs, own_seed, max_states)
+    found = yield_and_first_time(_question(derivation, rates, cubes, horizon), runs, own_seed, max_states)
     table = np.empty((len(drawn), 2))
     for number, (row, some) in enumerate(zip(table, drawn, strict=True)):
         question = _question(derivation, some, cubes, horizon)
-        one = outcome(question, RUNS_PER_DRAW, own_seed, max_states, runs + number * RUNS_PER_DRAW, found)
+        one = yield_and_first_time(question, RUNS_PER_DRAW, own_seed, max_states, runs + number * RUNS_PER_DRAW, found)
         row[:] = one.yield_.value, one.first.value
-    return Candidate(
+    return RankedBook(
         book.name,
         pathway(derivation, rates),
         len(book.letters),

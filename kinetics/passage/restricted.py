@@ -1,0 +1,109 @@
+"""First passage up to a horizon: the restricted mean of survival analysis, and whether the target was reached."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.passage.first_passage import lump
+from kinetics.solving import reachable
+from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
+from kinetics.solving.states import MAX_STATES
+from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
+from kinetics.support.arrays import Floats, rising_times, whole_number
+
+TOLERANCE = 1e-13  # probability that uniformisation may leave out
+
+
+@dataclass(frozen=True)
+class RestrictedPassage:
+    """The time min(T, horizon) until a target is reached or the horizon comes, tu.
+
+    mean, sd : of that time; both exist however unlikely the target is
+    reached : probability that the target is reached by the horizon
+    mean_error, reached_error : bounds on the absolute errors of mean and probability
+    n_states : states of the chain, those with the target included
+    """
+
+    horizon: float
+    mean: float
+    sd: float
+    reached: float
+    mean_error: float
+    reached_error: float
+    n_states: int
+
+
+def restricted_passage(
+    network: Network,
+    initial: ArrayLike,
+    species: str,
+    horizon: float,
+    copies: int = 1,
+    max_states: int = MAX_STATES,
+    max_seconds: float = 7200.0,
+) -> RestrictedPassage:
+    """Time from `initial` until there first are `copies` of a species, in which none by `horizon`, tu, counts with it.
+
+    max_states, max_seconds : a ValueError where there are more states, or where it would take longer by a rough
+        estimate
+
+    The moments of min(T, horizon) are integrals of the survival function. By uniformisation at rate q its terms are
+    Poisson probabilities, whose integrals are Poisson tails P(N > n) / q: sums of positive terms, so nothing cancels.
+    About q * horizon steps over all states, and no linear equations: choose it over `first_passage` where the states
+    are many or the target may never be reached. (Jensen 1953 for uniformisation; Royston & Parmar 2013 for the mean.)
+    """
+    end = float(rising_times([horizon])[0])
+    index, wanted = network.index(species), whole_number("copies", copies, 0)
+    space = reachable(network, initial, stop=lambda states: states[:, index] >= wanted, max_states=max_states)
+    if space.is_stopped[0] or end == 0.0:
+        return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
+    chain = DiscreteChain.of(lump(space.generator(), space.is_stopped))
+    steps = chain.steps_until(end, TOLERANCE)  # the window's own arrays have a place for each, so the bound comes first
+    if steps > MAX_STEPS or steps * chain.step_seconds > max_seconds:
+        raise ValueError(
+            f"{len(space)} states would take {steps:.3g} steps until {end:g} tu, up to "
+            f"{steps * chain.step_seconds:.3g} s; at most {MAX_STEPS} steps and max_seconds = {max_seconds:g} are "
+            f"allowed: choose an earlier horizon, start from fewer copies, or sample"
+        )
+    first, weights = poisson_window(chain.rate * end, TOLERANCE)
+    alive, rounding = _survival(chain, first + weights.size)
+    tails = np.ones(first + weights.size + 1)  # P(N > n) for n = 0, 1, ...: certain before the window, 0 after it
+    tails[first:] = np.append(np.cumsum(weights[::-1])[::-1][1:], [0.0, 0.0])
+    mean = float(alive @ tails[:-1]) / chain.rate
+    square = 2.0 * float((alive * np.arange(1, alive.size + 1)) @ tails[1:]) / chain.rate**2
+    missed = float(alive[first:] @ weights)
+    return RestrictedPassage(
+        end,
+        mean,
+        float(np.sqrt(max(square - mean**2, 0.0))),
+        1.0 - missed,
+        rounding * end + _tails_error(chain.rate * end, first, weights) / chain.rate,
+        window_error(chain.rate * end, first, weights, TOLERANCE) + rounding,
+        len(space),
+    )
+
+
+def _survival(chain: DiscreteChain, n_steps: int) -> tuple[Floats, float]:
+    """Probability (n_steps,) of not being in the last state after 0, 1, ... steps, and a bound on its rounding."""
+    from kinetics.kernels import markov
+
+    vector = np.zeros(chain.size)
+    vector[0] = 1.0
+    absorbed, alive, flows = np.empty((3, n_steps))
+    markov.absorb(*chain.arrays, vector, absorbed, alive, flows)
+    return alive, chain.rounding(n_steps, float(flows.sum())) + ROUNDOFF * (n_steps + chain.size + 2)
+
+
+def _tails_error(mean: float, first: int, weights: Floats) -> float:
+    """Bound on the summed error of P(N > n) over all n.
+
+    What a tolerance leaves out of a Poisson number on either side adds at most the mean as often as that, and scaling
+    the rest up for it twice as much; the weights round as in `window_error`, in proportion, and so do their sums.
+    """
+    numbers = np.arange(first, first + weights.size)
+    roundings = 2.0 * np.abs(numbers - int(mean)) + 2.0 * mean**0.5 + weights.size + 60.0
+    return 4.0 * TOLERANCE * mean + ROUNDOFF * float(numbers @ (weights * roundings))
