@@ -26,7 +26,7 @@ class Units(Settings):
     density: Literal["fluid"] = "fluid"
 
 
-class Tank(Settings):
+class TankSize(Settings):
     """Inside of the tank. size : (x, y, z), length; the origin is its centre."""
 
     size: tuple[Length, Length, Length]
@@ -78,7 +78,7 @@ class Scene(Settings):
     name: str = Field(min_length=1, max_length=80)
     rules: str
     units: Units = Units()
-    tank: Tank
+    tank: TankSize
     cubes: Cubes
     numerics: Numerics
     guard: Guard = Guard()

@@ -11,7 +11,7 @@ from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
-    from mechsim.commands.options import Part
+    from mechsim.commands.options import PartialWork
     from mechsim.runs.executors import Executor
 
 
@@ -36,7 +36,7 @@ def validate(
     report: str | None,
     runs_folder: str,
     workers: Executor,
-    part: Part | None,
+    part: PartialWork | None,
     progress: bool | None,
     seed: int,
     as_json: bool,

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.support.tables import text_table
-from mechsim.accuracy.plan import Plan, Setting, plan
-from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound
+from mechsim.accuracy.plan import AccuracyPlan, Setting, plan
+from mechsim.accuracy.trial import AccuracyTrial, counter, execute_trial, unbound
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import Executor
 from mechsim.runs.record import RunRecord, book_of
@@ -33,7 +33,7 @@ PILOT_STEPS = 200
 
 
 @dataclass(frozen=True)
-class Change:
+class RelativeChange:
     """A relative difference and half the width of its 95 % interval."""
 
     value: float
@@ -50,7 +50,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Point:
+class SettingResult:
     """What a setting came to.
 
     runs : made of it
@@ -62,7 +62,7 @@ class Point:
     setting: Setting
     runs: int
     cost: float
-    changes: Mapping[str, Change]
+    changes: Mapping[str, RelativeChange]
     stopped: str | None = None
 
 
@@ -81,11 +81,11 @@ class Accuracy:
     seed: int
     runs: int
     duration: float
-    plan: Plan
-    reference: Point
-    numerical: tuple[Point, ...]
-    model: tuple[Point, ...]
-    means: Mapping[str, Change]
+    plan: AccuracyPlan
+    reference: SettingResult
+    numerical: tuple[SettingResult, ...]
+    model: tuple[SettingResult, ...]
+    means: Mapping[str, RelativeChange]
     given_up: tuple[str, ...] = ()
     cpu_seconds: float = field(compare=False, default=0.0)
 
@@ -104,7 +104,7 @@ class Accuracy:
         found += [self._row("model", point) for point in self.model]
         return found
 
-    def _row(self, panel: str, point: Point) -> dict[str, Any]:
+    def _row(self, panel: str, point: SettingResult) -> dict[str, Any]:
         numerics = point.setting.scene.numerics
         row: dict[str, Any] = {
             "panel": panel,
@@ -205,7 +205,8 @@ def measure(
     per_step = pilot(scene, cubes, seed)
     composition = single_cubes(book_of(scene.rules)[1], cubes)
     trials = [
-        [Trial(s.scene, composition, duration, seed, run) for s in _settings(planned, run)] for run in range(rounds)
+        [AccuracyTrial(s.scene, composition, duration, seed, run) for s in _settings(planned, run)]
+        for run in range(rounds)
     ]
     missing = [[trial for trial in trials[run] if store.read(trial) is None] for run in range(rounds)]
     prices = [sum((t.duration + 1) / t.scene.numerics.step for t in due) * per_step for due in missing]
@@ -234,7 +235,7 @@ def measure(
 
 def collect(
     scene: Scene,
-    planned: Plan,
+    planned: AccuracyPlan,
     store: RunStore,
     composition: dict[str, int],
     duration: float,
@@ -244,7 +245,7 @@ def collect(
     """Compare what the store holds of the first `runs` rounds."""
 
     def records(setting: Setting) -> dict[int, RunRecord]:
-        found = {run: store.read(Trial(setting.scene, composition, duration, seed, run)) for run in range(runs)}
+        found = {run: store.read(AccuracyTrial(setting.scene, composition, duration, seed, run)) for run in range(runs)}
         return {run: record for run, record in found.items() if record is not None}
 
     reference, base = records(planned.reference), records(planned.base)
@@ -258,14 +259,14 @@ def collect(
     means = {name: _mean(_blocks(reference.values(), name) / pairs[name]) for name in QUANTITIES if _has(base, name)}
     return Accuracy(
         scene, cubes, seed, runs, duration, planned,
-        Point(planned.reference, len(reference), _cost(reference), {}),
+        SettingResult(planned.reference, len(reference), _cost(reference), {}),
         tuple(_point(setting, records(setting), reference) for setting in planned.numerical),
         tuple(_point(setting, records(setting), base) for setting in planned.model),
         means,
     )  # fmt: skip
 
 
-def change_of(blocks: np.ndarray, reference: np.ndarray) -> Change:
+def change_of(blocks: np.ndarray, reference: np.ndarray) -> RelativeChange:
     """Relative difference of two means from blocks (B,) that belong together one by one, with its 95 % interval.
 
     The ratio estimator sum(x) / sum(r) - 1, its error from the scatter of x - ratio r (Cochran, Sampling Techniques,
@@ -275,17 +276,17 @@ def change_of(blocks: np.ndarray, reference: np.ndarray) -> Change:
 
     ratio = blocks.sum() / reference.sum()
     scatter = np.std(blocks - ratio * reference, ddof=1) / np.sqrt(blocks.size) / reference.mean()
-    return Change(float(ratio - 1), float(t.ppf(0.975, blocks.size - 1) * scatter))
+    return RelativeChange(float(ratio - 1), float(t.ppf(0.975, blocks.size - 1) * scatter))
 
 
-def _mean(blocks: np.ndarray) -> Change:
+def _mean(blocks: np.ndarray) -> RelativeChange:
     from scipy.stats import t
 
     error = np.std(blocks, ddof=1) / np.sqrt(blocks.size)
-    return Change(float(blocks.mean()), float(t.ppf(0.975, blocks.size - 1) * error))
+    return RelativeChange(float(blocks.mean()), float(t.ppf(0.975, blocks.size - 1) * error))
 
 
-def _point(setting: Setting, own: dict[int, RunRecord], other: dict[int, RunRecord]) -> Point:
+def _point(setting: Setting, own: dict[int, RunRecord], other: dict[int, RunRecord]) -> SettingResult:
     """A setting against what it is compared with, over the runs that both have."""
     stopped = next((record.outcome for record in own.values() if not record.completed), None)
     changes = {}
@@ -296,7 +297,7 @@ def _point(setting: Setting, own: dict[int, RunRecord], other: dict[int, RunReco
             mine, theirs = (_rates([records[run] for run in shared], name) for records in (own, other))
             if theirs.sum() > 0:
                 changes[name] = change_of(mine, theirs)
-    return Point(setting, len(own), _cost(own), changes, stopped)
+    return SettingResult(setting, len(own), _cost(own), changes, stopped)
 
 
 def _rates(records: Sequence[RunRecord], name: str) -> np.ndarray:
@@ -320,12 +321,12 @@ def _has(records: dict[int, RunRecord], name: str) -> bool:
     return any(name in record.arrays for record in records.values())
 
 
-def _settings(planned: Plan, run: int) -> tuple[Setting, ...]:
+def _settings(planned: AccuracyPlan, run: int) -> tuple[Setting, ...]:
     """Settings that take part in a round."""
     if run % 2 == 0:
         return (planned.reference, *planned.numerical, *planned.model)
     return (planned.reference, *(setting for setting in planned.numerical if setting.curve == planned.base.curve))
 
 
-def _percent(change: Change | None) -> str:
+def _percent(change: RelativeChange | None) -> str:
     return "-" if change is None else f"{100 * change.value:+.2f} ± {100 * change.half_width:.2f} %"

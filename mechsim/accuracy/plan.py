@@ -63,7 +63,7 @@ class Refused:
 
 
 @dataclass(frozen=True)
-class Plan:
+class AccuracyPlan:
     """What is compared with what: `numerical` with the reference, `model` with the scene as it is (`base`)."""
 
     reference: Setting
@@ -73,7 +73,7 @@ class Plan:
     refused: tuple[Refused, ...]
 
 
-def plan(scene: Scene) -> Plan:
+def plan(scene: Scene) -> AccuracyPlan:
     """All settings for a scene. What its own checks refuse is told, with the reason."""
     step, iterations = scene.numerics.step, scene.numerics.solver_iterations
     numerical: list[Setting] = []
@@ -134,7 +134,7 @@ def plan(scene: Scene) -> Plan:
             add(model, "agitation correlated over", edges * scene.cubes.edge, make)
     finest = min(MOST_ITERATIONS, REFERENCE_ITERATIONS * iterations)
     reference = with_numerics(scene, step=step * REFERENCE_STEP, solver_iterations=finest)
-    return Plan(
+    return AccuracyPlan(
         reference=Setting("reference", f"{step * REFERENCE_STEP:.6g}", reference),
         base=Setting("step", f"{step:.6g}", scene),
         numerical=tuple(numerical),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.plots import colour
-from mechsim.accuracy.diagram import QUANTITIES, Accuracy, Point
+from mechsim.accuracy.diagram import QUANTITIES, Accuracy, SettingResult
 
 MARKERS = ("o", "s", "^", "D", "v")
 LOWEST, STOPPED, TOP = 1e-3, 1.0, 10.0  # the least error shown, where the crosses begin, and room for the legend
@@ -41,7 +41,7 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
     from matplotlib.ticker import LogLocator
 
     floor = accuracy.floor[name]
-    curves: dict[str, list[Point]] = {}
+    curves: dict[str, list[SettingResult]] = {}
     for point in accuracy.numerical:
         curves.setdefault(point.setting.curve, []).append(point)
     for i, (knob, points) in enumerate(curves.items()):
@@ -79,7 +79,7 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
 
 def sensitivity(ax: Any, accuracy: Accuracy) -> Any:
     """Change of each quantity where a setting of the model is another, with 95 % intervals; returns `ax`."""
-    points: Sequence[Point] = accuracy.model
+    points: Sequence[SettingResult] = accuracy.model
     rows = np.arange(len(points))[::-1]
     for i, name in enumerate(accuracy.means):
         changes = [point.changes.get(name) for point in points]

@@ -15,7 +15,7 @@ from mechsim.accuracy.trial import with_numerics
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
-    from mechsim.accuracy.diagram import Accuracy, Change, Point
+    from mechsim.accuracy.diagram import Accuracy, RelativeChange, SettingResult
 
 PRESETS = Path(__file__).parent / "presets"
 # The cheapest step whose error is, with 95 % confidence, within this.
@@ -179,10 +179,10 @@ def _but_for_steps(scene: Scene) -> dict[str, Any]:
     return data
 
 
-def _preset(point: Point, accuracy: Accuracy, coarser: Point | None = None) -> Preset:
+def _preset(point: SettingResult, accuracy: Accuracy, coarser: SettingResult | None = None) -> Preset:
     """A point of the diagram as a preset; `coarser` : the step above it, where it is the reference."""
 
-    def expected(change: Change | None) -> Expected | None:
+    def expected(change: RelativeChange | None) -> Expected | None:
         if change is None:
             return None
         if coarser is not None:

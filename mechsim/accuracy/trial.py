@@ -22,7 +22,7 @@ WARM_UP = 1.0  # tu, many times the relaxation of a cube's speed
 
 
 @dataclass(frozen=True)
-class Trial(RunSpec):
+class AccuracyTrial(RunSpec):
     """A run whose bonds are not made: meetings of faces within the reach of the scene's bonding are counted instead.
 
     `scene` is the whole scene; what makes or breaks bonds is left out of the tank. `duration` comes after the warm-up.

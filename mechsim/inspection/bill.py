@@ -37,7 +37,7 @@ Clock = Callable[[], int]
 
 
 @dataclass(frozen=True)
-class Item:
+class BillLine:
     """CPU time of one part of a step, us, and its standard error.
 
     kind : "effect", "effect, by pairs" (see `bill`), "engine" or "bookkeeping"
@@ -61,7 +61,7 @@ class Bill:
 
     title: str
     steps: int
-    items: tuple[Item, ...]
+    items: tuple[BillLine, ...]
     whole: float
     whole_error: float
     rest: float
@@ -200,7 +200,7 @@ def _twin(world: World, scene: Scene) -> World:
     return World(scene, world.book, world.bodies.n_cubes, np.random.SeedSequence(0))
 
 
-def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> Sequence[Item]:
+def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> Sequence[BillLine]:
     """One item an effect, both its hooks together, then the engine and the bookkeeping in the order of the step."""
     names = [name for name, _ in world.parts]
     effects = [effect.effect for effect in world.scene.effects]
@@ -210,14 +210,14 @@ def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> S
         kind = "effect" if name in effects else "engine" if name == "engine" else "bookkeeping"
         if name in inside:
             cost, errors = inside[name]
-            items.append(Item(name, BY_PAIRS, float(cost.sum()), float(np.hypot(*errors))))
+            items.append(BillLine(name, BY_PAIRS, float(cost.sum()), float(np.hypot(*errors))))
             continue
         cost, error = _mean(parted[:, [n == name for n in names]].sum(axis=1))
         if name in INSIDE:
             k = INSIDE.index(name)
             cost -= float(taken[k])
             error = float(np.sqrt(error**2 + sum(e[k] ** 2 for _, e in inside.values())))
-        items.append(Item(name, kind, cost, error))
+        items.append(BillLine(name, kind, cost, error))
     return items
 
 

@@ -6,7 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mechsim.runs.executors import Attempt, Executor, Processes, Session
+from mechsim.runs.executors import Executor, Processes, RunAttempt, Session
 from mechsim.runs.executors.base import LOOK_EVERY, Execute
 from mechsim.runs.record import RunRecord, RunSpec
 from mechsim.runs.record import execute as execute_run
@@ -143,7 +143,7 @@ class _Driver:
                     claim.release()
                 raise
 
-    def _finish(self, attempt: Attempt) -> None:
+    def _finish(self, attempt: RunAttempt) -> None:
         """Take in the run of an attempt that has ended, or note why there is none."""
         spec = attempt.spec
         record = self.store.read(spec)
@@ -158,7 +158,7 @@ class _Driver:
         if attempt.claim is not None:
             attempt.claim.release()
 
-    def _fail(self, attempt: Attempt) -> None:
+    def _fail(self, attempt: RunAttempt) -> None:
         """Try a run again, later, or give it up."""
         spec, reasons = attempt.spec, self.failures[attempt.spec.key]
         reasons.append(attempt.failure)

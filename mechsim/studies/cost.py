@@ -12,7 +12,7 @@ import numpy as np
 from kinetics.support.tables import text_table
 from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
-from mechsim.studies.study import Point, Study
+from mechsim.studies.study import Study, StudyPoint
 
 WARM_UP = 0.5  # tu; cubes start at rest, and drag brings them to the fluid's pace within 0.02
 TRIAL = 5.0  # tu
@@ -20,7 +20,7 @@ BATCHES = 10  # of the trial, for the standard error of its mean
 
 
 @dataclass(frozen=True)
-class Trial:
+class PointTrial:
     """A point tried for 5 tu.
 
     speed, speed_error : mean speed of free cubes with its standard error, length / tu; nan where none stayed free
@@ -33,7 +33,7 @@ class Trial:
     cpu_start: float
 
 
-def trial(point: Point, seed: int) -> Trial:
+def trial(point: StudyPoint, seed: int) -> PointTrial:
     """Try a point. The speeds depend on the seed alone, the times on the machine."""
     from mechsim.world.world import World
 
@@ -61,14 +61,14 @@ def trial(point: Point, seed: int) -> Trial:
     speed = float(means.mean()) if means.size else math.nan
     # The median of the batches: in one of them a kernel may have been compiled.
     per_step = float(np.median([part.mean() for part in np.array_split(cpu, BATCHES)]))
-    return Trial(speed, error, per_step / world.step_size, ready - began)
+    return PointTrial(speed, error, per_step / world.step_size, ready - began)
 
 
 @dataclass(frozen=True)
 class PointCost:
     """One point's bill. missing : runs not in the store; expected : first time, tu; cpu, most : seconds for them"""
 
-    point: Point
+    point: StudyPoint
     missing: int
     expected: float
     cpu: float
@@ -76,7 +76,7 @@ class PointCost:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class CostPrediction:
     """What is still to be made, and what that will cost; `most` is where every run goes to the cap."""
 
     points: tuple[PointCost, ...]
@@ -106,14 +106,19 @@ class Prediction:
 
 
 def predict(
-    study: Study, points: Sequence[Point], trials: Mapping[Point, Trial], runs: int, seed: int, store: RunStore
-) -> Prediction:
+    study: Study,
+    points: Sequence[StudyPoint],
+    trials: Mapping[StudyPoint, PointTrial],
+    runs: int,
+    seed: int,
+    store: RunStore,
+) -> CostPrediction:
     """The cost of the runs that the store lacks.
 
     A first time is guessed as `typical` times the ratio of collision rates, N edge^2 speed / volume: good within a
     factor of about two, which is all that a decision to start needs.
     """
-    base = Point((), "base", study.base, study.cubes)
+    base = StudyPoint((), "base", study.base, study.cubes)
     known = {(p.scene.fingerprint, p.cubes): t.speed for p, t in trials.items()}
     reference = _pace(base, known.get((base.scene.fingerprint, base.cubes)) or trial(base, seed).speed)
     found = []
@@ -124,7 +129,7 @@ def predict(
         each = trials[point]
         cpu, most = (each.cpu_start + tu * each.cpu_per_tu for tu in (expected, study.cap))
         found.append(PointCost(point, missing, expected, missing * cpu, missing * most))
-    return Prediction(tuple(found))
+    return CostPrediction(tuple(found))
 
 
 def duration(seconds: float) -> str:
@@ -134,7 +139,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"
 
 
-def _pace(point: Point, speed: float) -> float:
+def _pace(point: StudyPoint, speed: float) -> float:
     """Collision rate of one cube up to a factor; 0 where the speed is not known."""
     pace = point.cubes * point.scene.cubes.edge**2 * speed / math.prod(point.scene.tank.size)
     return 0.0 if math.isnan(pace) else pace

@@ -68,7 +68,7 @@ class PaperMedian(Settings):
 
 
 @dataclass(frozen=True)
-class Point:
+class StudyPoint:
     """One combination of levels. levels : one of each factor; cubes : in the tank at the start, all free"""
 
     levels: tuple[float, ...]
@@ -134,11 +134,11 @@ class Study(Settings):
         return Scene.load(self.scene)
 
     @cached_property
-    def points(self) -> tuple[Point, ...]:
+    def points(self) -> tuple[StudyPoint, ...]:
         """All combinations of levels, the last factor running fastest."""
         return tuple(self._point(levels) for levels in itertools.product(*(f.levels for f in self.factors)))
 
-    def chosen(self, choices: Sequence[str]) -> tuple[Point, ...]:
+    def chosen(self, choices: Sequence[str]) -> tuple[StudyPoint, ...]:
         """Points with these levels: `number=40,60` takes two of the number's, and all of the other factors'."""
         wanted: dict[int, set[float]] = {}
         names = [factor.name for factor in self.factors]
@@ -157,7 +157,7 @@ class Study(Settings):
             wanted.setdefault(names.index(name), set()).update(levels)
         return tuple(p for p in self.points if all(p.levels[i] in levels for i, levels in wanted.items()))
 
-    def _point(self, levels: tuple[float, ...]) -> Point:
+    def _point(self, levels: tuple[float, ...]) -> StudyPoint:
         data: dict[str, Any] = self.base.model_dump(mode="json")
         places = _Places(data, self.cubes)
         powers: list[tuple[str, float]] = []
@@ -169,7 +169,7 @@ class Study(Settings):
         for setting, times in powers:
             places.multiply(setting, times)
         title = ", ".join(f"{f.name}={level:g}" for f, level in zip(self.factors, levels, strict=True))
-        return Point(levels, title, validated(Scene, data, f"{self.name} at {title}"), places.cubes)
+        return StudyPoint(levels, title, validated(Scene, data, f"{self.name} at {title}"), places.cubes)
 
 
 class _Places:

@@ -14,9 +14,9 @@ from kinetics.support.arrays import Floats
 from kinetics.support.tables import columns, csv_text, rounded
 from mechsim.runs.record import RunRecord
 from mechsim.runs.store import write_whole
-from mechsim.studies.cost import Trial
+from mechsim.studies.cost import PointTrial
 from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
-from mechsim.studies.study import Point, Study
+from mechsim.studies.study import Study, StudyPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +31,8 @@ class PointResult:
     cpu_seconds : of all its runs; paper : the paper's median, tu, where it gives one
     """
 
-    point: Point
-    trial: Trial
+    point: StudyPoint
+    trial: PointTrial
     times: Floats
     runs: tuple[int, ...]
     stopped: int
@@ -187,7 +187,11 @@ class StudyResult:
 
 
 def summarise(
-    study: Study, points: Sequence[Point], trials: Mapping[Point, Trial], records: Sequence[RunRecord], seed: int
+    study: Study,
+    points: Sequence[StudyPoint],
+    trials: Mapping[StudyPoint, PointTrial],
+    records: Sequence[RunRecord],
+    seed: int,
 ) -> StudyResult:
     """Put the records to their points, and fit what can be fitted. Records of other points are passed over."""
     known = {paper.at: paper.median for paper in study.paper}

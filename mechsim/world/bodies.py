@@ -14,7 +14,7 @@ from mechsim.kernels.motion import place_cubes, rotation_of
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class BodyShape:
     """Geometry of a set of lattice cubes of edge 1 and mass 1 about their centre of mass, in principal axes.
 
     centre (3,) : centre of mass in the lattice frame
@@ -30,7 +30,7 @@ class Shape:
 
     @staticmethod
     @lru_cache(maxsize=4096)
-    def of(positions: tuple[tuple[int, int, int], ...]) -> Shape:
+    def of(positions: tuple[tuple[int, int, int], ...]) -> BodyShape:
         """Shape of cubes at these lattice places; equal cubes of uniform density (parallel-axis theorem)."""
         places = np.asarray(positions, float)
         centre = places.mean(axis=0)
@@ -42,7 +42,7 @@ class Shape:
             frame = np.linalg.eigh(tensor)[1]
             frame[:, 2] *= np.sign(np.linalg.det(frame))
         inertia = np.diag(frame.T @ tensor @ frame).copy()
-        return Shape(centre, frame, offset @ frame, inertia)
+        return BodyShape(centre, frame, offset @ frame, inertia)
 
 
 def matrix_of(quaternion: np.ndarray) -> np.ndarray:
@@ -108,9 +108,9 @@ class Bodies:
         self.first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.flat = np.array([cube for m in self.members for cube in m], np.int64)
 
-    def shape(self, slot: int) -> Shape:
+    def shape(self, slot: int) -> BodyShape:
         """Geometry of the structure in a slot, for cubes of edge 1 and mass 1."""
-        return Shape.of(self.held(slot).positions)
+        return BodyShape.of(self.held(slot).positions)
 
     def held(self, slot: int) -> Structure:
         """The structure in a slot that holds one."""
@@ -132,7 +132,7 @@ class Bodies:
         """Put a structure into a slot: mass, inertia and the cubes' places in it; its pose and motion are the
         caller's."""
         self.structure[slot], self.members[slot], self.born[slot] = structure, members, time
-        shape = Shape.of(structure.positions)
+        shape = BodyShape.of(structure.positions)
         cubes = list(members)
         self.mass[slot] = self.cube_mass * len(cubes)
         self.inertia[slot] = shape.inertia * self.cube_mass * self.edge**2
@@ -167,7 +167,7 @@ class Bodies:
         self, position: np.ndarray, orientation: np.ndarray, structure: Structure
     ) -> tuple[np.ndarray, np.ndarray]:
         """World centres (k, 3) and axes (k, 3, 3) that a structure's cubes would have at this pose of its body."""
-        shape = Shape.of(structure.positions)
+        shape = BodyShape.of(structure.positions)
         r = matrix_of(orientation)
         centre = position + self.edge * shape.offset @ r.T
         return centre, r @ (shape.frame.T @ ROTATIONS[list(structure.rotations)])
@@ -204,7 +204,7 @@ class Bodies:
         for s in (keeper, other):
             arm = self.position[s] - x
             angular += self.mass[s] * np.cross(arm, self.velocity[s] - v) + self.world_inertia(s) @ self.spin[s]
-        shape = Shape.of(structure.positions)
+        shape = BodyShape.of(structure.positions)
         r = self.lattice(keeper) @ shape.frame
         inertia = shape.inertia * self.cube_mass * self.edge**2
         spin = r @ ((r.T @ angular) / inertia)
@@ -212,7 +212,7 @@ class Bodies:
 
     def fragment_motion(self, slot: int, fragment: Structure) -> tuple[np.ndarray, ...]:
         """Pose and motion of a part of the body in `slot`: it goes on as it moved, v + w x r and the same spin."""
-        whole, part = self.shape(slot), Shape.of(fragment.positions)
+        whole, part = self.shape(slot), BodyShape.of(fragment.positions)
         lattice = self.lattice(slot)
         arm = lattice @ (part.centre - whole.centre) * self.edge
         position = self.position[slot] + arm

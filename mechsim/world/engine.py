@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechsim.world.bodies import Bodies, Shape, quaternion_of
+from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
 
 
 @contextmanager
@@ -242,7 +242,7 @@ class Engine:
             if len(positions) == 1:
                 known = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
             else:
-                shape, k = Shape.of(positions), len(positions)
+                shape, k = BodyShape.of(positions), len(positions)
                 known = pybullet.createCollisionShapeArray(
                     shapeTypes=[pybullet.GEOM_BOX] * k,
                     halfExtents=[half] * k,

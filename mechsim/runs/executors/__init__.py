@@ -1,9 +1,9 @@
 """Who makes the runs of an ensemble: one file each, and one line here. The first is used where none is asked for."""
 
-from mechsim.runs.executors.base import Attempt, Executor, Session
+from mechsim.runs.executors.base import Executor, RunAttempt, Session
 from mechsim.runs.executors.cluster import Dask
 from mechsim.runs.executors.processes import Processes
 
 EXECUTORS: tuple[type[Executor], ...] = (Processes, Dask)
 
-__all__ = ["EXECUTORS", "Attempt", "Dask", "Executor", "Processes", "Session"]
+__all__ = ["EXECUTORS", "Dask", "Executor", "Processes", "RunAttempt", "Session"]

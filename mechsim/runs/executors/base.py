@@ -22,7 +22,7 @@ LOOK_EVERY = 0.2  # s between two looks at what nobody tells us: runs claimed by
 
 
 @dataclass(kw_only=True)
-class Attempt:
+class RunAttempt:
     """One try at a run.
 
     claim : the right to make it, given back by the driver; None: whoever makes the run claims it himself
@@ -46,7 +46,7 @@ class Session(ABC):
     """The runs that an executor has in hand, during one call of `run_all`."""
 
     def __init__(self) -> None:
-        self.attempts: list[Attempt] = []  # the driver takes out those that have ended
+        self.attempts: list[RunAttempt] = []  # the driver takes out those that have ended
 
     @abstractmethod
     def has_room(self) -> bool:

@@ -19,7 +19,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ClassVar
 from uuid import uuid4
 
-from mechsim.runs.executors.base import LOOK_EVERY, Attempt, Execute, Executor, Session, check_timeout
+from mechsim.runs.executors.base import LOOK_EVERY, Execute, Executor, RunAttempt, Session, check_timeout
 from mechsim.runs.executors.processes import Processes, ProcessSession
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ async def _identity(address: str) -> str:
 
 
 @dataclass(kw_only=True)
-class _Submitted(Attempt):
+class _Submitted(RunAttempt):
     """A run in the hands of the scheduler; `made` is when a worker said that it is on disk, s."""
 
     future: Future

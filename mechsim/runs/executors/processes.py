@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
 
-from mechsim.runs.executors.base import LOOK_EVERY, Attempt, Execute, Executor, Session, check_timeout
+from mechsim.runs.executors.base import LOOK_EVERY, Execute, Executor, RunAttempt, Session, check_timeout
 
 if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
@@ -66,7 +66,7 @@ class Processes(Executor):
 
 
 @dataclass(kw_only=True)
-class _Worker(Attempt):
+class _Worker(RunAttempt):
     """A process that makes one run."""
 
     process: ForkServerProcess

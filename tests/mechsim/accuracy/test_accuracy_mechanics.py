@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from mechsim.accuracy import diagram, plot
 from mechsim.accuracy.diagram import change_of, measure
 from mechsim.accuracy.plan import plan
-from mechsim.accuracy.trial import Trial, counter, execute_trial, unbound, with_numerics
+from mechsim.accuracy.trial import AccuracyTrial, counter, execute_trial, unbound, with_numerics
 from mechsim.kernels.contact import facing_pairs
 from mechsim.runs.ensemble import Outcome, Quarantined, run_all
 from mechsim.runs.record import RunSpec, book_of
@@ -109,7 +109,7 @@ def test_sub_cycles_of_the_scene_itself_are_where_the_curves_start(scene_of):
 
 
 def test_a_trial_is_no_run_of_the_same_scene(line4):
-    trial, run = (kind(line4, {"monomer": 2}, 1.0, 1, 0) for kind in (Trial, RunSpec))
+    trial, run = (kind(line4, {"monomer": 2}, 1.0, 1, 0) for kind in (AccuracyTrial, RunSpec))
     assert trial.key != run.key
     assert run.key == RunSpec(line4, {"monomer": 2}, 1.0, 1, 0).key
 
@@ -118,23 +118,23 @@ def test_scenes_that_differ_in_rules_and_bonds_alone_share_their_trials(line4, s
     """What moves is the same, bit for bit; the seed of a book that has one is a cube like the others."""
     pyramid = Scene.load("pyramid45")
     trials = [
-        Trial(line4, {"monomer": 3}, 0.2, 1, 0),
-        Trial(line4.changed("breaking", threshold=0.1), {"monomer": 3}, 0.2, 1, 0),
-        Trial(pyramid, single_cubes(book_of("pyramid45")[1], 3), 0.2, 1, 0),
+        AccuracyTrial(line4, {"monomer": 3}, 0.2, 1, 0),
+        AccuracyTrial(line4.changed("breaking", threshold=0.1), {"monomer": 3}, 0.2, 1, 0),
+        AccuracyTrial(pyramid, single_cubes(book_of("pyramid45")[1], 3), 0.2, 1, 0),
     ]
     assert len(trials[2].composition) == 2
     assert len({execute_trial(trial).digest for trial in trials}) == 1
     others = [line4.changed("bonding", capture_distance=0.01), line4.changed("agitation", sigma=3.0)]
-    assert len({Trial(scene, {"monomer": 3}, 0.2, 1, 0).key for scene in (line4, *others)}) == 3
+    assert len({AccuracyTrial(scene, {"monomer": 3}, 0.2, 1, 0).key for scene in (line4, *others)}) == 3
 
 
 def test_trials_are_the_same_bit_for_bit(line4):
-    trial = Trial(line4, {"monomer": 3}, 0.2, 1, 0)
+    trial = AccuracyTrial(line4, {"monomer": 3}, 0.2, 1, 0)
     assert execute_trial(trial).digest == execute_trial(trial).digest
 
 
 def test_workers_make_trials(line4, tmp_path):
-    trial = Trial(line4, {"monomer": 2}, 0.1, 1, 0)
+    trial = AccuracyTrial(line4, {"monomer": 2}, 0.1, 1, 0)
     (record,) = run_all([trial], RunStore(tmp_path), progress=False, execute=execute_trial).records
     assert record.digest == execute_trial(trial).digest
 
@@ -191,7 +191,7 @@ def test_meetings_of_any_faces_are_a_fixed_multiple_of_those_that_may_bond(make_
 def test_speeds_come_with_noise_shared_between_steps(line4):
     """The same redraws of the fluid at any step: differences are known ten times better than speeds."""
     trials = [
-        execute_trial(Trial(with_numerics(line4, step=line4.numerics.step / n), {"monomer": 8}, 6.0, 1, 0))
+        execute_trial(AccuracyTrial(with_numerics(line4, step=line4.numerics.step / n), {"monomer": 8}, 6.0, 1, 0))
         for n in (1, 2)
     ]
     a, b = (trial.arrays["speed"] for trial in trials)
@@ -289,7 +289,7 @@ def test_stopped_settings_are_crosses_at_their_cost(measured):
     """A guard of its own limit stops the coarse explicit runs; the others go on."""
     found, _, _ = measured
     point = next(p for p in found.numerical if "explicit" in p.setting.curve)
-    stopped = diagram.Point(point.setting, 1, 0.123, {}, "stopped: spin")
+    stopped = diagram.SettingResult(point.setting, 1, 0.123, {}, "stopped: spin")
     changed = diagram.Accuracy(
         found.scene, found.cubes, found.seed, found.runs, found.duration, found.plan, found.reference,
         (*found.numerical[:3], stopped), (), found.means,
@@ -303,7 +303,7 @@ def test_stopped_settings_are_crosses_at_their_cost(measured):
 
 def test_a_guarded_trial_keeps_its_reason(line4):
     scene = line4.model_copy(update={"guard": line4.guard.model_copy(update={"max_speed": 0.5})})
-    record = execute_trial(Trial(scene, {"monomer": 2}, 0.5, 1, 0))
+    record = execute_trial(AccuracyTrial(scene, {"monomer": 2}, 0.5, 1, 0))
     assert record.outcome.startswith("stopped: ")
     assert record.arrays["speed"].size == 0
     assert 0 < record.cost["cpu_per_tu"] < 10

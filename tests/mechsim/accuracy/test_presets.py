@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from mechsim.accuracy import preset
-from mechsim.accuracy.diagram import Accuracy, Change, Point
+from mechsim.accuracy.diagram import Accuracy, RelativeChange, SettingResult
 from mechsim.accuracy.plan import plan
 from mechsim.accuracy.preset import Presets, choose, load
 from mechsim.runs.record import RunSpec
@@ -23,17 +23,17 @@ def measured(line4):
     steps = [setting for setting in planned.numerical if setting.curve == "step"]
 
     def changes(speed, meetings):
-        return {"speed": Change(speed, 0.001), "meetings": Change(meetings, 0.01)}
+        return {"speed": RelativeChange(speed, 0.001), "meetings": RelativeChange(meetings, 0.01)}
 
     def make(*errors, others=None):
         points = tuple(
-            Point(s, 4, 0.12 / 2**k, changes(*e) if e else {}, None)
+            SettingResult(s, 4, 0.12 / 2**k, changes(*e) if e else {}, None)
             for k, (s, e) in enumerate(zip(steps[::-1], errors[::-1], strict=True))
         )
         for setting in planned.numerical:
             cost, *found = (others or {}).get((setting.curve, setting.label), (None,))
-            points += (Point(setting, 2, cost, changes(*found), None),) if found else ()
-        reference = Point(planned.reference, 4, 0.24, {})
+            points += (SettingResult(setting, 2, cost, changes(*found), None),) if found else ()
+        reference = SettingResult(planned.reference, 4, 0.24, {})
         return Accuracy(line4, 120, 1, 4, 50.0, planned, reference, points, (), {})
 
     return make

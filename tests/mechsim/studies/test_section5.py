@@ -8,7 +8,7 @@ from mechsim.runs.ensemble import run_all
 from mechsim.runs.record import RunRecord, book_of
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
-from mechsim.studies.cost import Trial, predict, trial
+from mechsim.studies.cost import PointTrial, predict, trial
 from mechsim.studies.study import STUDIES, Study
 from mechsim.studies.summary import first_time, summarise
 
@@ -155,7 +155,7 @@ def test_a_trial_measures_the_speed():
 
 def test_the_cost_follows_collisions_and_counts_what_is_missing(tmp_path):
     study = study_of(factor(levels=[10, 20]), cap=3.0)
-    store, trials = RunStore(tmp_path), {p: Trial(1.0, 0.01, 2.0, 0.5) for p in study.points}
+    store, trials = RunStore(tmp_path), {p: PointTrial(1.0, 0.01, 2.0, 0.5) for p in study.points}
     few, many = predict(study, study.points, trials, 4, 0, store).points
     assert (few.expected, many.expected) == (3.0, 2.5)  # 5 tu are more than the cap; twice the cubes, half the time
     assert (many.cpu, many.most) == (4 * (0.5 + 2.5 * 2), 4 * (0.5 + 3 * 2))
@@ -163,7 +163,7 @@ def test_the_cost_follows_collisions_and_counts_what_is_missing(tmp_path):
     left = predict(study, study.points, trials, 4, 0, store)
     assert [point.missing for point in left.points] == [4, 1]
     assert "5 runs to make: about" in str(left)
-    still = predict(study, study.points, dict.fromkeys(study.points, Trial(np.nan, np.nan, 2.0, 0.5)), 4, 0, store)
+    still = predict(study, study.points, dict.fromkeys(study.points, PointTrial(np.nan, np.nan, 2.0, 0.5)), 4, 0, store)
     assert [point.expected for point in still.points] == [3.0, 3.0]
 
 
@@ -174,7 +174,7 @@ def test_runs_are_made_once_and_summed_up(tmp_path):
     run_all(specs[:3], store, execute=fake_run)
     outcome = run_all(specs, store, execute=fake_run)
     assert (outcome.computed, outcome.reused) == (5, 3)
-    trials = {p: Trial(1.0, 0.01, 2.0, 0.5) for p in study.points}
+    trials = {p: PointTrial(1.0, 0.01, 2.0, 0.5) for p in study.points}
     result = summarise(study, study.points, trials, outcome.records, 0)
     few, many = result.points
     assert few.times.tolist() == [3.0, 6.0, np.inf, np.inf]
@@ -188,7 +188,7 @@ def test_runs_are_made_once_and_summed_up(tmp_path):
 
 def test_speeds_stand_beside_the_paper_s():
     study = Study.load("velocity")
-    trials = {p: Trial(0.1 * p.levels[0] ** 1.4, 0.0, 2.0, 0.5) for p in study.points}
+    trials = {p: PointTrial(0.1 * p.levels[0] ** 1.4, 0.0, 2.0, 0.5) for p in study.points}
     records = [fake_run(spec, print) for point in study.points for spec in point.specs(study.cap, 5, 0)]
     result = summarise(study, study.points, trials, records, 0)
     speed, time = result.exponents
@@ -203,7 +203,7 @@ def test_runs_the_guard_stopped_are_counted_apart(tmp_path):
     study = study_of(factor(levels=[8]), cap=7.0)
     records = [fake_run(spec, print) for spec in study.points[0].specs(7.0, 3, 0)]
     records[1].outcome = "stopped: too fast"
-    trials = {p: Trial(1.0, 0.01, 2.0, 0.5) for p in study.points}
+    trials = {p: PointTrial(1.0, 0.01, 2.0, 0.5) for p in study.points}
     (found,) = summarise(study, study.points, trials, records, 0).points
     assert (found.times.tolist(), found.runs, found.stopped) == ([3.0, np.inf], (0, 2), 1)
 

@@ -5,7 +5,7 @@ import pytest
 from handling import act
 
 from mechsim.kernels.motion import coast
-from mechsim.world.bodies import Shape, matrix_of, quaternion_of
+from mechsim.world.bodies import BodyShape, matrix_of, quaternion_of
 
 MIXED = {"monomer": 8, "dimer": 4, "trimer": 2, "quadmer": 2}
 
@@ -85,7 +85,7 @@ def test_compounds_have_their_own_inertia(make_world):
 
 
 def test_shape_of_an_l_is_turned_into_its_principal_axes():
-    shape = Shape.of(((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0)))
+    shape = BodyShape.of(((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0)))
     np.testing.assert_allclose(shape.offset.mean(axis=0), 0, atol=1e-15)
     tensor = np.eye(3) * ((shape.offset**2).sum() + 4 / 6) - shape.offset.T @ shape.offset
     np.testing.assert_allclose(tensor, np.diag(shape.inertia), atol=1e-14)
