@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.estimate import estimate, exact_limits
+from calibration.estimating.estimate import estimate
 from calibration.estimating.exposure import Exposure, by_age, by_initial, count
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.intervals import exact_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +80,7 @@ class WaitingTimes:
         """Survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
         from calibration import plots
 
-        return plots.waiting_times(ax, self)
+        return plots.waiting_times(ax, self.name, self.residuals)
 
 
 def waiting_times(paths: Iterable[JumpPath], channel: str | None = None) -> WaitingTimes:
@@ -134,7 +135,9 @@ class Homogeneity:
         """The groups' rates with intervals; returns `ax`."""
         from calibration import plots
 
-        return plots.homogeneity(ax, self)
+        rates = plots.Limited(self.rates, *self.intervals())
+        pooled_rate = self.events.sum() / self.exposure.sum()
+        return plots.homogeneity(ax, self.channel, self.labels, rates, pooled_rate, self.p_value)
 
 
 def homogeneity(groups: Mapping[str, Exposure], seed: int = 0) -> list[Homogeneity]:

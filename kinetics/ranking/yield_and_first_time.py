@@ -22,6 +22,7 @@ from kinetics.solving.poisson import poisson_window, window_error
 from kinetics.solving.states import TooManyStatesError
 from kinetics.solving.uniformisation import DiscreteChain
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.intervals import student_quantile
 
 MAX_STATES = 100_000
 MAX_WORK = 2e10  # multiplications of one exact figure, about half a minute
@@ -248,11 +249,9 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
     Where all runs agree the spread tells nothing; the interval then allows for a share of other runs that n alike ones
     do not exclude (Clopper & Pearson 1934), at either end of the range.
     """
-    from scipy.special import stdtrit
-
     n, mean, sd = values.size, float(values.mean()), float(values.std(ddof=1))
     if sd > 0:
-        half = float(stdtrit(n - 1, 1 - TAIL)) * sd / n**0.5
+        half = student_quantile(n - 1, 1 - 2 * TAIL) * sd / n**0.5
         low, high = mean - half, mean + half
     else:
         share = 1 - TAIL ** (1 / n)
