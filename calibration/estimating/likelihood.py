@@ -20,6 +20,8 @@ from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 
 STEPS = 100  # of Newton; five to ten are usual
+RIDGE = 1e-10  # times the events, added to the curvature
+ROUNDING = 1e-12  # loss of log-likelihood an event that no step is shortened for
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,14 +183,14 @@ def _maximum(x: Floats, exposure: Floats, given: Floats) -> Floats:
         weighted = z / (given + z @ u)[:, None]
         gradient = weighted.sum(axis=0) - n
         free = (u > 0) | (gradient > 0)
-        if not (np.abs(gradient[free]) > 1e-13 * n).any():
-            break
         step = np.zeros(terms)
-        step[free] = np.linalg.lstsq(weighted[:, free].T @ weighted[:, free], gradient[free])[0]
-        length, best = 1.0, value(u)
-        while value(np.maximum(u + length * step, 0.0)) <= best and length > 1e-9:
-            length /= 2
-        if length <= 1e-9:  # no better by rounding: this is the maximum
+        # the ridge moves terms that the events say nothing of, and decides between terms that no event tells apart
+        curvature = weighted[:, free].T @ weighted[:, free] + RIDGE * n * np.eye(int(free.sum()))
+        step[free] = np.linalg.solve(curvature, gradient[free])
+        if (np.abs(step) < 1e-14).all():
             break
+        length, least = 1.0, value(u) - ROUNDING * n
+        while value(np.maximum(u + length * step, 0.0)) < least and length > 1e-9:
+            length /= 2
         u = np.maximum(u + length * step, 0.0)
     return np.asarray(u * scale)
