@@ -1,4 +1,4 @@
-"""From paths to rates, and back to trust: estimates with intervals, diagnostics, cross-validation, reports.
+"""From paths to rates, and back to trust: estimates with intervals, models of rates, diagnostics, validation, reports.
 
 The names are imported when they are first used.
 """
@@ -18,49 +18,70 @@ if TYPE_CHECKING:
         homogeneity,
         waiting_times,
     )
-    from calibration.estimating.estimate import Calibration, RateEstimate, estimate, exact_limits, paper_estimate
+    from calibration.estimating.estimate import Calibration, RateEstimate, estimate
     from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
-    from calibration.reporting.report import Chart, Heading, Report, Table, Text
+    from calibration.estimating.models import RATE_MODELS, Crowded, MassAction, Weibull, rate_model
+    from calibration.estimating.paper import paper_estimate
+    from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
+    from calibration.estimating.rate_model import RateModel, ShapeParameter
+    from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
     from calibration.validating.crossvalidation import CrossValidation, crossvalidate
     from calibration.validating.first_times import FirstTimes, compare_first_times
+    from kinetics.support.intervals import exact_limits
 
 _HOMES = {
-    "calibration.validating.crossvalidation": ("CrossValidation", "crossvalidate"),
     "calibration.estimating.diagnostics": (
         *("Diagnosis", "Homogeneity", "WaitingTimes"),
         *("diagnose", "homogeneity", "waiting_times"),
     ),
-    "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate", "exact_limits", "paper_estimate"),
+    "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
     "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
+    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassAction", "Weibull", "rate_model"),
+    "calibration.estimating.paper": ("paper_estimate",),
+    "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
+    "calibration.estimating.rate_model": ("RateModel", "ShapeParameter"),
+    "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
+    "calibration.validating.crossvalidation": ("CrossValidation", "crossvalidate"),
     "calibration.validating.first_times": ("FirstTimes", "compare_first_times"),
-    "calibration.reporting.report": ("Chart", "Heading", "Report", "Table", "Text"),
+    "kinetics.support.intervals": ("exact_limits",),
 }
 
 __all__ = [
+    "RATE_MODELS",
     "Calibration",
     "Chart",
     "CrossValidation",
+    "Crowded",
     "Diagnosis",
     "Exposure",
     "FirstTimes",
     "Heading",
     "Homogeneity",
+    "HtmlReport",
+    "LikelihoodRatio",
+    "MassAction",
     "RateEstimate",
-    "Report",
-    "Table",
+    "RateFit",
+    "RateModel",
+    "ReportTable",
+    "ShapeParameter",
     "Text",
     "WaitingTimes",
+    "Weibull",
     "by_age",
     "by_initial",
     "compare_first_times",
+    "compare_fits",
     "count",
     "crossvalidate",
     "diagnose",
     "estimate",
     "exact_limits",
+    "fit_rates",
     "homogeneity",
     "paper_estimate",
     "pooled",
+    "rate_model",
     "waiting_times",
 ]
 

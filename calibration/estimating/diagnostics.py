@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.estimate import estimate, exact_limits
+from calibration.estimating.estimate import estimate
 from calibration.estimating.exposure import Exposure, by_age, by_initial, count
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.intervals import exact_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from calibration.estimating.rate_fit import RateFit
 
 DRAWS = 4999  # of the multinomial null distribution; the smallest p-value is 1 / (DRAWS + 1)
 # Ages at which runs are cut, tu: a cube at the paper's mean speed of 1.2 crosses its tank (2 wide) in about two.
@@ -35,7 +38,7 @@ class WaitingTimes:
     positions : (n,) rising, integrated hazard at each event
     total : integrated hazard of all runs
 
-    Setting runs end to end joins a censored wait to the first wait of the next run: for an exponential law that is one
+    Setting runs end to end joins a censored wait to the first wait of the next run: for exponential waits that is one
     whole wait, so nothing is thrown away.
     """
 
@@ -79,24 +82,35 @@ class WaitingTimes:
         """Survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
         from calibration import plots
 
-        return plots.waiting_times(ax, self)
+        return plots.waiting_times(ax, self.name, self.residuals)
 
 
-def waiting_times(paths: Iterable[JumpPath], channel: str | None = None) -> WaitingTimes:
-    """The waits of one channel, or of any event (then on the clock of the estimated total hazard)."""
+def waiting_times(paths: Iterable[JumpPath], channel: str | None = None, fit: RateFit | None = None) -> WaitingTimes:
+    """The waits of one channel, or of any event (then on the clock of the estimated total hazard).
+
+    fit : model of rates whose hazard is the clock, fitted to this channel, or to all of them; None: mass action
+    """
     runs = list(paths)
     network = runs[0].network
-    if channel is None:
-        weights = np.nan_to_num([e.rate for e in estimate(runs).estimates]) * network.ways
-    elif channel in network.channels:
-        weights = (np.array(network.channels) == channel) * network.ways
-    else:
+    if channel is not None and channel not in network.channels:
         raise ValueError(f"unknown channel {channel!r}; channels are {', '.join(network.channels)}")
+    wanted = network.channels if channel is None else (channel,)
+    if fit is not None and not set(wanted) <= set(fit.channels):
+        raise ValueError(f"the fit holds {', '.join(fit.channels)}; expected {', '.join(wanted)}")
+    if fit is not None:
+        columns = [fit.channels.index(name) for name in wanted]
+    elif channel is None:
+        weights = np.nan_to_num([e.rate for e in estimate(runs).estimates]) * network.ways
+    else:
+        weights = (np.array(network.channels) == channel) * network.ways
     positions, total = [], 0.0
     for path in runs:
-        hazard = network.combinations_of(path.states) @ (weights * path.open_channels)
-        edges = np.concatenate(([0.0], path.times, [path.end]))
-        clock = total + np.cumsum(np.diff(edges) * hazard)
+        if fit is not None:
+            passed = fit.integrated_hazards(path)[:, columns].sum(axis=1)
+        else:
+            edges = np.concatenate(([0.0], path.times, [path.end]))
+            passed = np.diff(edges) * (network.combinations_of(path.states) @ (weights * path.open_channels))
+        clock = total + np.cumsum(passed)
         is_event = path.channels != RESTART
         if channel is not None:
             is_event = path.channels == network.channels.index(channel)
@@ -134,7 +148,9 @@ class Homogeneity:
         """The groups' rates with intervals; returns `ax`."""
         from calibration import plots
 
-        return plots.homogeneity(ax, self)
+        rates = plots.Limited(self.rates, *self.intervals())
+        pooled_rate = self.events.sum() / self.exposure.sum()
+        return plots.homogeneity(ax, self.channel, self.labels, rates, pooled_rate, self.p_value)
 
 
 def homogeneity(groups: Mapping[str, Exposure], seed: int = 0) -> list[Homogeneity]:

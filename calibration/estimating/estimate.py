@@ -2,53 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calibration.estimating.exposure import Exposure, count, pooled, require_same
 from kinetics.network import Network
-from kinetics.runs import RESTART, JumpPath
+from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
+from kinetics.support.intervals import exact_limits, jeffreys_posterior
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from kinetics.rates import Rates
-
-
-def exact_limits(
-    events: ArrayLike, exposure: ArrayLike, level: float = 0.95, fixed: str = "exposure"
-) -> tuple[Floats, Floats]:
-    """Lower and upper limits of the rates behind counts `events`, in units of 1 / exposure.
-
-    fixed : what was chosen beforehand. `exposure`: runs of a given length (Garwood 1936; finite also for no event).
-        `events`: watching went on until that many events had happened (chi-square with 2 n degrees of freedom).
-
-    Exact where the exposure itself is fixed; approximate where it follows from the path, with a coverage near the level
-    once there are some ten events. (0, inf) where there is no exposure.
-    """
-    from scipy.special import gammainccinv, gammaincinv
-
-    if not 0 < level < 1:
-        raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
-    if fixed not in {"exposure", "events"}:
-        raise ValueError(f"fixed = {fixed!r}; expected 'exposure' or 'events'")
-    n, total = np.broadcast_arrays(np.asarray(events, dtype=float), np.asarray(exposure, dtype=float))
-    if fixed == "events" and (n == 0).any():
-        raise ValueError("fixed = 'events' needs at least one event in every channel; use 'exposure'")
-    tail = (1 - level) / 2
-    low = np.where(n > 0, gammaincinv(np.maximum(n, 1), tail), 0.0)
-    high = gammainccinv(n + 1 if fixed == "exposure" else n, tail)
-    is_measured = total > 0
-    return (
-        np.divide(low, total, out=np.zeros(n.shape), where=is_measured),
-        np.divide(high, total, out=np.full(n.shape, np.inf), where=is_measured),
-    )
 
 
 @dataclass(frozen=True)
@@ -84,8 +55,8 @@ class RateEstimate:
 
     @property
     def posterior(self) -> tuple[float, float]:
-        """Shape and rate of the Gamma posterior under Jeffreys' prior: events + 1/2, exposure."""
-        return self.events + 0.5, self.exposure
+        """Shape and rate of the Gamma posterior under Jeffreys' prior."""
+        return jeffreys_posterior(self.events, self.exposure)
 
     def credible_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Equal-tailed posterior limits of k, 1/tu."""
@@ -189,10 +160,25 @@ class Calibration:
         return rows
 
     def plot(self, ax: Axes, level: float = 0.95, references: Mapping[str, Rates] | None = None) -> Axes:
-        """Forest plot of the rates per pair of reactants, beside those of others (label -> Rates); returns `ax`."""
+        """Forest plot of k N per distinct combination of reactants, beside other rates (label -> Rates); returns `ax`.
+
+        Between unlike reactants the conventions agree; the factor 2 of like pairs is taken out (for the literal product
+        s * s up to one part in s), so that tables of any convention can stand beside.
+        """
         from calibration import plots
 
-        return plots.rates(ax, self, level=level, references=references)
+        names = self.network.channels
+        scale = per_combination(self.network)
+        low, high = exact_limits(self.total.events, self.total.exposure, level)
+        rates = np.array([estimate.rate for estimate in self.estimates])
+        sets = {f"measured, {100 * level:g} % interval": plots.Limited(rates * scale, low * scale, high * scale)}
+        for label, reference in (references or {}).items():
+            known = reference.apply(self.network)
+            scale = per_combination(known)
+            limits = [[reference.channels[name].low, reference.channels[name].high] for name in names]
+            below, above = np.array(limits, dtype=float).T  # nan for None
+            sets[label] = plots.Limited(known.known_rates * scale, below * scale, above * scale)
+        return plots.forest(ax, names, sets, "rate per combination of reactants, k N (1/tu)")
 
 
 def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
@@ -206,43 +192,9 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
     return Calibration(runs[0].network, runs)
 
 
-def paper_estimate(paths: Sequence[JumpPath]) -> dict[str, float]:
-    """The paper's own estimator (eqs 12-15), in our convention (per docking way): for comparison only.
-
-    Per initial state the clock runs while the system is in that state, on through restarts and runs of the same kind.
-    The waits between the firings of a channel have a mean; 1 / (mean wait * ways * h) is the rate there, and the rates
-    are averaged over the initial states. The last, censored wait is dropped, so the mean of n waits comes out too
-    short: the rate is too high by n / (n - 1) on average, and averaging over initial states does not cure that.
-    nan for a channel that never fired first.
-    """
-    if not paths:
-        raise ValueError("no runs to estimate from; give at least one path")
-    groups: dict[bytes, list[JumpPath]] = {}
-    for path in paths:
-        groups.setdefault(path.initial.tobytes() + path.open_channels.tobytes(), []).append(path)
-    rates = [_rates_in_one_state(group) for group in groups.values()]
-    network = paths[0].network
-    collected = {name: [row[j] for row in rates if np.isfinite(row[j])] for j, name in enumerate(network.channels)}
-    return {name: float(np.mean(seen)) if seen else float("nan") for name, seen in collected.items()}
-
-
-def _rates_in_one_state(paths: Sequence[JumpPath]) -> Floats:
-    """Eqs 14 and 15 for runs from one initial state: (R,) rates, nan where a channel never fired first."""
-    network = paths[0].network
-    clock = 0.0
-    fired: list[tuple[float, int]] = []
-    for path in paths:
-        edges = np.concatenate(([0.0], path.times, [path.end]))
-        before = np.concatenate(([RESTART], path.channels))
-        after = np.concatenate((path.channels, [RESTART]))
-        for i in np.flatnonzero(before == RESTART):
-            clock += edges[i + 1] - edges[i]
-            if after[i] != RESTART:
-                fired.append((clock, int(after[i])))
-    combinations = network.combinations_of(paths[0].initial)
-    rates = np.full(len(network.channels), np.nan)
-    for j in {channel for _, channel in fired}:
-        moments = [moment for moment, channel in fired if channel == j]
-        mean_wait = moments[-1] / len(moments)  # the waits between firings add up to the last moment
-        rates[j] = 1 / (mean_wait * network.ways[j] * combinations[j])
-    return rates
+def per_combination(network: Network) -> Floats:
+    """What k has to be multiplied by (R,) to give the rate of one distinct combination of reactants."""
+    if network.combinations == "distinct":
+        return network.ways
+    like = [np.prod([factorial(int(n)) for n in needed]) for needed in network.reactants]
+    return network.ways * np.array(like, dtype=float)

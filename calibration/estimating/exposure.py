@@ -1,4 +1,4 @@
-"""Events and exposure of every channel: all that a jump path says about the rate constants.
+"""Events and exposure of every channel: all that a jump path says about rate constants of mass action.
 
 Under mass action the likelihood of a fully observed path is prod_j k_j^events_j exp(-k_j exposure_j), so the two
 arrays counted here are sufficient. Competing channels and censored waits enter through the exposure alone.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,6 +64,25 @@ def require_same(first: Network, second: Network) -> None:
         raise ValueError("two conventions: the networks differ in their ways or combinations; derive both anew")
 
 
+class Sojourns(NamedTuple):
+    """The stretches of a path in one state each; arrays (E + 1,), times in tu.
+
+    begin, end : from one event or restart to the next; the last stretch is cut off by the end of watching
+    origin : start, or last restart, from which the age of a stretch counts
+    """
+
+    begin: Floats
+    end: Floats
+    origin: Floats
+
+
+def sojourns(path: JumpPath) -> Sojourns:
+    """The stretches in which the state of a path stays as it is."""
+    edges = np.concatenate(([0.0], path.times, [path.end]))
+    restarts = np.where(path.channels == RESTART, path.times, 0.0)
+    return Sojourns(edges[:-1], edges[1:], np.maximum.accumulate(np.concatenate(([0.0], restarts))))
+
+
 def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure:
     """Events and exposure of one path; waits that the end cut short count in full.
 
@@ -74,16 +94,13 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
     lower, upper = ages
     if not 0 <= lower < upper:
         raise ValueError(f"ages = {ages}; expected 0 <= from < to")
-    edges = np.concatenate(([0.0], path.times, [path.end]))
-    restarted = path.channels == RESTART
-    # the moment from which the age of each sojourn counts
-    origin = np.maximum.accumulate(np.concatenate(([0.0], np.where(restarted, path.times, 0.0))))
-    waits = np.minimum(edges[1:], origin + upper) - np.maximum(edges[:-1], origin + lower)
+    begin, end, origin = sojourns(path)
+    waits = np.minimum(end, origin + upper) - np.maximum(begin, origin + lower)
     network = path.network
     exposure = network.ways * (np.clip(waits, 0.0, None) @ network.combinations_of(path.states))
     exposure = np.where(path.open_channels, exposure, 0.0)
     age = path.times - origin[:-1]
-    fired = path.channels[~restarted & (lower <= age) & (age < upper)]
+    fired = path.channels[(path.channels != RESTART) & (lower <= age) & (age < upper)]
     return Exposure(network, np.bincount(fired, minlength=len(network.channels)), exposure)
 
 

@@ -15,6 +15,7 @@ from kinetics.predicting.prediction import noise_free_limits
 from kinetics.runs import JumpPath
 from kinetics.sampling import Direct
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.intervals import posterior_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,13 +101,24 @@ class RatesByPoint:
         """The rate of one channel, point by point, with exact 95 % intervals; returns `ax`."""
         from calibration import plots
 
-        return plots.rates_by_point(ax, self, channel)
+        found = [point.calibration[channel] for point in self.points]
+        low, high = np.array([estimate.interval() for estimate in found]).T
+        rates = plots.Limited([estimate.rate for estimate in found], low, high)
+        titles, events = [point.title for point in self.points], [estimate.events for estimate in found]
+        return plots.rates_by_point(ax, channel, titles, rates, events)
 
     def plot_first(self, ax: Axes) -> Axes:
         """Mean first times, seen and predicted, point by point; returns `ax`."""
         from calibration import plots
 
-        return plots.first_by_point(ax, self)
+        rows = self.first_table()
+        seen, predicted = (
+            plots.Limited(*(np.array([row[key] for row in rows]) for key in keys))
+            for keys in (("mean", "low", "high"), ("predicted", "predicted_low", "predicted_high"))
+        )
+        titles, p_values = ([row[key] for row in rows] for key in ("point", "p_value"))
+        label = f"mean time to the first {self.species}, until {self.cap:g} tu (tu)"
+        return plots.first_by_point(ax, titles, seen, predicted, p_values, label)
 
 
 def rates_by_point(points: Sequence[PointRuns], species: str, cap: float, seed: int = 0) -> RatesByPoint:
@@ -153,14 +165,11 @@ def most_seen(found: RatesByPoint) -> tuple[str, ...]:
 
 def _rates(calibration: Calibration, seed: int) -> tuple[Floats, Floats]:
     """Rates (R,), and draws (groups, R) of their posterior under Jeffreys' prior; 0 without exposure."""
-    measured = [e.is_measured for e in calibration.estimates]
-    rates = np.array([e.rate if e.is_measured else 0.0 for e in calibration.estimates])
+    rates = [e.rate if e.is_measured else 0.0 for e in calibration.estimates]
+    events = [e.events if e.is_measured else None for e in calibration.estimates]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
-    draws = np.zeros((GROUPS, rates.size))
-    for j in np.flatnonzero(measured):
-        shape, exposure = calibration.estimates[j].posterior
-        draws[:, j] = rng.gamma(shape, 1.0 / exposure, size=GROUPS)
-    return rates, draws
+    exposure = [e.exposure for e in calibration.estimates]
+    return np.array(rates), posterior_draws(rng, GROUPS, rates, events, exposure)
 
 
 def _left_open(

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.diagnostics import Diagnosis, diagnose
-from calibration.estimating.estimate import Calibration, estimate, paper_estimate
+from calibration.estimating.estimate import Calibration, estimate
+from calibration.estimating.paper import paper_estimate
 from calibration.validating.crossvalidation import CrossValidation, crossvalidate
 from kinetics.assembly import Derivation
 from kinetics.rates import Rates

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from calibration.reporting.report import Chart, Heading, Part, Report, Table, Text
+from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
 from kinetics.rates import Rates
 
 if TYPE_CHECKING:
@@ -31,23 +31,23 @@ mean distance of a run from the predicted law, in copies, beside what the model 
 Draw = Callable[[Any], Any]
 
 
-def calibration_report(study: CalibrationStudy) -> Report:
+def calibration_report(study: CalibrationStudy) -> HtmlReport:
     """What the calibration runs showed."""
-    return Report(f"Rates of {study.scene.name}", _calibration_parts(study), study.rates.evidence)
+    return HtmlReport(f"Rates of {study.scene.name}", _calibration_parts(study), study.rates.evidence)
 
 
-def validation_report(study: ValidationStudy) -> Report:
+def validation_report(study: ValidationStudy) -> HtmlReport:
     """How predictions stand against held-out runs."""
-    return Report("Held-out runs", _validation_parts(study), study.rates.evidence)
+    return HtmlReport("Held-out runs", _validation_parts(study), study.rates.evidence)
 
 
-def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: Draw | None = None) -> Report:
+def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: Draw | None = None) -> HtmlReport:
     """The whole loop; `tank` draws a picture of the mechanics onto axes."""
     parts: list[Part] = []
     if tank is not None:
         parts.append(Chart("The tank at the end of a held-out run, structures coloured by size.", tank, name="tank"))
     parts += [*_calibration_parts(calibrated), *_validation_parts(validated)]
-    return Report(f"{calibrated.scene.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
+    return HtmlReport(f"{calibrated.scene.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
 def _calibration_parts(study: CalibrationStudy) -> list[Part]:
@@ -63,13 +63,13 @@ def _calibration_parts(study: CalibrationStudy) -> list[Part]:
             f"{len(study.sound)} mechanics runs with {study.settings['cubes']} cubes, "
             f"{study.cpu_seconds:.0f} s of CPU time. {ABOUT_RATES}"
         ),
-        Table("Rate constants (1/tu), per way and combination.", rows, "rates"),
+        ReportTable("Rate constants (1/tu), per way and combination.", rows, "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
         Heading("Do the runs behave like a Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {verdict}"),
-        Table("Diagnostics, a row a channel.", study.diagnosis.table(), "diagnostics"),
+        ReportTable("Diagnostics, a row a channel.", study.diagnosis.table(), "diagnostics"),
         Chart(
             "Waits of any event, rescaled by the hazard: unit exponential if the model holds.",
             study.diagnosis.waits[-1].plot,
@@ -83,7 +83,9 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
     parts: list[Part] = [
         Heading("Predicted against simulated"),
         Text(ABOUT_VALIDATION),
-        Table("One column a size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"),
+        ReportTable(
+            "One column a size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"
+        ),
     ]
     for comparison in study.comparisons:
         draw = partial(comparison.plot, species=species)

@@ -54,7 +54,7 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Rows of one kind. Named ones are written as CSV too where that is asked for.
 
     rows : mappings from column to number or text; the columns are those of the first row
@@ -109,11 +109,11 @@ class Chart:
         return buffer.getvalue()
 
 
-Part = Heading | Text | Table | Chart
+Part = Heading | Text | ReportTable | Chart
 
 
 @dataclass(frozen=True)
-class Report:
+class HtmlReport:
     """What was done, found and made of it, in one file.
 
     provenance : seeds, hashes, versions, costs: names to numbers, text, lists or nested mappings
@@ -124,7 +124,7 @@ class Report:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = [part.name for part in self.parts if isinstance(part, Table | Chart) and part.name]
+        names = [part.name for part in self.parts if isinstance(part, ReportTable | Chart) and part.name]
         for name in names:
             if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
                 raise ValueError(f"part name {name!r}; expected letters, digits, - and _, for it names a file")
@@ -152,7 +152,7 @@ class Report:
         """
         page = Path(path)
         contents = {page: self.html().encode()}
-        named = [part for part in self.parts if isinstance(part, Table | Chart) and part.name] if data else []
+        named = [part for part in self.parts if isinstance(part, ReportTable | Chart) and part.name] if data else []
         for part in named:
             stem = f"{page.stem}_{part.name}"
             if part.rows:

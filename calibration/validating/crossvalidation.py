@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.validating.first_times import FirstTimes, compare_first_times, student_interval
+from calibration.validating.first_times import FirstTimes, compare_first_times
 from calibration.validating.scores import Counts, Score, central_band, group_scores, mean_misfit
 from kinetics.network import Network
 from kinetics.rates import Rates
@@ -24,6 +24,7 @@ from kinetics.sampling import Direct, simulate
 from kinetics.solving import Transient
 from kinetics.solving.states import TooManyStatesError
 from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.intervals import student_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -180,8 +181,21 @@ class CrossValidation:
         """Mean trajectories with bands on both sides, one species an axes; all species unless some are named."""
         from calibration import plots
 
+        percent, sampled = f"{100 * self.level:g} %", f"SSA, {self.cost.ssa_runs} runs"
+        label = f"{'exact' if self.is_exact else sampled}, {percent} band for {self.runs} runs"
         for ax, name in zip(axes, species or self.network.species, strict=True):
-            plots.trajectory(ax, self, name)
+            s = self.network.index(name)
+            predicted = plots.Limited(self.predicted_mean[:, s], self.low[:, s], self.high[:, s])
+            observed = plots.Limited(self.observed_mean[:, s], self.observed_low[:, s], self.observed_high[:, s])
+            plots.trajectory(
+                ax,
+                name,
+                self.times,
+                predicted=(label, predicted),
+                observed=(f"mechanics, {percent} interval", observed),
+                sampled=(sampled, self.ssa_mean[:, s]) if self.is_exact else None,
+                title=self.label,
+            )
         return axes
 
 

@@ -13,6 +13,7 @@ from kinetics.runs import JumpPath
 from kinetics.sampling import Direct
 from kinetics.solving.states import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.intervals import student_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +74,11 @@ class FirstTimes:
         """Share of runs with a copy, with its 95 % band, beside the predicted curve; returns `ax`."""
         from calibration import plots
 
-        return plots.first_times(ax, self)
+        # with a rate of 0 the chain may end elsewhere, and the mean is infinite
+        mean = f", mean {self.mean:.4g} tu" if np.isfinite(self.mean) else ""
+        label = f"exact{mean}" if self.is_exact else f"SSA, within {self.curve_error:.1g} (1 s.e.)"
+        predicted = (label, self.curve_times, self.curve)
+        return plots.first_times(ax, self.species, self.observed, self.horizon, predicted, self.predicted_mean)
 
 
 def compare_first_times(
@@ -254,16 +259,3 @@ def _distances(levels: Floats, limit: float) -> Floats:
     above = np.where(x <= limit, step[1:] - x, 0.0).max(axis=1)
     below = (np.minimum(x, limit) - step[:-1]).max(axis=1)
     return np.maximum(above, below)
-
-
-def student_interval(values: Floats | Ints, level: float = 0.95) -> tuple[Floats, Floats]:
-    """Interval of the mean over the first axis by Student's t; nan for a single run."""
-    from scipy.special import stdtrit
-
-    runs = len(values)
-    if runs == 1:
-        unknown = np.full(np.shape(values)[1:], np.nan)
-        return unknown, unknown
-    mean = np.mean(values, axis=0)
-    half = stdtrit(runs - 1, (1 + level) / 2) * np.std(values, axis=0, ddof=1) / np.sqrt(runs)
-    return mean - half, mean + half

@@ -16,6 +16,7 @@ from kinetics.passage.restricted import restricted_passage
 from kinetics.sampling import General
 from kinetics.solving import Transient
 from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.intervals import student_quantile
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
@@ -207,11 +208,9 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
     Where all runs agree the spread shows nothing; the interval then allows for a share of other runs that n alike ones
     do not exclude (Clopper & Pearson 1934), at either end of the range.
     """
-    from scipy.special import stdtrit
-
     n, mean, sd = values.size, float(values.mean()), float(values.std(ddof=1))
     if sd > 0:
-        half = float(stdtrit(n - 1, 1 - TAIL)) * sd / n**0.5
+        half = student_quantile(n - 1, 1 - 2 * TAIL) * sd / n**0.5
         low, high = mean - half, mean + half
     else:
         share = 1 - TAIL ** (1 / n)

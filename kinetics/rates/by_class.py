@@ -22,12 +22,12 @@ from pydantic import Field, field_validator
 from kinetics.network import Network
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
 from kinetics.support.config import Settings, read_toml, validated, write_toml
+from kinetics.support.intervals import exact_limits, posterior_draws
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
 
 DISTINCT = Convention(combinations="distinct")
-LEVEL = 0.95
 _KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(\w+) \+ (?:(\d+) )?(\w+))?")
 
 
@@ -164,12 +164,8 @@ class ClassRates(Settings):
 
         Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
         """
-        table = np.empty((n, len(self.classes)))
-        for column, entry in zip(table.T, self.classes.values(), strict=True):
-            if entry.events is None or entry.exposure is None:
-                column[:] = entry.rate
-            else:
-                column[:] = rng.gamma(entry.events + 0.5, 1.0 / entry.exposure, size=n)
+        known = self.classes.values()
+        table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
         return [
             self.model_copy(
                 update={"classes": {key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)}}
@@ -235,11 +231,7 @@ def _over_sizes(entries: list[ClassRate]) -> ClassRate:
 
 def _measured(rate: float, events: float, exposure: float) -> ClassRate:
     """With the exact interval (Garwood 1936)."""
-    from scipy.special import gammaincinv
-
-    tail = (1 - LEVEL) / 2
-    low = float(gammaincinv(events, tail)) / exposure if events else 0.0
-    high = float(gammaincinv(events + 1, 1 - tail)) / exposure
+    low, high = map(float, exact_limits(events, exposure))
     return ClassRate(rate=rate, low=low, high=high, events=events, exposure=exposure)
 
 

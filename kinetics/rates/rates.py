@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, find, read_toml, validated, write_toml
+from kinetics.support.intervals import posterior_draws
 
 SHIPPED = Path(__file__).parent / "tables"
 
@@ -115,10 +116,5 @@ class Rates(Settings):
 
         Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
         """
-        draws = np.empty((n, len(self.channels)))
-        for column, channel in zip(draws.T, self.channels.values(), strict=True):
-            if channel.events is None or channel.exposure is None:
-                column[:] = channel.rate
-            else:
-                column[:] = rng.gamma(channel.events + 0.5, 1.0 / channel.exposure, size=n)
-        return draws
+        known = self.channels.values()
+        return posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])

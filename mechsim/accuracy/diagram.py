@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.support.intervals import student_quantile
 from kinetics.support.tables import text_table
 from mechsim.accuracy.plan import AccuracyPlan, Setting, plan
 from mechsim.accuracy.trial import AccuracyTrial, counter, execute_trial, unbound
@@ -272,18 +273,14 @@ def change_of(blocks: np.ndarray, reference: np.ndarray) -> RelativeChange:
     The ratio estimator sum(x) / sum(r) - 1, its error from the scatter of x - ratio r (Cochran, Sampling Techniques,
     1977, section 6.3); bias of order 1 / B. What both share within a block cancels; nothing is assumed of it.
     """
-    from scipy.stats import t
-
     ratio = blocks.sum() / reference.sum()
     scatter = np.std(blocks - ratio * reference, ddof=1) / np.sqrt(blocks.size) / reference.mean()
-    return RelativeChange(float(ratio - 1), float(t.ppf(0.975, blocks.size - 1) * scatter))
+    return RelativeChange(float(ratio - 1), float(student_quantile(blocks.size - 1) * scatter))
 
 
 def _mean(blocks: np.ndarray) -> RelativeChange:
-    from scipy.stats import t
-
     error = np.std(blocks, ddof=1) / np.sqrt(blocks.size)
-    return RelativeChange(float(blocks.mean()), float(t.ppf(0.975, blocks.size - 1) * error))
+    return RelativeChange(float(blocks.mean()), float(student_quantile(blocks.size - 1) * error))
 
 
 def _point(setting: Setting, own: dict[int, RunRecord], other: dict[int, RunRecord]) -> SettingResult:

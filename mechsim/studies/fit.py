@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.intervals import student_interval, student_quantile
 
 STEPS = 100  # of Newton's method; the likelihood is concave, and some ten are enough
 
@@ -27,15 +28,12 @@ class Estimate:
 
 def mean(times: Floats, cap: float) -> Estimate:
     """Mean of min(time, cap) with its Student t interval: with censored times among them, a bound from below."""
-    from scipy.special import stdtrit
-
     cut = np.minimum(times, cap)
     n = cut.size
     if n < 2:
         return Estimate(float(cut.mean()) if n else math.nan, math.nan, math.nan)
-    half = float(stdtrit(n - 1, 0.975) * cut.std(ddof=1) / math.sqrt(n))
-    centre = float(cut.mean())
-    return Estimate(centre, max(centre - half, 0.0), min(centre + half, cap))  # whatever t says of a few runs
+    low, high = student_interval(cut)
+    return Estimate(float(cut.mean()), max(float(low), 0.0), min(float(high), cap))  # whatever t says of a few runs
 
 
 def median(times: Floats) -> Estimate:
@@ -74,10 +72,8 @@ class LogFit:
 
     def slope(self, column: int) -> Estimate:
         """One coefficient with its 95 % Student t interval."""
-        from scipy.special import stdtrit
-
         value = float(self.slopes[column])
-        half = float(stdtrit(self.freedom, 0.975) * math.sqrt(self.covariance[column, column]))
+        half = float(student_quantile(self.freedom) * math.sqrt(self.covariance[column, column]))
         return Estimate(value, value - half, value + half)
 
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from synthetic_runs import breaking_run, line_network, restarted_run
 
 from calibration import Exposure, crossvalidate, diagnose, estimate
-from calibration.plots import per_combination
+from calibration.estimating.estimate import per_combination
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
 

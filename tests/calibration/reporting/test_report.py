@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from calibration import Chart, Heading, Report, Table, Text
+from calibration import Chart, Heading, HtmlReport, ReportTable, Text
 
 NASTY = "<script>alert(\"1\")</script> & 'co'"
 ROWS = [
@@ -18,12 +18,12 @@ def line(ax):
 
 
 def sample():
-    return Report(
+    return HtmlReport(
         NASTY,
         [
             Heading(NASTY),
             Text(f"One.\n\nTwo {NASTY}."),
-            Table(NASTY, ROWS, "rates"),
+            ReportTable(NASTY, ROWS, "rates"),
             Chart(NASTY, line, rows=[{"x": 0.1 + 0.2}], name="line"),
             Chart("three", lambda axes: [line(ax) for ax in axes], panels=3),
         ],
@@ -53,7 +53,7 @@ def test_is_readable():
     assert "<td>–</td>" in page  # nan
     assert "<td>seeds</td><td>1, 2</td>" in page
     assert "<td>versions.numpy</td><td>2</td>" in page
-    assert "No rows." in Table("empty", []).html()
+    assert "No rows." in ReportTable("empty", []).html()
 
 
 def test_is_the_same_every_time():
@@ -80,7 +80,7 @@ def test_a_failing_chart_leaves_the_old_report(tmp_path):
         raise ValueError("no data")
 
     with pytest.raises(ValueError, match="no data"):
-        Report("new", [Table("t", ROWS, "t"), Chart("c", fail)]).write(page, data=True)
+        HtmlReport("new", [ReportTable("t", ROWS, "t"), Chart("c", fail)]).write(page, data=True)
     assert page.read_text() == "old"
     assert list(tmp_path.iterdir()) == [page]
 
@@ -88,10 +88,10 @@ def test_a_failing_chart_leaves_the_old_report(tmp_path):
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ([Table("", ROWS, "../up")], "part name '../up'"),
-        ([Table("", ROWS, "a"), Chart("", line, rows=ROWS, name="a")], "two parts are named 'a'"),
+        ([ReportTable("", ROWS, "../up")], "part name '../up'"),
+        ([ReportTable("", ROWS, "a"), Chart("", line, rows=ROWS, name="a")], "two parts are named 'a'"),
     ],
 )
 def test_refuses_names_that_make_no_files(parts, message):
     with pytest.raises(ValueError, match=message):
-        Report("r", parts)
+        HtmlReport("r", parts)

@@ -1,0 +1,25 @@
+"""Mass action: one rate constant a channel, whatever else is in the tank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.estimating.rate_model import RateModel
+from kinetics.runs import JumpPath
+from kinetics.support.arrays import Floats
+
+
+@dataclass(frozen=True)
+class MassAction(RateModel):
+    """Propensity k N h(s), h the combinations of reactants by the network's convention (Gillespie 1977).
+
+    The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates file.
+    What other models are tested against: choose it unless the likelihood-ratio test or held-out runs refute it.
+    """
+
+    name = "mass-action"
+
+    def combinations(self, path: JumpPath) -> Sequence[Floats]:
+        """Distinct combinations of reactants, or whichever convention the network has."""
+        return [path.network.combinations_of(path.states)]

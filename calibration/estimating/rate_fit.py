@@ -1,0 +1,251 @@
+"""A model of rates fitted to paths: estimates, profile-likelihood intervals, tests, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from calibration.estimating.exposure import sojourns
+from calibration.estimating.likelihood import Maximum, PathLikelihood
+from calibration.estimating.rate_model import RateModel
+from kinetics.runs import JumpPath
+from kinetics.support.arrays import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class LikelihoodRatio(NamedTuple):
+    """Twice the log-likelihood that `freedom` more parameters gain; p-value: the chance of as much without them."""
+
+    statistic: float
+    freedom: int
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class RateFit:
+    """A model of rates at its largest likelihood.
+
+    likelihood : of the paths it was fitted to; fixed : shape parameters that were held, by name
+    """
+
+    likelihood: PathLikelihood
+    fixed: dict[str, float]
+    best: Maximum
+
+    @property
+    def model(self) -> RateModel:
+        """The model that was fitted, with the shape of largest likelihood."""
+        return self.best.model
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the fitted channels."""
+        return tuple(self.likelihood.paths[0].network.channels[c] for c in self.likelihood.channels)
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """All parameters by name: `k 1+1->2`, a coefficient of a channel (nan: not measured), then the shape."""
+        coefficients = {name: float(self.best.coefficients[place]) for name, place in self._places.items()}
+        return coefficients | {parameter.name: getattr(self.model, parameter.name) for parameter in self.model.shape}
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, int]]:
+        """Coefficient -> its term and the position of its channel."""
+        return {
+            f"{term} {channel}": (p, i)
+            for i, channel in enumerate(self.channels)
+            for p, term in enumerate(self.model.terms)
+        }
+
+    @property
+    def log_likelihood(self) -> float:
+        """Natural logarithm, of densities in events per tu."""
+        return self.best.log_likelihood
+
+    @property
+    def free_parameters(self) -> int:
+        """Coefficients that were measured, and shape parameters that were not held."""
+        shape = [parameter for parameter in self.model.shape if parameter.name not in self.fixed]
+        return int(np.isfinite(self.best.coefficients).sum()) + len(shape)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's (1974) criterion; the smaller is the better, and differences below 2 say little."""
+        return 2 * self.free_parameters - 2 * self.log_likelihood
+
+    def profile(self, parameter: str, value: float) -> float:
+        """Largest log-likelihood with one parameter held at a value, all others fitted anew."""
+        if parameter in self._places:
+            return self.likelihood.maximum(self.fixed, (*self._places[parameter], value)).log_likelihood
+        self._check_known(parameter)
+        return self.likelihood.maximum(self.fixed | {parameter: value}).log_likelihood
+
+    def interval(self, parameter: str, level: float = 0.95) -> tuple[float, float]:
+        """Profile-likelihood limits: where twice the loss of log-likelihood is the quantile of chi-square (1 df).
+
+        Approximate, with an error of order 1 / events; unlike a standard error it knows that parameters are not
+        negative. (0, inf) where not measured; an end of a shape parameter's range where the limit lies beyond it.
+        Where a channel has one term and no shape is fitted, `exact_limits` holds without approximation.
+        """
+        from scipy.special import chdtri
+
+        if not 0 < level < 1:
+            raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
+        self._check_known(parameter)
+        best = self.parameters[parameter]
+        if np.isnan(best):
+            return 0.0, float("inf")
+        if parameter in self.fixed:
+            return best, best
+        loss = float(chdtri(1, 1 - level)) / 2
+        if parameter in self._places:
+            (p, i), low, high = self._places[parameter], 0.0, float("inf")
+            evidence = self.likelihood.evidence(self.model)[i]
+            step = max(best, 1 / evidence.exposure[p]) / np.sqrt(len(evidence.at_events) + 1)
+        else:
+            (of,) = (each for each in self.model.shape if each.name == parameter)
+            low, high, step = of.low, of.high, 0.01 * (of.high - of.low)
+
+        def spare(value: float) -> float:
+            """Above 0 within the interval. Bounded below, where an event becomes impossible."""
+            return max(loss - (self.log_likelihood - self.profile(parameter, value)), -50.0)
+
+        return _crossing(spare, best, low, -step), _crossing(spare, best, high, step)
+
+    def test_against(self, smaller: RateFit) -> LikelihoodRatio:
+        """Likelihood-ratio test of a model that is this one with fewer parameters, fitted to the same paths.
+
+        By the chi-square distribution (Wilks 1938); too large a p-value, at most twice, where the smaller model lies on
+        the edge of what the larger one allows, such as a coefficient of 0.
+        """
+        from scipy.special import chdtrc
+
+        freedom = self.free_parameters - smaller.free_parameters
+        if freedom < 1:
+            raise ValueError(
+                f"{smaller.model.name} has {smaller.free_parameters} free parameters, {self.model.name} has "
+                f"{self.free_parameters}; expected the smaller model"
+            )
+        mine, other = self.likelihood, smaller.likelihood
+        if mine.channels != other.channels or [*map(id, mine.paths)] != [*map(id, other.paths)]:
+            raise ValueError("the two models were fitted to other paths or channels; fit both to the same ones")
+        statistic = max(2 * (self.log_likelihood - smaller.log_likelihood), 0.0)
+        return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)))
+
+    def score(self, paths: Iterable[JumpPath]) -> float:
+        """Log-likelihood of other paths, such as held-out ones, at these estimates; -inf if impossible."""
+        others = PathLikelihood(self.model, tuple(paths), self.likelihood.channels)
+        return others.value(self.best.coefficients)
+
+    def integrated_hazards(self, path: JumpPath) -> Floats:
+        """Expected events (E + 1, R') of each fitted channel in each stretch of a path."""
+        begin, end, origin = sojourns(path)
+        waits = self.model.elapsed(begin, end, origin)
+        terms = self.model.combinations(path)
+        chosen = list(self.likelihood.channels)
+        known = np.nan_to_num(self.best.coefficients) * (path.network.ways * path.open_channels)[chosen]
+        return waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True))
+
+    def table(self, level: float = 0.95) -> list[dict[str, Any]]:
+        """One row a parameter: estimate with profile-likelihood limits; of a coefficient, its channel's events too."""
+        evidence = self.likelihood.evidence(self.model)
+        rows = []
+        for name, value in self.parameters.items():
+            low, high = self.interval(name, level)
+            place = self._places.get(name)
+            events = None if place is None else len(evidence[place[1]].at_events)
+            note = "held" if name in self.fixed else "not measured" if np.isnan(value) else ""
+            rows.append(
+                {"parameter": name, "events": events, "estimate": value, "low": low, "high": high, "note": note}
+            )
+        return rows
+
+    def plot(self, ax: Axes, level: float = 0.95) -> Axes:
+        """Forest plot of the coefficients, the shape in the title; returns `ax`."""
+        from calibration import plots
+
+        rows = self.table(level)
+        coefficients = [row for row in rows if row["parameter"] in self._places]
+        shape = [f"{row['parameter']} = {row['estimate']:.3g}" for row in rows if row not in coefficients]
+        limited = plots.Limited(*([row[key] for row in coefficients] for key in ("estimate", "low", "high")))
+        sets = {f"estimate, {100 * level:g} % interval": limited}
+        plots.forest(ax, [row["parameter"] for row in coefficients], sets, "coefficient")
+        ax.set_title(", ".join([self.model.name, *shape]))
+        return ax
+
+    def _check_known(self, parameter: str) -> None:
+        if parameter not in self.parameters:
+            raise ValueError(f"unknown parameter {parameter!r}; {self.model.name} has {', '.join(self.parameters)}")
+
+
+def fit_rates(
+    model: RateModel,
+    paths: Iterable[JumpPath],
+    channels: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> RateFit:
+    """Fit a model of rates by maximum likelihood to runs of one network.
+
+    paths : one a run, from any initial states, restarted or not, with any channels closed
+    channels : fit these alone, such as the breaks, so that they have a shape of their own; None: all
+    fixed : shape parameters to hold, by name
+    """
+    runs = tuple(paths)
+    if not runs:
+        raise ValueError("no runs to fit; give at least one path")
+    names = runs[0].network.channels
+    chosen = tuple(names if channels is None else channels)
+    for name in chosen:
+        if name not in names:
+            raise ValueError(f"unknown channel {name!r}; channels are {', '.join(names)}")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise ValueError(f"channels = {list(chosen)}; expected one or more, each once")
+    ranges = {parameter.name: parameter for parameter in model.shape}
+    for name, value in (fixed or {}).items():
+        if name not in ranges:
+            raise ValueError(f"unknown shape parameter {name!r}; {model.name} has {', '.join(ranges) or 'none'}")
+        if not ranges[name].low <= value <= ranges[name].high:
+            raise ValueError(f"{name} = {value}; expected {ranges[name].low:g} to {ranges[name].high:g}")
+    likelihood = PathLikelihood(model, runs, tuple(names.index(name) for name in chosen))
+    best = likelihood.maximum(fixed)
+    if not np.isfinite(best.log_likelihood):
+        raise ValueError(f"an event happened that {model.name} calls impossible; take another model of rates")
+    return RateFit(likelihood, dict(fixed or {}), best)
+
+
+def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
+    """One row a fit to the same paths: its size, likelihood and AIC, and how far that is from the least one."""
+    if not fits:
+        raise ValueError("no fits to compare; give at least one")
+    least = min(fit.aic for fit in fits)
+    return [
+        {
+            "model": fit.model.name,
+            "free_parameters": fit.free_parameters,
+            "log_likelihood": fit.log_likelihood,
+            "aic": fit.aic,
+            "aic_above_least": fit.aic - least,
+        }
+        for fit in fits
+    ]
+
+
+def _crossing(spare: Callable[[float], float], best: float, bound: float, step: float) -> float:
+    """Where `spare`, above 0 at `best`, falls through 0 on the way to `bound`; `bound` if it does not."""
+    from scipy.optimize import brentq
+
+    inside = best
+    while inside != bound:
+        outside = best + step
+        if (outside - bound) * step >= 0:
+            outside = bound
+        if spare(outside) < 0:
+            return float(brentq(spare, inside, outside, xtol=1e-9 * abs(outside - inside), rtol=1e-9))
+        inside, step = outside, 2 * step
+    return bound
