@@ -206,7 +206,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*VALIDATE, "--duration", "inf"], "duration = inf; expected a finite number of tu above 0"),
         ([*VALIDATE, "--workers", "-1"], "-1 is not in the range x>=1"),
         ([*VALIDATE, "--report", "no/report.html"], "the folder of no/report.html does not exist"),
-        (["demo", "--scale", "nan"], "--scale nan; expected a number from 0.1 to 100"),
+        (["demo", "--scale", "nan"], "--scale nan; expected a number from 0.02 to 100"),
         (["demo", "--workers", "0"], "0 is not in the range x>=1"),
         (["demo", "--folder", "rates.toml"], "'rates.toml' is a file"),
         (["export", "nofolder", "--out", "tables"], "'nofolder' does not exist"),
@@ -274,30 +274,23 @@ def test_a_run_folder_of_another_version(refused, tmp_path):
         assert "holds 'wellmixed runs, format 99'; this version reads and writes 'wellmixed runs, format 1'" in said
 
 
-def truncated(data):
-    return data[:100]
-
-
-def altered(data):
-    return data[:500] + bytes([data[500] ^ 1]) + data[501:]
-
-
-@pytest.mark.parametrize("damage", [truncated, altered])
-def test_a_damaged_run_is_set_aside_and_made_again(wellmixed, tmp_path, damage):
-    command = [*SIMULATE, "--runs", 2, "--json"]
-    first = wellmixed(*command, cwd=tmp_path).json
-    name, other = (f"{run['key']}.run" for run in first["runs"])
-    file = tmp_path / "runs" / name
-    file.write_bytes(damage(file.read_bytes()))
+def test_damaged_runs_are_set_aside_and_made_again(wellmixed, wellmixed_here, tmp_path):
+    command = [*SIMULATE, "--runs", 3, "--json"]
+    first = wellmixed_here(*command, cwd=tmp_path).json
+    cut, altered, whole = (tmp_path / "runs" / f"{run['key']}.run" for run in first["runs"])
+    data = altered.read_bytes()
+    cut.write_bytes(cut.read_bytes()[:100])
+    altered.write_bytes(data[:500] + bytes([data[500] ^ 1]) + data[501:])
     again = wellmixed(*command, cwd=tmp_path)
-    assert again.err.startswith("Warning: ")
-    assert f"{name} is damaged" in again.err
-    assert f"moved to {name}.damaged" in again.err
-    assert again.err.count("\n") == 1
-    assert (again.json["computed"], again.json["reused"]) == (1, 1)
+    for file, line in zip((cut, altered), again.err.splitlines(), strict=True):
+        assert line.startswith("Warning: ")
+        assert f"{file.name} is damaged" in line
+        assert f"moved to {file.name}.damaged" in line
+    assert (again.json["computed"], again.json["reused"]) == (2, 1)
     assert again.json["digest"] == first["digest"]
-    assert {path.name for path in (tmp_path / "runs").glob("*.run*")} == {name, other, f"{name}.damaged"}
-    assert wellmixed(*command, cwd=tmp_path).err == ""
+    files = {cut.name, altered.name, whole.name, f"{cut.name}.damaged", f"{altered.name}.damaged"}
+    assert {path.name for path in (tmp_path / "runs").glob("*.run*")} == files
+    assert wellmixed_here(*command, cwd=tmp_path).err == ""
 
 
 def test_a_missing_extra_is_named(refused, monkeypatch):
