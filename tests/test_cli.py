@@ -258,6 +258,31 @@ def test_a_mistake_is_one_line_and_exit_code_2(wellmixed, tmp_path):
     assert done.err.count("\n") == 1
 
 
+@pytest.fixture(scope="module")
+def posed(wellmixed_here, place):
+    """The file of a short run with poses."""
+    tank = ["simulate", "line4", "--cubes", 6, "--duration", 0.2, "--poses", 0.1, "--runs-folder", "posed", "--json"]
+    (run,) = wellmixed_here(*tank, cwd=place).json["runs"]
+    return f"posed/{run['key']}.run"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "render POSED --out strip.png",
+        "replay POSED",
+        "rules draw t5 --out t5.png",
+        "rules check line4",
+        "accuracy kinetics line4 --rates table3 --cubes 4 --duration 10 --budget 1e-9",
+        "study number --points number=40 --collect",
+    ],
+)
+def test_what_is_tested_elsewhere_in_one_process_works_as_installed(wellmixed, place, posed, command):
+    """The tests of the rooms check the results."""
+    done = wellmixed(*command.replace("POSED", posed).split(), "--json", cwd=place)
+    assert isinstance(done.json, dict)
+
+
 LONG = ["simulate", "line4", "--cubes", 20, "--duration", 5, "--runs", 4, "--seed", 1, "--workers", 2, "--json"]
 
 

@@ -1,4 +1,4 @@
-"""Ways for a test to use the `wellmixed` command: in a process of its own, as a user has it, or in this one, cheaper."""
+"""The `wellmixed` command in tests: in a process of its own, as a user has it, or in this one, which is cheaper."""
 
 import contextlib
 import json
