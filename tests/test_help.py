@@ -1,4 +1,4 @@
-"""The help texts of all commands: present, in whole sentences, quick to show; `--json` and `--seed` where they belong."""
+"""The help texts of all commands: whole sentences, quick to show, with `--json` and `--seed` where they belong."""
 
 import json
 import os
