@@ -4,9 +4,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-
-import wellmixed as front_door
 
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
@@ -28,12 +25,12 @@ def changed(text, old, new):
 
 
 @pytest.fixture
-def refused(tmp_path, monkeypatch):
-    """refused(*arguments): run a command that must be refused; returns what it said on standard error.
+def refused(wellmixed_here, tmp_path):
+    """refused(*arguments): run a command that must be refused; returns its message on standard error.
 
-    The folder it runs in holds a rates file and a finished picture, and must be the same afterwards.
+    The folder it runs in holds a rates file and a finished picture, and must be the same afterwards. An error that the
+    command does not report itself would be a traceback, and is raised here.
     """
-    monkeypatch.chdir(tmp_path)
     for name in ("rates.toml", "tank.png", "report.html"):
         (tmp_path / name).write_text(f"# an older {name}\n", encoding="utf-8")
 
@@ -42,14 +39,12 @@ def refused(tmp_path, monkeypatch):
 
     def run(*arguments):
         before = contents()
-        done = CliRunner().invoke(front_door.main, list(map(str, arguments)), prog_name="wellmixed")
-        assert isinstance(done.exception, SystemExit), done.exception  # anything else would be a traceback
-        assert done.exit_code == 2
-        assert done.stdout == ""
-        assert done.stderr.count("Error: ") == 1
-        assert len(done.stderr) < 2000
+        done = wellmixed_here(*arguments, cwd=tmp_path)
+        assert (done.code, done.out) == (2, "")
+        assert (done.err.count("Error: "), done.err.count("Warning: ")) == (1, 0)
+        assert len(done.err) < 2000
         assert contents() == before
-        return done.stderr
+        return done.err
 
     return run
 
@@ -300,6 +295,6 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
     assert "this needs pybullet; install it by: pip install 'wellmixed[mech]'" in refused(*SIMULATE)
 
 
-def test_debug_shows_the_traceback():
-    done = CliRunner().invoke(front_door.main, ["--debug", "derive", "nobook"])
-    assert isinstance(done.exception, ValueError)
+def test_debug_shows_the_traceback(wellmixed_here, tmp_path):
+    with pytest.raises(ValueError, match="unknown rule book 'nobook'"):
+        wellmixed_here("--debug", "derive", "nobook", cwd=tmp_path)
