@@ -24,7 +24,8 @@ validate: $(READY)
 	$(BIN)/python -m pytest -q --validate
 
 benchmarks: $(READY)
-	for bench in tests/benchmarks/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
+	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
+		echo "== $$bench"; $(BIN)/python -m tests.benchmarks.$$bench || exit 1; done
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

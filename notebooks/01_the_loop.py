@@ -71,14 +71,14 @@ network
 #
 # This is the tank: cubes driven by a fluctuating fluid, slowed by drag, colliding with each other and the
 # walls. What the scene does not list is not simulated. The picture shows the first held-out run of 60 cubes
-# after 100 tu, computed now (a few seconds).
+# after 30 tu, computed now (in a second or two).
 
 # %%
 scene = Scene.load("line4")
 {effect.effect: effect.model_dump(exclude={"effect"}) for effect in scene.effects}
 
 # %%
-beginning = execute(RunSpec(scene, {"monomer": 60}, duration=100.0, seed=2, run=0, poses=100.0))
+beginning = execute(RunSpec(scene, {"monomer": 60}, duration=30.0, seed=2, run=0, poses=30.0))
 figure, ax = plt.subplots(figsize=(7.5, 6))
 _ = draw_tank(beginning, ax)
 

@@ -99,7 +99,7 @@ for effect in (
     described = free.model_dump(mode="json")
     described["effects"] = [effect if e["effect"] == "agitation" else e for e in described["effects"]]
     tanks[effect["effect"]] = Poses.of(
-        execute(RunSpec(Scene.model_validate(described), {"monomer": 30}, 10.0, seed=1, run=0, poses=0.1))
+        execute(RunSpec(Scene.model_validate(described), {"monomer": 30}, 6.0, seed=1, run=0, poses=0.1))
     )
 
 fig, (left, right) = plt.subplots(1, 2, figsize=(8, 3))

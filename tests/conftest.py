@@ -1,13 +1,13 @@
-"""What all tests share: `--validate`, drawing without a display, the command as a user has it."""
+"""Settings of the whole test suite: the `--validate` option, drawing without a display, and the command as fixtures."""
 
 import os
 import signal
 
 import pytest
-from command_line import run
+from command_line import run, run_here
 
 os.environ["MPLBACKEND"] = "Agg"  # before anything imports matplotlib, here and in subprocesses
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background; tests send it
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a shell; some tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -26,11 +26,17 @@ def pytest_collection_modifyitems(config, items):
         return
     skip = pytest.mark.skip(reason="a long statistical run; made with --validate")
     for item in items:
-        if "validate" in item.keywords:
+        if item.get_closest_marker("validate"):  # a keyword may also be the name of a parameter
             item.add_marker(skip)
 
 
 @pytest.fixture(scope="session")
 def wellmixed():
-    """wellmixed(*arguments, cwd=): what the installed command does with them."""
+    """wellmixed(*arguments, cwd=): the outcome of the installed command, in a process of its own."""
     return run
+
+
+@pytest.fixture(scope="session")
+def wellmixed_here():
+    """wellmixed_here(*arguments, cwd=): the same in this process, where the process itself is not the point."""
+    return run_here

@@ -4,9 +4,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-
-import wellmixed as front_door
 
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
@@ -28,12 +25,12 @@ def changed(text, old, new):
 
 
 @pytest.fixture
-def refused(tmp_path, monkeypatch):
-    """refused(*arguments): run a command that must be refused; returns what it said on standard error.
+def refused(wellmixed_here, tmp_path):
+    """refused(*arguments): run a command that must be refused; returns its message on standard error.
 
-    The folder it runs in holds a rates file and a finished picture, and must be the same afterwards.
+    The folder it runs in holds a rates file and a finished picture, and must be the same afterwards. An error that the
+    command does not report itself would be a traceback, and is raised here.
     """
-    monkeypatch.chdir(tmp_path)
     for name in ("rates.toml", "tank.png", "report.html"):
         (tmp_path / name).write_text(f"# an older {name}\n", encoding="utf-8")
 
@@ -42,14 +39,12 @@ def refused(tmp_path, monkeypatch):
 
     def run(*arguments):
         before = contents()
-        done = CliRunner().invoke(front_door.main, list(map(str, arguments)), prog_name="wellmixed")
-        assert isinstance(done.exception, SystemExit), done.exception  # anything else would be a traceback
-        assert done.exit_code == 2
-        assert done.stdout == ""
-        assert done.stderr.count("Error: ") == 1
-        assert len(done.stderr) < 2000
+        done = wellmixed_here(*arguments, cwd=tmp_path)
+        assert (done.code, done.out) == (2, "")
+        assert (done.err.count("Error: "), done.err.count("Warning: ")) == (1, 0)
+        assert len(done.err) < 2000
         assert contents() == before
-        return done.stderr
+        return done.err
 
     return run
 
@@ -206,7 +201,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*VALIDATE, "--duration", "inf"], "duration = inf; expected a finite number of tu above 0"),
         ([*VALIDATE, "--workers", "-1"], "-1 is not in the range x>=1"),
         ([*VALIDATE, "--report", "no/report.html"], "the folder of no/report.html does not exist"),
-        (["demo", "--scale", "nan"], "--scale nan; expected a number from 0.1 to 100"),
+        (["demo", "--scale", "nan"], "--scale nan; expected a number from 0.02 to 100"),
         (["demo", "--workers", "0"], "0 is not in the range x>=1"),
         (["demo", "--folder", "rates.toml"], "'rates.toml' is a file"),
         (["export", "nofolder", "--out", "tables"], "'nofolder' does not exist"),
@@ -274,30 +269,23 @@ def test_a_run_folder_of_another_version(refused, tmp_path):
         assert "holds 'wellmixed runs, format 99'; this version reads and writes 'wellmixed runs, format 1'" in said
 
 
-def truncated(data):
-    return data[:100]
-
-
-def altered(data):
-    return data[:500] + bytes([data[500] ^ 1]) + data[501:]
-
-
-@pytest.mark.parametrize("damage", [truncated, altered])
-def test_a_damaged_run_is_set_aside_and_made_again(wellmixed, tmp_path, damage):
-    command = [*SIMULATE, "--runs", 2, "--json"]
-    first = wellmixed(*command, cwd=tmp_path).json
-    name, other = (f"{run['key']}.run" for run in first["runs"])
-    file = tmp_path / "runs" / name
-    file.write_bytes(damage(file.read_bytes()))
+def test_damaged_runs_are_set_aside_and_made_again(wellmixed, wellmixed_here, tmp_path):
+    command = [*SIMULATE, "--runs", 3, "--json"]
+    first = wellmixed_here(*command, cwd=tmp_path).json
+    cut, altered, whole = (tmp_path / "runs" / f"{run['key']}.run" for run in first["runs"])
+    data = altered.read_bytes()
+    cut.write_bytes(cut.read_bytes()[:100])
+    altered.write_bytes(data[:500] + bytes([data[500] ^ 1]) + data[501:])
     again = wellmixed(*command, cwd=tmp_path)
-    assert again.err.startswith("Warning: ")
-    assert f"{name} is damaged" in again.err
-    assert f"moved to {name}.damaged" in again.err
-    assert again.err.count("\n") == 1
-    assert (again.json["computed"], again.json["reused"]) == (1, 1)
+    for file, line in zip((cut, altered), again.err.splitlines(), strict=True):
+        assert line.startswith("Warning: ")
+        assert f"{file.name} is damaged" in line
+        assert f"moved to {file.name}.damaged" in line
+    assert (again.json["computed"], again.json["reused"]) == (2, 1)
     assert again.json["digest"] == first["digest"]
-    assert {path.name for path in (tmp_path / "runs").glob("*.run*")} == {name, other, f"{name}.damaged"}
-    assert wellmixed(*command, cwd=tmp_path).err == ""
+    files = {cut.name, altered.name, whole.name, f"{cut.name}.damaged", f"{altered.name}.damaged"}
+    assert {path.name for path in (tmp_path / "runs").glob("*.run*")} == files
+    assert wellmixed_here(*command, cwd=tmp_path).err == ""
 
 
 def test_a_missing_extra_is_named(refused, monkeypatch):
@@ -307,6 +295,6 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
     assert "this needs pybullet; install it by: pip install 'wellmixed[mech]'" in refused(*SIMULATE)
 
 
-def test_debug_shows_the_traceback():
-    done = CliRunner().invoke(front_door.main, ["--debug", "derive", "nobook"])
-    assert isinstance(done.exception, ValueError)
+def test_debug_shows_the_traceback(wellmixed_here, tmp_path):
+    with pytest.raises(ValueError, match="unknown rule book 'nobook'"):
+        wellmixed_here("--debug", "derive", "nobook", cwd=tmp_path)

@@ -1,4 +1,8 @@
-"""Every command end to end, as a user has it: in a process of its own, its output in pipes."""
+"""Every command from end to end: once in a process of its own, as a user has it, and again in this one where that is
+cheaper.
+
+The demonstration makes a calibration and held-out runs; `calibrate` and `validate` then find these runs in its folder.
+"""
 
 import json
 import os
@@ -6,18 +10,25 @@ import signal
 import subprocess
 import time
 import tomllib
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from command_line import COMMAND
+from command_line import COMMAND, run_here
+
+from mechsim.runs.record import RunSpec
+from mechsim.runs.store import RunStore
+from mechsim.scene import Scene
 
 SPECIES = ["monomer", "dimer", "trimer", "quadmer"]
 CHANNELS = ["1+1->2", "1+2->3", "1+3->4", "2+2->4", "2->1+1", "3->1+2", "4->1+3", "4->2+2"]
+JOINS = CHANNELS[:4]
 SIMULATE = ["simulate", "line4", "--cubes", 60, "--duration", 5, "--runs", 2, "--seed", 1]
-LONG = ["simulate", "line4", "--cubes", 60, "--duration", 20, "--runs", 6, "--seed", 1, "--workers", 2, "--json"]
-CALIBRATE = ["calibrate", "line4", "--out", "rates.toml", "--join-time", 30, "--break-time", 30, "--workers", 2]
-VALIDATE = ["validate", "line4", "--rates", "rates.toml", "--cubes", 60, 80, "--runs", 2, "--duration", 10]
+# What `demo --scale 0.02` asks for, command by command.
+DEMO = ["demo", "--scale", 0.02, "--workers", 2]
+CALIBRATE = ["calibrate", "line4", "--join-time", 6, "--break-time", 16, "--runs-folder", "demo-output/runs"]
+VALIDATE = ["validate", "line4", "--runs", 4, "--duration", 4, "--runs-folder", "demo-output/runs"]
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +43,14 @@ def simulated(wellmixed, place):
 
 
 @pytest.fixture(scope="module")
-def calibrated(wellmixed, place):
-    return wellmixed(*CALIBRATE, "--report", "calibration.html", "--json", cwd=place)
+def demonstrated(wellmixed, place):
+    return wellmixed(*DEMO, "--json", cwd=place)
+
+
+@pytest.fixture(scope="module")
+def calibrated(wellmixed, place, demonstrated):
+    options = ["--out", "rates.toml", "--report", "calibration.html", "--json"]
+    return wellmixed(*CALIBRATE, *options, cwd=place)
 
 
 def test_simulate(simulated):
@@ -52,22 +69,23 @@ def test_simulate(simulated):
     assert data["runs"][0]["digest"] != data["runs"][1]["digest"]
 
 
-def test_simulate_again_finds_every_run(wellmixed, place, simulated):
-    again = wellmixed(*SIMULATE, "--workers", 2, "--json", cwd=place).json
-    assert (again["computed"], again["reused"]) == (0, 2)
-    assert again["digest"] == simulated.json["digest"]
+def test_simulate_again_finds_every_run_and_shows_progress_where_it_is_asked_for(wellmixed_here, place, simulated):
+    again = wellmixed_here(*SIMULATE, "--workers", 2, "--progress", "--json", cwd=place)
+    assert (again.json["computed"], again.json["reused"]) == (0, 2)
+    assert again.json["digest"] == simulated.json["digest"]
+    assert "2/2 runs" in again.err
 
 
-def test_simulate_with_another_number_of_workers(wellmixed, tmp_path, simulated):
-    alone = wellmixed(*SIMULATE, "--workers", 1, "--json", cwd=tmp_path).json
+def test_simulate_with_another_number_of_workers(wellmixed_here, tmp_path, simulated):
+    alone = wellmixed_here(*SIMULATE, "--workers", 1, "--json", cwd=tmp_path).json
     assert alone["computed"] == 2
     assert alone["digest"] == simulated.json["digest"]
-    other = wellmixed(*SIMULATE[:-1], 2, "--json", cwd=tmp_path).json
+    other = wellmixed_here(*SIMULATE[:-1], 2, "--json", cwd=tmp_path).json
     assert other["digest"] != alone["digest"]
 
 
-def test_simulate_for_people(wellmixed, place, simulated):
-    done = wellmixed(*SIMULATE, "--picture", "tank.png", "--plot", "counts.svg", cwd=place)
+def test_simulate_for_people(wellmixed_here, place, simulated):
+    done = wellmixed_here(*SIMULATE, "--picture", "tank.png", "--plot", "counts.svg", cwd=place)
     assert (done.code, done.err) == (0, "")
     lines = done.out.splitlines()
     occurred = [name for name in SPECIES[:3] if name in lines[0]]
@@ -79,24 +97,16 @@ def test_simulate_for_people(wellmixed, place, simulated):
     assert "<svg" in (place / "counts.svg").read_text(encoding="utf-8")
 
 
-def test_progress_is_shown_where_it_is_asked_for(wellmixed, place, simulated):
-    done = wellmixed(*SIMULATE, "--progress", "--json", cwd=place)
-    assert done.json["reused"] == 2
-    assert "2/2 runs" in done.err
-
-
-def test_without_bonding_nothing_joins(wellmixed, tmp_path):
-    tank = ["simulate", "line4", "--initial", "monomer=20,dimer=20", "--duration", 20, "--seed", 1, "--json"]
-    joins = CHANNELS[:4]
-    (run,) = wellmixed(*tank, cwd=tmp_path).json["runs"]
-    assert set(run["events"]) & set(joins)
-    (run,) = wellmixed(*tank, "--without", "bonding", cwd=tmp_path).json["runs"]
-    assert not set(run["events"]) & set(joins)
-    (run,) = wellmixed(*tank, "--without", "bonding", "--without", "breaking", cwd=tmp_path).json["runs"]
+def test_effects_that_are_left_out_do_nothing(wellmixed_here, tmp_path, simulated):
+    assert all(set(run["events"]) & set(JOINS) for run in simulated.json["runs"])  # with bonding there are joins
+    tank = ["simulate", "line4", "--initial", "monomer=20,dimer=20", "--duration", 5, "--seed", 1, "--json"]
+    (run,) = wellmixed_here(*tank, "--without", "bonding", cwd=tmp_path).json["runs"]
+    assert not set(run["events"]) & set(JOINS)
+    (run,) = wellmixed_here(*tank, "--without", "bonding", "--without", "breaking", cwd=tmp_path).json["runs"]
     assert run["events"] == {}
 
 
-def test_a_run_that_the_guard_stops_gives_exit_code_4(wellmixed, tmp_path):
+def test_a_run_that_the_guard_stops_gives_exit_code_4(wellmixed, wellmixed_here, tmp_path):
     shipped = Path(__file__).parents[1] / "mechsim" / "scenes" / "line4.toml"
     scene = shipped.read_text(encoding="utf-8") + "\n[guard]\nmax_speed = 0.5\n"
     (tmp_path / "slow.toml").write_text(scene, encoding="utf-8")
@@ -105,7 +115,8 @@ def test_a_run_that_the_guard_stops_gives_exit_code_4(wellmixed, tmp_path):
     (run,) = json.loads(done.out)["runs"]
     assert run["outcome"].startswith("stopped: ")
     assert run["end"] < 5
-    done = wellmixed("calibrate", "slow.toml", "--out", "rates.toml", *CALIBRATE[4:], cwd=tmp_path)
+    calibrate = ["calibrate", "slow.toml", "--out", "rates.toml", "--join-time", 5, "--break-time", 5]
+    done = wellmixed_here(*calibrate, cwd=tmp_path)
     assert done.code == 2
     assert "no calibration run reached its end" in done.err
     assert not (tmp_path / "rates.toml").exists()
@@ -128,6 +139,20 @@ def test_export(wellmixed, place, simulated):
         assert (events["key"] == key).sum() == sum(run["events"].values())
 
 
+def test_demo(place, demonstrated):
+    assert demonstrated.err == ""
+    data = demonstrated.json
+    assert [row["channel"] for row in data["channels"]] == CHANNELS
+    assert [row["label"] for row in data["summary"]] == ["60 cubes", "80 cubes", "120 cubes"]
+    report = (place / data["report"]).read_text(encoding="utf-8")
+    assert (place / data["rates"]).is_file()
+    for row in data["channels"]:
+        assert row["channel"].replace(">", "&gt;") in report
+    assert report.count("<img") >= 5
+    for reference in ("http://", "https://", "<script", "<link"):  # self-contained
+        assert reference not in report
+
+
 def test_calibrate(place, calibrated):
     assert calibrated.err == ""
     data = calibrated.json
@@ -146,33 +171,38 @@ def test_calibrate(place, calibrated):
     assert "Rates of line4" in (place / "calibration.html").read_text(encoding="utf-8")
 
 
-def test_calibrate_again_writes_the_same_rates(wellmixed, place, calibrated):
+def test_calibrate_again_writes_the_same_rates(wellmixed_here, place, demonstrated, calibrated):
     before = (place / "rates.toml").read_bytes()
-    done = wellmixed(*CALIBRATE, cwd=place)
+    assert before == (place / demonstrated.json["rates"]).read_bytes()
+    done = wellmixed_here(*CALIBRATE, "--out", "rates.toml", "--workers", 2, cwd=place)
     assert (done.code, done.err) == (0, "")
     assert done.out.splitlines()[-1] == "rates written to rates.toml"
     assert (place / "rates.toml").read_bytes() == before
 
 
+def test_validate(wellmixed, wellmixed_here, place, demonstrated, calibrated):
+    done = wellmixed(*VALIDATE, "--rates", "rates.toml", "--report", "validation.html", "--json", cwd=place)
+    assert done.err == ""
+    data = done.json
+    assert [each["summary"]["label"] for each in data["comparisons"]] == ["60 cubes", "80 cubes", "120 cubes"]
+    for each in data["comparisons"]:
+        assert {"coverage", "crps", "first_predicted", "cpu_mechanics_s", "cpu_ssa_s"} <= set(each["summary"])
+        assert each["species"] == SPECIES
+        assert len(each["table"]) == 41 * 4
+    assert "Predicted against simulated" in (place / "validation.html").read_text(encoding="utf-8")
+    for each, shown in zip(data["comparisons"], demonstrated.json["summary"], strict=True):
+        assert {"crps": shown["crps"], "coverage": shown["coverage"]}.items() <= each["summary"].items()
+    again = wellmixed_here(*VALIDATE, "--rates", "rates.toml", "--cubes", 60, cwd=place)
+    assert (again.code, again.err) == (0, "")
+    assert [line.split()[0] for line in again.out.splitlines()[:2]] == ["size", "60"]
+
+
 @pytest.mark.parametrize("rates", ["table3", "rates.toml"])
 @pytest.mark.parametrize("method", ["ssa", "exact"])
-def test_predict(wellmixed, place, calibrated, rates, method):
-    command = [
-        "predict",
-        "line4",
-        "--rates",
-        rates,
-        "--cubes",
-        60,
-        "--method",
-        method,
-        "--times",
-        10,
-        50,
-        100,
-        "--json",
-    ]
-    done = wellmixed(*command, "--seed", 3, cwd=place)
+def test_predict(wellmixed_here, place, calibrated, rates, method):
+    start = ["predict", "line4", "--rates", rates, "--cubes", 60, "--method", method]
+    command = [*start, "--times", 10, 50, 100, "--json"]
+    done = wellmixed_here(*command, "--seed", 3, cwd=place)
     assert done.err == ""
     data = done.json
     assert data["times"] == [10, 50, 100]
@@ -182,16 +212,29 @@ def test_predict(wellmixed, place, calibrated, rates, method):
     for row in data["mean"]:
         assert sum(value * (i + 1) for i, value in enumerate(row)) == pytest.approx(60)
     assert (data["interval"] is not None) == (rates == "rates.toml")
-    again = wellmixed(*command, "--seed", 3, cwd=place).json
-    assert again | {"cpu_seconds": 0} == data | {"cpu_seconds": 0}
-    other = wellmixed(*command, "--seed", 4, cwd=place).json
+    other = wellmixed_here(*command, "--seed", 4, cwd=place).json
     assert (other["mean"] == data["mean"]) == (method == "exact")
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["predict", "line4", "--cubes", 60, "--times", 10, 50, "--seed", 3],
+        ["passage", "line4", "--cubes", 60, "--species", "dimer"],
+    ],
+    ids=["predict", "passage"],
+)
+def test_predictions_are_the_same_in_another_process(wellmixed, wellmixed_here, place, calibrated, command):
+    there = wellmixed(*command, "--rates", "rates.toml", "--json", cwd=place)
+    assert there.err == ""
+    here = wellmixed_here(*command, "--rates", "rates.toml", "--json", cwd=place).json
+    assert there.json | {"cpu_seconds": 0} == here | {"cpu_seconds": 0}
+
+
 @pytest.mark.parametrize(("rates", "species"), [("table3", "quadmer"), ("rates.toml", "dimer")])
-def test_passage(wellmixed, place, calibrated, rates, species):
+def test_passage(wellmixed_here, place, calibrated, rates, species):
     command = ["passage", "line4", "--rates", rates, "--cubes", 60, "--species", species, "--json"]
-    done = wellmixed(*command, cwd=place)
+    done = wellmixed_here(*command, cwd=place)
     assert done.err == ""
     data = done.json
     waits = list(data["quantiles"].values())
@@ -200,8 +243,6 @@ def test_passage(wellmixed, place, calibrated, rates, species):
     assert waits[0] < data["mean"] < waits[-1]
     assert data["sd"] > 0
     assert (data["interval"] is not None) == (rates == "rates.toml")
-    again = wellmixed(*command, cwd=place).json
-    assert again | {"cpu_seconds": 0} == data | {"cpu_seconds": 0}
 
 
 def test_derive(wellmixed, tmp_path):
@@ -210,75 +251,85 @@ def test_derive(wellmixed, tmp_path):
     assert [row["name"] for row in data["channels"]] == CHANNELS
 
 
-def test_validate(wellmixed, place, calibrated):
-    done = wellmixed(*VALIDATE, "--report", "validation.html", "--json", cwd=place)
-    assert done.err == ""
-    data = done.json
-    assert [each["summary"]["label"] for each in data["comparisons"]] == ["60 cubes", "80 cubes"]
-    for each in data["comparisons"]:
-        assert {"coverage", "crps", "first_predicted", "cpu_mechanics_s", "cpu_ssa_s"} <= set(each["summary"])
-        assert each["species"] == SPECIES
-        assert len(each["table"]) == 41 * 4
-    assert "Predicted against simulated" in (place / "validation.html").read_text(encoding="utf-8")
-    again = wellmixed(*VALIDATE, cwd=place)
-    assert (again.code, again.err) == (0, "")
-    assert [line.split()[0] for line in again.out.splitlines()[:3]] == ["size", "60", "80"]
-
-
-def test_demo(wellmixed, tmp_path):
-    done = wellmixed("demo", "--scale", 0.1, "--workers", 2, "--json", cwd=tmp_path)
-    assert done.err == ""
-    data = done.json
-    assert [row["channel"] for row in data["channels"]] == CHANNELS
-    assert [row["label"] for row in data["summary"]] == ["60 cubes", "80 cubes", "120 cubes"]
-    report = (tmp_path / data["report"]).read_text(encoding="utf-8")
-    assert (tmp_path / data["rates"]).is_file()
-    for row in data["channels"]:
-        assert row["channel"].replace(">", "&gt;") in report
-    assert report.count("<img") >= 5
-    for reference in ("http://", "https://", "<script", "<link"):  # self-contained
-        assert reference not in report
+def test_a_mistake_is_one_line_and_exit_code_2(wellmixed, tmp_path):
+    done = wellmixed("derive", "nobook", cwd=tmp_path)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("Error: unknown rule book 'nobook'; shipped are line4")
+    assert done.err.count("\n") == 1
 
 
 @pytest.fixture(scope="module")
-def undisturbed(wellmixed, tmp_path_factory):
+def posed(wellmixed_here, place):
+    """The file of a short run with poses."""
+    tank = ["simulate", "line4", "--cubes", 6, "--duration", 0.2, "--poses", 0.1, "--runs-folder", "posed", "--json"]
+    (run,) = wellmixed_here(*tank, cwd=place).json["runs"]
+    return f"posed/{run['key']}.run"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "render POSED --out strip.png",
+        "replay POSED",
+        "rules draw t5 --out t5.png",
+        "rules check line4",
+        "accuracy kinetics line4 --rates table3 --cubes 4 --duration 10 --budget 1e-9",
+        "study number --points number=40 --collect",
+    ],
+)
+def test_what_is_tested_elsewhere_in_one_process_works_as_installed(wellmixed, place, posed, command):
+    """The tests of the rooms check the results."""
+    done = wellmixed(*command.replace("POSED", posed).split(), "--json", cwd=place)
+    assert isinstance(done.json, dict)
+
+
+LONG = ["simulate", "line4", "--cubes", 20, "--duration", 5, "--runs", 4, "--seed", 1, "--workers", 2, "--json"]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
     """The digest that the long command gives when nobody disturbs it."""
-    return wellmixed(*LONG, cwd=tmp_path_factory.mktemp("undisturbed")).json["digest"]
+    return run_here(*LONG, cwd=tmp_path_factory.mktemp("undisturbed")).json["digest"]
 
 
-def start_and_wait_for_a_run(place: Path) -> subprocess.Popen:
-    """The long command at work, its first run finished, others under way."""
+@contextmanager
+def at_work(place):
+    """The long command in a process, its first run finished. It cannot end, for its last run is claimed by the test."""
+    claim = RunStore(place / "runs").claim(RunSpec(Scene.load("line4"), {"monomer": 20}, 5.0, seed=1, run=3))
     command = [str(COMMAND), *map(str, LONG)]
     process = subprocess.Popen(command, cwd=place, stdout=-1, stderr=-1, text=True, start_new_session=True)
-    deadline = time.monotonic() + 120
-    while not list(place.glob("runs/*.run")):
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    return process
+    try:
+        while not list(place.glob("runs/*.run")):
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.02)
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+        claim.release()
 
 
-def test_ctrl_c(wellmixed, tmp_path, undisturbed):
-    process = start_and_wait_for_a_run(tmp_path)
-    os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all processes of the command
-    out, err = process.communicate(timeout=60)
+def check_that_it_goes_on(place, digest):
+    kept = len(list(place.glob("runs/*.run")))
+    assert 1 <= kept < 4
+    done = run_here(*LONG, cwd=place)
+    assert done.err == ""
+    assert (done.json["reused"], done.json["computed"]) == (kept, 4 - kept)
+    assert done.json["digest"] == digest
+
+
+def test_ctrl_c(tmp_path, undisturbed):
+    with at_work(tmp_path) as process:
+        os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all processes of the command
+        out, err = process.communicate()
     assert process.returncode == 130
     assert out == ""
     assert err == "Interrupted: what was finished is kept; the same command goes on from there.\n"
-    kept = len(list(tmp_path.glob("runs/*.run")))
-    assert 1 <= kept < 6
-    data = wellmixed(*LONG, cwd=tmp_path).json
-    assert (data["reused"], data["computed"]) == (kept, 6 - kept)
-    assert data["digest"] == undisturbed
+    check_that_it_goes_on(tmp_path, undisturbed)
 
 
-def test_kill_9(wellmixed, tmp_path, undisturbed):
-    process = start_and_wait_for_a_run(tmp_path)
-    process.kill()
-    process.communicate(timeout=60)  # returns once the workers are gone too, for they hold the same pipes
-    kept = len(list(tmp_path.glob("runs/*.run")))
-    assert 1 <= kept < 6
-    done = wellmixed(*LONG, cwd=tmp_path)
-    assert done.err == ""
-    assert (done.json["reused"], done.json["computed"]) == (kept, 6 - kept)
-    assert done.json["digest"] == undisturbed
+def test_kill_9(tmp_path, undisturbed):
+    with at_work(tmp_path) as process:
+        process.kill()
+        process.communicate()  # returns once the workers are gone too, for they hold the same pipes
+    check_that_it_goes_on(tmp_path, undisturbed)

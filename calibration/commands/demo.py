@@ -29,8 +29,8 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     from mechsim.inspection.pictures.tank import draw_tank
     from mechsim.scene import Scene
 
-    if not 0.1 <= scale <= 100:
-        raise ValueError(f"--scale {scale}; expected a number from 0.1 to 100")
+    if not 0.02 <= scale <= 100:
+        raise ValueError(f"--scale {scale}; expected a number from 0.02 to 100")
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     scene, runs_folder = Scene.load("line4"), place / "runs"

@@ -1,4 +1,4 @@
-"""What `auto` chooses over a spread of networks, beside the quickest method: long single runs, and ensembles.
+"""The choice of `auto` over a range of networks, beside the quickest method: long single runs, and ensembles.
 
     python -m tests.benchmarks.bench_auto_ssa
 

@@ -1,4 +1,7 @@
-"""CPU time of deriving a network and of the calls that it and the mechanics make most often."""
+"""CPU time of deriving a network and of the calls that it and the mechanics make most often.
+
+python -m tests.benchmarks.bench_derive
+"""
 
 from __future__ import annotations
 

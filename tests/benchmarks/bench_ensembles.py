@@ -1,8 +1,8 @@
-"""What an executor adds to a run: wall time of short fake runs, two at a time, on this machine.
+"""Overhead of an executor: wall time of short fake runs, two at a time, on this machine.
 
-    python tests/benchmarks/bench_ensembles.py
+    python -m tests.benchmarks.bench_ensembles
 
-Start-up (the server that workers are forked from, the imports in it, the cluster) is told apart: it is paid once.
+The first run is listed apart, for it pays once for the server that workers are forked from, its imports, the cluster.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import Dask, Executor, Processes
 from mechsim.runs.store import RunStore
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "mechsim"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from fake_runs import execute, record_of, specs_of
 
 RUNS, ROUNDS = 40, 5

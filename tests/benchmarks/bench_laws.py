@@ -1,4 +1,6 @@
-"""What rate laws beyond mass action cost: ns of processor time an event, beside the direct method.
+"""Cost of rate laws beyond mass action: ns of processor time an event, beside the direct method.
+
+    python -m tests.benchmarks.bench_laws
 
 The same networks, with rate constants and with their laws written out, and laws that depend on the time. One run of
 about a million events each; median of five, after one that compiles or loads the kernels.

@@ -1,9 +1,9 @@
-"""What looking for meetings at steps alone misses: one fine motion of line4's cubes, looked at more and less often.
+"""Encounters that are missed because contacts are looked for at steps alone: one fine motion of line4's cubes.
 
     python -m tests.benchmarks.bench_looks [--duration 40] [--seed 1]
 
-Meetings that begin and end between two looks are not seen. The motion is the same in every row, so the rows differ in
-that alone; in runs a longer step moves the cubes otherwise, too.
+An encounter that begins and ends between two looks is not seen. The motion is the same in every row, so that the rows
+differ in how often one looks; in a run, a longer step changes the motion too.
 """
 
 from __future__ import annotations

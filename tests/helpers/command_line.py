@@ -1,4 +1,4 @@
-"""The command as a user has it: installed and in a process of its own, or called within this one."""
+"""The `wellmixed` command in tests: in a process of its own, as a user has it, or in this one, which is cheaper."""
 
 import contextlib
 import json
@@ -10,13 +10,11 @@ from typing import NamedTuple
 
 from click.testing import CliRunner
 
-from wellmixed import main
-
 COMMAND = Path(sys.executable).with_name("wellmixed")
 
 
 class Done(NamedTuple):
-    """What a command left: exit code, standard output and standard error."""
+    """The outcome of a command: exit code, standard output and standard error."""
 
     code: int
     out: str
@@ -31,18 +29,19 @@ class Done(NamedTuple):
 
 
 def run(*arguments, cwd):
-    """Run the command, its output in pipes."""
+    """Run the installed command, its output in pipes. A command that hangs is ended by the time limit of the test."""
     command = [str(COMMAND), *map(str, arguments)]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
     return Done(done.returncode, done.stdout, done.stderr)
 
 
 def run_here(*arguments, cwd):
-    """The same within this process, without the second that Python and its libraries take to start."""
+    """Run the command in this process, which spares the imports. An error that it does not report itself is raised."""
+    from wellmixed import main
+
     with contextlib.chdir(cwd), warnings.catch_warnings():
-        show = warnings.showwarning
-        try:
-            done = CliRunner().invoke(main, [str(argument) for argument in arguments], catch_exceptions=False)
-        finally:
-            warnings.showwarning = show  # the command shows warnings in its own way
+        warnings.simplefilter("default")  # lines on standard error, as in a process of its own
+        done = CliRunner().invoke(main, list(map(str, arguments)), prog_name="wellmixed")
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
     return Done(done.exit_code, done.stdout, done.stderr)
