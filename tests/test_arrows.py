@@ -4,6 +4,9 @@ import ast
 import json
 import subprocess
 import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -85,12 +88,78 @@ def objections(found: Import) -> list[str]:
     return [f"{module} imports {target}: {why}" for why in broken]
 
 
-def test_arrows():
-    found = [
+def all_imports() -> list[Import]:
+    """Every import of every module of ours."""
+    return [
         each
         for path in SOURCES
         for each in imports_of(path.read_text(encoding="utf-8"), module_name(path), path.name == "__init__.py")
     ]
+
+
+def needs(imports: Iterable[Import], modules: set[str]) -> dict[str, set[str]]:
+    """Module -> the modules of ours that it imports, deferred or for types alone as well."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for module, target, _ in imports:
+        home = target
+        while home and home not in modules:
+            home = home.rpartition(".")[0]
+        if home and home != module:
+            found[module].add(home)
+    return found
+
+
+def room_of(module: str) -> str:
+    """kinetics.sampling.direct -> kinetics.sampling; mechanics and calibration are a room each."""
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "kinetics" else parts[0]
+
+
+def test_no_two_files_need_each_other():
+    modules = {module_name(path) for path in SOURCES}
+    TopologicalSorter(needs(all_imports(), modules)).prepare()
+
+
+def test_no_two_rooms_need_each_other():
+    modules = {module_name(path) for path in SOURCES}
+    rooms: dict[str, set[str]] = defaultdict(set)
+    for module, others in needs(all_imports(), modules).items():
+        rooms[room_of(module)] |= {room_of(other) for other in others} - {room_of(module)}
+    assert {"kinetics.network", "kinetics.assembly", "mechsim"} <= rooms["mechsim"] | rooms["calibration"]
+    TopologicalSorter(rooms).prepare()
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from kinetics.b import f",
+        "def g():\n    import kinetics.b",
+        "if TYPE_CHECKING:\n    from kinetics.b import B",
+        "from kinetics import b",
+    ],
+)
+def test_a_circle_is_seen(source):
+    """A control that must fail: at import, deferred, or for types alone."""
+    modules = {"kinetics.a", "kinetics.b"}
+    there = imports_of("from kinetics.a import Network", "kinetics.b")
+    TopologicalSorter(needs(there, modules)).prepare()
+    with pytest.raises(CycleError):
+        TopologicalSorter(needs([*there, *imports_of(source, "kinetics.a")], modules)).prepare()
+
+
+def test_class_names_are_unique():
+    names = Counter(
+        node.name
+        for path in SOURCES
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    )
+    assert len(names) > 100
+    assert [name for name, n in names.items() if n > 1] == []
+
+
+def test_arrows():
+    found = all_imports()
     modules = {each.module for each in found}
     assert {"kinetics.sampling.direct", "mechsim.world.engine", "calibration.pipeline.study"} <= modules
     assert any(each.target == "pybullet" for each in found)
