@@ -1,4 +1,4 @@
-"""A model as the text of an SBML file."""
+"""Writing of SBML files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A network as a person reads it: a headline, a table of its channels, its events; as text or as HTML."""
+"""The display of a network as text or HTML: a headline, a table of its channels, its events."""
 
 from __future__ import annotations
 
