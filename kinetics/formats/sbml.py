@@ -18,7 +18,7 @@ from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.network import Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression, quoted
-from kinetics.network.network import Reaction
+from kinetics.network.reactions import Reaction
 
 MOST_COPIES = 10**6  # in one place of a reaction
 
