@@ -1,4 +1,4 @@
-"""BioNetGen's network file, .net: parameters, species, reactions and groups, in plain text.
+"""The format of BioNetGen's network files, .net: parameters, species, reactions and groups, in plain text.
 
 A reaction's rate is a constant times a number of ways; like reactants are counted n (n - 1), so a reaction of two
 copies of one species carries a factor of one half in the file. Faeder, Blinov & Hlavacek (2009).
@@ -88,8 +88,8 @@ class _NetReader:
             words = self._numbered(line, "a parameter is `name value`", 2)
             name, text = words[0], " ".join(words[1:]).removeprefix("=")
             if not IDENTIFIER.fullmatch(name) or name in self.parameters:
-                told = "comes twice" if name in self.parameters else "is not a name"
-                raise self._wrong(line, f"parameter {name!r} {told}")
+                fault = "comes twice" if name in self.parameters else "is not a name"
+                raise self._wrong(line, f"parameter {name!r} {fault}")
             self.parameters[name] = self._value(line, text)
 
     def _read_species(self) -> Ints:
@@ -160,7 +160,7 @@ class _NetReader:
                 raise self._wrong(line, str(error)) from None
 
     def _rates(self, lines: list[Line]) -> tuple[Floats, Floats]:
-        """Ways and rate constant of every reaction; 1 where a law takes the constant's place."""
+        """Ways and rate constant of every reaction; 1 where a rate law takes the constant's place."""
         known: dict[str, tuple[float, float]] = {}
         found = []
         for line in lines:
@@ -180,12 +180,12 @@ class _NetReader:
         return table[:, 0], table[:, 1]
 
     def _is_lawful(self, line: Line) -> bool:
-        """Whether the rate is a function, or one of the laws with names."""
+        """Whether the rate is a function, or one of the format's named rate laws."""
         factored = FACTOR.fullmatch(line.words[3])
         return factored is not None and (factored[2] in self.functions or factored[2] in KINDS)
 
     def _laws(self, lines: list[Line], channels: list[str]) -> dict[str, Expression]:
-        """The laws of the reactions that have one."""
+        """Channel -> rate law, of the reactions that have one."""
         if not self.functions and not any(line.words[3].rpartition("*")[2] in KINDS for line in lines):
             return {}
         laws = {}
@@ -201,7 +201,7 @@ class _NetReader:
         return laws
 
     def _channels(self, lines: list[Line]) -> list[str]:
-        """The reactions' own labels where they tell them apart, else with their numbers."""
+        """The reactions' own labels where these differ, else with their numbers."""
         labels = [line.comment.strip() for line in lines]
         if all(labels) and len(set(labels)) == len(labels):
             return labels
@@ -235,5 +235,5 @@ class _NetReader:
         except ValueError as error:
             raise self._wrong(line, str(error)) from None
 
-    def _wrong(self, line: Line, told: str) -> ValueError:
-        return ValueError(f"{self.path}, line {line.number}: {told}")
+    def _wrong(self, line: Line, fault: str) -> ValueError:
+        return ValueError(f"{self.path}, line {line.number}: {fault}")

@@ -1,4 +1,4 @@
-"""A .net file cut into its blocks, each line with its number."""
+"""The blocks of a .net file, each line with its number."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def blocks_of(path: Path) -> dict[str, list[Line]]:
             if inside is not None:
                 raise ValueError(f"{path}, line {number}: {content.strip()!r}, but {_open_block(inside, began)}")
             if name not in (*READ, *SKIPPED) or name in blocks:
-                told = "comes twice" if name in blocks else f"is not one of {', '.join((*READ, *SKIPPED))}"
-                raise ValueError(f"{path}, line {number}: the block {name!r} {told}")
+                fault = "comes twice" if name in blocks else f"is not one of {', '.join((*READ, *SKIPPED))}"
+                raise ValueError(f"{path}, line {number}: the block {name!r} {fault}")
             inside, began = name, number
             blocks[name] = []
         elif inside is None:

@@ -1,4 +1,4 @@
-"""Formulas of network files as our own expressions, with names replaced by what they stand for."""
+"""Translation of the formulas of .net files into expressions, with names replaced by what they stand for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telling whether a formula says mass action, and nothing else."""
+"""Recognition of mass action, and of weighted sums of counts, in formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a network file holds: reactions with their rates, counts at time 0, and sums of counts worth watching."""
+"""The contents of a network file: reactions with their rates, counts at time 0, and observables."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ CLOSE = 1e-9  # an amount this near, relatively, to a whole number is meant to b
 
 @dataclass(frozen=True, eq=False)
 class NetworkModel:
-    """A network ready to run.
+    """A network with its rates, its initial counts and its observables.
 
     network : with its rate constants
     initial : (S,) counts at time 0
-    observables : name -> weight of each species that counts in the sum
-    notes : what the file says that the network does not
+    observables : name -> weight of each species in the sum
+    notes : what the file contains and the network does not
     """
 
     network: Network
@@ -57,13 +57,17 @@ def whole_counts(path: Path, amounts: Mapping[str, float]) -> Ints:
 
 
 class Format(Protocol):
-    """A kind of network file. `suffixes` are what its names end in, in small letters."""
+    """A format of network files.
+
+    name : as tests and messages use it, in small letters
+    suffixes : of its files, in small letters, with the dot
+    """
 
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
 
     def read(self, path: Path) -> NetworkModel:
-        """The file's model; a ValueError that names file and line where it cannot be had."""
+        """The file's model; a ValueError that names the file, and the line if there is one, where it is damaged."""
 
     def text(self, model: NetworkModel) -> str:
-        """What a file of this kind holds for a model; a ValueError where it cannot say all of it."""
+        """The text of a file for a model; a ValueError where the format cannot hold all of it."""

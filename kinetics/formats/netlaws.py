@@ -1,4 +1,4 @@
-"""Rate laws of .net files as expressions: functions of groups and parameters, and the laws with names."""
+"""Rate laws of .net files as expressions: functions of groups and parameters, and the named rate laws."""
 
 from __future__ import annotations
 

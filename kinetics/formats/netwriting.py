@@ -1,4 +1,4 @@
-"""A model as the text of a .net file."""
+"""Writing of .net files."""
 
 from __future__ import annotations
 

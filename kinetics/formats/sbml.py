@@ -1,6 +1,6 @@
-"""SBML, Levels 2 and 3, read by libsbml and taken as a stochastic model: amounts are copies.
+"""The format SBML, Levels 2 and 3, read by libsbml as a stochastic model: amounts are copies.
 
-Laws that are mass action become plain rate constants, for the quick methods; all others are kept as they are written.
+Kinetic laws that are mass action become plain rate constants, for the quick methods; all others are kept as written.
 Hucka et al. (2019).
 """
 
@@ -18,7 +18,7 @@ from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.network import Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression, quoted
-from kinetics.network.network import Reaction
+from kinetics.network.reactions import Reaction
 
 MOST_COPIES = 10**6  # in one place of a reaction
 
@@ -158,7 +158,7 @@ class _SbmlReader:
         return total
 
     def _reactions(self) -> tuple[dict[str, Reaction], list[float | Expression]]:
-        """What each reaction needs and makes, and its rate constant or law."""
+        """Reactants and products of each reaction, and its rate constant or rate law."""
         held = {s.getId() for s in self._each("Species") if s.getBoundaryCondition() or s.getConstant()}
         reactions: dict[str, Reaction] = {}
         laws: list[float | Expression] = []
@@ -253,8 +253,8 @@ class _SbmlReader:
         except ValueError as error:
             raise self._wrong(element, str(error)) from None
 
-    def _wrong(self, element: Any, told: str) -> ValueError:
-        return ValueError(f"{self.path}, line {element.getLine()}: {told}")
+    def _wrong(self, element: Any, fault: str) -> ValueError:
+        return ValueError(f"{self.path}, line {element.getLine()}: {fault}")
 
 
 def _number_text(value: float) -> str:

@@ -1,4 +1,4 @@
-"""An SBML file as a document of libsbml that is safe to walk, or a message that says what is wrong with it."""
+"""Reading and checking of an SBML file by libsbml: a document that is safe to walk, or a clear message."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
-MAX_ERRORS = 5  # told at once
+MAX_ERRORS = 5  # reported at once
 # Packages that say how a model looks, not what it does.
 HARMLESS = ("layout", "render", "annot", "l3v2extendedmath")
 EXPANDED = ("expandFunctionDefinitions", "expandInitialAssignments")

@@ -1,4 +1,4 @@
-"""Formulas of SBML as our own expressions: a walk over libsbml's tree."""
+"""Translation of SBML formulas into expressions, by a walk over libsbml's tree."""
 
 from __future__ import annotations
 

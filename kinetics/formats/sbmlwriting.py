@@ -1,4 +1,4 @@
-"""A model as the text of an SBML file."""
+"""Writing of SBML files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
+from kinetics.network.reactions import sides_of
 
 
 def sbml_text(model: NetworkModel) -> str:
@@ -66,16 +67,13 @@ def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, 
     reaction.setName(name)
     reaction.setReversible(False)
     reaction.setFast(False)
-    before = dict(zip(*(part.tolist() for part in network.sparse_reactants.row(r)), strict=True))
-    change = dict(zip(*(part.tolist() for part in network.sparse_stoichiometry.row(r)), strict=True))
-    after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
+    before, after = sides_of(network.sparse_reactants, network.sparse_stoichiometry, r)
     for side, add in ((before, reaction.createReactant), (after, reaction.createProduct)):
         for s, copies in side.items():
-            if copies:
-                reference = add()
-                reference.setSpecies(species[s])
-                reference.setStoichiometry(float(copies))
-                reference.setConstant(True)
+            reference = add()
+            reference.setSpecies(species[s])
+            reference.setStoichiometry(float(copies))
+            reference.setConstant(True)
     rate = float(network.known_rates[r] * network.ways[r])
     needed = {species[s]: copies for s, copies in before.items()}
     formula = libsbml.parseL3Formula(_propensity(rate, needed, network.combinations))

@@ -1,4 +1,4 @@
-"""What a network must satisfy: names that differ, tables that fit, counts that stay above 0, quantities that last."""
+"""Checks of a network: names that differ, tables that fit, counts that stay at or above 0, conserved quantities."""
 
 from __future__ import annotations
 

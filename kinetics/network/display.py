@@ -1,4 +1,4 @@
-"""A network as a person reads it: a headline, a table of its channels, its events; as text or as HTML."""
+"""The display of a network as text or HTML: a headline, a table of its channels, its events."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from kinetics.network.laws.expression import Expression
+from kinetics.network.reactions import sides_of
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats
 from kinetics.support.tables import text_table
@@ -40,15 +41,13 @@ def reaction_texts(species: Sequence[str], reactants: SparseTable, stoichiometry
     """Each reaction as in `A + 2 B -> C`; 0 stands for nothing."""
     texts = []
     for r in range(reactants.shape[0]):
-        before = dict(zip(*(part.tolist() for part in reactants.row(r)), strict=True))
-        change = dict(zip(*(part.tolist() for part in stoichiometry.row(r)), strict=True))
-        after = {s: before.get(s, 0) + change.get(s, 0) for s in sorted(before | change)}
+        before, after = sides_of(reactants, stoichiometry, r)
         texts.append(f"{_side(species, before)} -> {_side(species, after)}")
     return texts
 
 
 def _side(species: Sequence[str], copies: Mapping[int, int]) -> str:
-    return " + ".join(species[s] if n == 1 else f"{n} {species[s]}" for s, n in copies.items() if n) or "0"
+    return " + ".join(species[s] if n == 1 else f"{n} {species[s]}" for s, n in copies.items()) or "0"
 
 
 def channel_rows(

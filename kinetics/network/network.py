@@ -44,7 +44,7 @@ from kinetics.support.arrays import Floats, Ints, integers, reals
 SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Network:
     """Reactions among species.
 
@@ -56,13 +56,12 @@ class Network:
     rate_constants : (R,) k per way and combination, 1/tu; None before the rates are known
     combinations : how h counts like reactants, one of `COMBINATIONS`
     conserved : name of a quantity -> its amount in one copy of each species, (S,); every channel keeps it
-    laws : channel -> what takes the place of h; the others follow mass action
-    events : what sets counts when a condition becomes true
-    at_zero : what becomes of a law that is above 0 though reactants are missing, one of `AT_ZERO`
+    laws : channel -> rate law that takes the place of h; the other channels follow mass action
+    events : each sets counts when its condition becomes true
+    at_zero : what becomes of a law that is above 0 although reactants are missing, one of `AT_ZERO`
 
-    The two tables are also there without their zeros, as `sparse_reactants` and `sparse_stoichiometry`. A network made
-    by `from_sparse` or `from_reactions` keeps only these, and makes the dense tables when they are first asked for:
-    tens of thousands of channels then cost milliseconds.
+    Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`,
+    and makes the dense tables when they are first asked for: tens of thousands of channels then cost milliseconds.
     """
 
     species: tuple[str, ...]
@@ -76,8 +75,8 @@ class Network:
     laws: Mapping[str, Expression] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     at_zero: str = "block"
-    sparse_reactants: SparseTable = field(init=False, repr=False)
-    sparse_stoichiometry: SparseTable = field(init=False, repr=False)
+    sparse_reactants: SparseTable = field(init=False)
+    sparse_stoichiometry: SparseTable = field(init=False)
 
     def __post_init__(self) -> None:
         species = checked_names("species", self.species)
@@ -113,7 +112,7 @@ class Network:
         return reals("rate_constants", rate_constants, (len(self.channels),), minimum=0)
 
     def __getattr__(self, name: str) -> Ints:
-        """The dense table of a network that was made from sparse tables."""
+        """The dense reactants or stoichiometry, when first asked for."""
         if name not in SPARSE or SPARSE[name] not in self.__dict__:
             raise AttributeError(f"a network has no {name!r}")
         object.__setattr__(self, name, self.__dict__[SPARSE[name]].dense())
@@ -134,7 +133,7 @@ class Network:
         events: Sequence[Event] = (),
         at_zero: str = "block",
     ) -> Network:
-        """A network from tables without their zeros, (R, S) each."""
+        """A network from sparse tables (R, S)."""
         tables: Any = (reactants, stoichiometry)
         rest: Any = (ways, rate_constants, combinations, conserved or {}, laws or {}, tuple(events), at_zero)
         return cls(tuple(species), tuple(channels), *tables, *rest)
@@ -255,12 +254,12 @@ class Network:
 
     @property
     def is_mass_action(self) -> bool:
-        """Whether there are neither other laws nor events."""
+        """Whether there are neither other rate laws nor events."""
         return not self.laws and not self.events
 
     @cached_property
     def channel_laws(self) -> dict[str, ChannelLaw]:
-        """Channel -> its law with the channel's reactants, which it is refused or blocked without."""
+        """Channel -> its rate law with its reactants, without which it is blocked or refused."""
         rows = {name: self.sparse_reactants.row(self.channel_places[name]) for name in self.laws}
         return {
             name: ChannelLaw(name, law, self.species_places, rows[name], self.at_zero)
@@ -268,7 +267,7 @@ class Network:
         }
 
     def check_homogeneous(self) -> None:
-        """A ValueError where the rates depend on the time, or events set counts: no Markov chain with a generator."""
+        """A ValueError where rates depend on the time or events set counts: no chain with a constant generator."""
         check_homogeneous(self.laws, [event.name for event in self.events])
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
@@ -308,19 +307,23 @@ class Network:
         reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
         return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws)
 
+    def _headline(self) -> str:
+        facts = {
+            "conserved": ", ".join(self.conserved),
+            "a law without its reactants": self.at_zero if self.laws else "",
+            "events": str(len(self.events) or ""),
+        }
+        size = f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations"
+        return "; ".join([size, *(f"{name}: {value}" for name, value in facts.items() if value)])
+
     def _display(self) -> NetworkTable:
-        conserved = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        missing = f"; a law without its reactants: {self.at_zero}" if self.laws else ""
-        events = f"; {len(self.events)} events" if self.events else ""
-        size = f"{len(self.species)} species, {len(self.channels)} channels"
-        titles = ("channel", "reaction", "N", "k, or law (1/tu)" if self.laws else "k (1/tu)")
-        has_rates = bool(self.laws) or self.rate_constants is not None
-        return NetworkTable(
-            f"{size}; {self.combinations} combinations{conserved}{missing}{events}",
-            titles if has_rates else titles[:3],
-            self.rows(),
-            [str(event) for event in self.events],
-        )
+        has_rates = self.rate_constants is not None or bool(self.laws)
+        rate = ["k, or law (1/tu)" if self.laws else "k (1/tu)"] if has_rates else []
+        titles = ["channel", "reaction", "N", *rate]
+        return NetworkTable(self._headline(), titles, self.rows(), [str(event) for event in self.events])
+
+    def __repr__(self) -> str:
+        return f"<Network: {self._headline()}>"
 
     def __str__(self) -> str:
         return self._display().text

@@ -1,4 +1,4 @@
-"""The factor h(s, t) of a propensity k * N * h: combinations of reactants under mass action, or a rate law.
+"""The factor h(s, t) of a propensity k * N * h: combinations of reactants under mass action, or another rate law.
 
 It is computed from rows: the reactants of a channel, their copies, and the law that takes the place of h, if any.
 """
@@ -25,7 +25,7 @@ from kinetics.support.arrays import Floats, Ints
 COMBINATIONS = ("distinct", "ordered", "product")
 # So many like reactants among 2**63 - 1 copies still have fewer combinations than a float can hold.
 LOW_ORDER = 16
-# What becomes of a law that is above 0 though reactants are missing:
+# What becomes of a rate law that is above 0 although reactants are missing:
 #   block   the channel waits until they are there
 #   refuse  a ValueError that names the channel and the state
 AT_ZERO = ("block", "refuse")
@@ -91,7 +91,7 @@ class ChannelLaw:
 
     @cached_property
     def program(self) -> list[Step]:
-        """The law as a program, with what becomes of it where reactants are missing."""
+        """The law as a program that obeys `at_zero` where reactants are missing."""
         needs = list(zip(*(part.tolist() for part in self.needed), strict=True))
         if self.at_zero == "block":
             return [*(Step(Code.GUARD, s, float(copies)) for s, copies in needs), *self._bare]
@@ -110,7 +110,7 @@ class ChannelLaw:
         return values
 
     def refusal(self, state: Ints, time: float) -> str:
-        """What is wrong with the law in a state (S,)."""
+        """The message that says what is wrong with the law in a state (S,)."""
         value = float(evaluate(self._bare, state, time))
         where = f"at {state_text(list(self.places), state)}" + (f", t = {time:.17g} tu" if self.law.reads_time else "")
         came = f"the law of channel {self.channel!r}, {self.law}, is {value:g} {where}"

@@ -1,4 +1,4 @@
-"""Reactions as a person writes them, `({"A": 1, "B": 1}, {"AB": 1})`, as sparse tables."""
+"""Reactions as two sides, `({"A": 1, "B": 1}, {"AB": 1})`, and as sparse tables; from either to the other."""
 
 from __future__ import annotations
 
@@ -36,3 +36,11 @@ def reaction_tables(
     shape = (len(reactions), len(place))
     reactants = SparseTable.of_entries(shape, rows[~is_made], columns[~is_made], copies[~is_made])
     return named, reactants, SparseTable.of_entries(shape, rows, columns, np.where(is_made, copies, -copies))
+
+
+def sides_of(reactants: SparseTable, change: SparseTable, r: int) -> tuple[dict[int, int], dict[int, int]]:
+    """Copies needed and copies made in channel r, each by species number; none of them 0."""
+    before = dict(zip(*(part.tolist() for part in reactants.row(r)), strict=True))
+    gained = dict(zip(*(part.tolist() for part in change.row(r)), strict=True))
+    after = {s: before.get(s, 0) + gained.get(s, 0) for s in sorted(before | gained)}
+    return before, {s: copies for s, copies in after.items() if copies}

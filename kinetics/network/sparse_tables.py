@@ -1,4 +1,4 @@
-"""Sparse tables of whole numbers: what each of very many channels needs and changes."""
+"""Sparse tables of whole numbers, in compressed rows: reactants and stoichiometry of very many channels."""
 
 from __future__ import annotations
 

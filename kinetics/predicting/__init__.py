@@ -1,4 +1,4 @@
-"""Predictions that carry the uncertainty of the rates."""
+"""Predictions with the uncertainty of the rates, and observables."""
 
 from kinetics.predicting.prediction import Prediction, predict
 

@@ -1,4 +1,4 @@
-"""Predictions that carry the uncertainty of their rates."""
+"""Predictions of counts over time, with the uncertainty that the rates leave."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ LIMITS = (0.025, 0.975)
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Counts of every species over time, with what is known of their precision. Arrays are (T, S).
+    """Mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
     mean, sd : mean, and spread of a single run about it (intrinsic noise), at the rates' point values
     low, high : 95 % interval of the mean from the rates' own uncertainty; None where the rates carry no evidence
     standard_error : Monte-Carlo error of the mean; 0 for a method that does not sample
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
-    notes : what a reader must know about the interval
+    notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer were where someone interrupted
     result : the statistics of the runs, or the Distribution, behind mean and sd
     """
@@ -175,7 +175,7 @@ def predict_passage(
 
 
 def evidence_notes(rates: Rates | None) -> tuple[str, ...]:
-    """What a reader must know about the interval of a prediction from `rates`."""
+    """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
         return ("no interval: the network's own rates are taken as known",)
     bare = rates.without_evidence()

@@ -32,8 +32,9 @@ _KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(\w+) \+ (?:(\d+) )?(\w+))?")
 
 
 class ClassRate(MeasuredRate):
-    """Rate constant of one class. A number of events that is not whole says what the evidence is worth where classes
-    that differ were taken together.
+    """Rate constant of one class.
+
+    events : not whole where classes that differ were pooled: what the evidence is then worth
     """
 
 
@@ -72,7 +73,7 @@ class ClassRates(Settings):
 
     @classmethod
     def fitting(cls, name_or_path: str | Path, derivations: Iterable[Derivation]) -> ClassRates:
-        """A file of class rates, or the rates of a network, shipped or from a file, told by its book's classes.
+        """A file of class rates, or the rates of a network, shipped or from a file, by the classes of its book.
 
         derivations : among which the network is looked for; they are made one by one until one fits
         """
@@ -106,20 +107,20 @@ class ClassRates(Settings):
 
         Channels of one class are pooled: events over exposure, or without evidence the mean weighted by their ways.
         Ways that the file counts in another way than geometry does are put into the constant, so that propensities
-        stay as they are. A channel whose ways are of several classes tells each of them its own rate; it is asked
+        stay as they are. A channel whose ways are of several classes gives each of them its own rate; it counts
         only where no other channel is of that class alone.
 
         For every pair of faces an entry without sizes is added. Its evidence is worth no more events than the scatter
-        of the sizes' rates allows (as many as a gamma law of that relative variance has), so that a draw from it
-        covers sizes that were not measured.
+        of the sizes' rates allows (as many as a gamma distribution of that relative variance has), so that a draw from
+        it covers sizes that were not measured.
         """
         model = rates.apply(derivation.network)
-        alone: dict[RateClass, list[_Told]] = defaultdict(list)
-        shared: dict[RateClass, list[_Told]] = defaultdict(list)
+        alone: dict[RateClass, list[_Share]] = defaultdict(list)
+        shared: dict[RateClass, list[_Share]] = defaultdict(list)
         for name, ways in zip(model.channels, derivation.events.values(), strict=True):
             for rate_class, n in ways.items():
-                told = _Told.by(rates.channels[name], n, sum(ways.values()))
-                (alone if len(ways) == 1 else shared)[rate_class].append(told)
+                share = _Share.by(rates.channels[name], n, sum(ways.values()))
+                (alone if len(ways) == 1 else shared)[rate_class].append(share)
         by_class = {c: _pooled(alone.get(c) or shared[c]) for c in derivation.rate_classes}
         general: dict[str, list[ClassRate]] = defaultdict(list)
         for rate_class, entry in by_class.items():
@@ -179,14 +180,14 @@ class ClassRates(Settings):
         return [key for key in used if self.classes[key].exposure is None]
 
 
-class _Told(NamedTuple):
-    """What one channel tells of a class, its ways counted by geometry."""
+class _Share(NamedTuple):
+    """The evidence of one channel for one class, its ways counted by geometry."""
 
     ways: float
     entry: ClassRate
 
     @classmethod
-    def by(cls, channel: ChannelRate, ways: float, all_ways: float) -> _Told:
+    def by(cls, channel: ChannelRate, ways: float, all_ways: float) -> _Share:
         """By a channel of which `ways` of `all_ways` are of the class; evidence is shared out by ways."""
         scale, share = channel.ways / all_ways, ways / all_ways
         entry = ClassRate(
@@ -199,15 +200,15 @@ class _Told(NamedTuple):
         return cls(ways, entry)
 
 
-def _pooled(told: list[_Told]) -> ClassRate:
-    """All that tell of a class as one."""
-    entries = [entry for _, entry in told]
+def _pooled(shares: list[_Share]) -> ClassRate:
+    """The evidence of all channels for one class, taken together."""
+    entries = [entry for _, entry in shares]
     if len(entries) == 1:
         return entries[0]
     if all(entry.exposure is not None for entry in entries):
         events, exposure = _sums(entries)
         return _measured(events / exposure, events, exposure)
-    weights = [ways for ways, _ in told]
+    weights = [ways for ways, _ in shares]
     return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
 
 

@@ -1,4 +1,4 @@
-"""A set of rates with the convention it was made in and the evidence behind it; TOML in and out."""
+"""Rate constants of a network, with their convention and their evidence, in TOML files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIPPED = Path(__file__).parent / "tables"
 
 
 class Convention(Settings):
-    """How a propensity is put together from the numbers of a rates file. Nothing is folded in silently."""
+    """The formula of a propensity in the numbers of a rates file; no factor is left unsaid."""
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
@@ -25,10 +25,10 @@ class Convention(Settings):
 
 
 class MeasuredRate(Settings):
-    """A rate constant, 1/tu per way and combination, with what is known of it.
+    """A rate constant, 1/tu per way and combination, with its interval and its evidence.
 
     low, high : 95 % interval of the rate
-    events, exposure : firings n, and the integral of ways * combinations over the time watched, tu
+    events, exposure : firings n, and the integral of ways * combinations over the time observed, tu
     """
 
     rate: float = Field(ge=0)

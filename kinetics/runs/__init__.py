@@ -1,4 +1,4 @@
-"""What happened: jump paths, ensembles of runs, and their statistics."""
+"""Records of runs: jump paths, ensembles of counts, and their statistics."""
 
 from kinetics.runs.paths import RESTART, Ensemble, JumpPath
 from kinetics.runs.statistics import EnsembleStatistics

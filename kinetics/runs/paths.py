@@ -1,4 +1,4 @@
-"""What happened: jump paths with every event, and ensembles of counts on a grid of times.
+"""Records of runs: jump paths with every event, and ensembles of counts on a grid of times.
 
 Simulated and mechanical runs give the same records, so that whoever reads one need not know where it came from.
 """
@@ -29,7 +29,7 @@ class JumpPath:
     initial : (S,) counts at time 0, and again after each restart
     times : (E,) in tu, never falling: what happens within one mechanics step shares its time
     channels : (E,) index of the channel that fired, or RESTART
-    end : time in tu at which watching stopped; a wait that it cuts off is right-censored
+    end : time in tu at which observation stopped; a waiting time that it cuts off is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
     """
 
@@ -128,7 +128,7 @@ class JumpPath:
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
         asked = reals("times", times, (None,), minimum=0)
         if asked.size and asked.max() > self.end:
-            raise ValueError(f"the run was watched until {self.end:g}; {asked.max():g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was asked for")
         rows = np.searchsorted(self.times, asked, side="right")
         if self._is_small:
             return self.states[rows]
@@ -149,7 +149,7 @@ class JumpPath:
         return 0.0 if seen[0] == 0 else float(self.times[seen[0] - 1])
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a moment: time in tu, what happened ("start", a channel, "restart", "end"), counts after it."""
+        """One row a moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
         import pandas as pd
 
         names = (*self.network.channels, "restart")  # RESTART = -1 picks the last

@@ -1,4 +1,4 @@
-"""Statistics of ensembles that need no more memory for a million runs than for ten.
+"""Statistics of ensembles in constant memory: as much for a million runs as for ten.
 
 All that is kept are whole numbers: histograms, sums, sums of products, in integers that cannot overflow. So the
 statistics of a set of runs do not depend on the blocks in which they came, on their order, or on who made them.
@@ -30,7 +30,7 @@ Exact = NDArray[np.object_]  # whole numbers without limit
 
 @dataclass(frozen=True, eq=False)
 class EnsembleStatistics:
-    """What is known of the counts of many independent runs on one grid of times, without the runs.
+    """Statistics of the counts of many independent runs on one grid of times; the runs are not kept.
 
     times : (T,) tu, rising
     runs, asked : made, and asked for; fewer were made where someone interrupted
@@ -125,7 +125,7 @@ class EnsembleStatistics:
         return table
 
     def marginal_at(self, species: str, time: float, level: float = 0.95) -> Marginal:
-        """How the counts of one species were distributed at one of the times, with intervals of its probabilities."""
+        """The distribution of one species at one of the times, with intervals of its probabilities."""
         from scipy.special import betaincinv
 
         if not 0 < level < 1:
@@ -147,7 +147,7 @@ class EnsembleStatistics:
         return Marginal(species, float(time), first, width, found / self.runs, low, high, level)
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
-        """Of the runs of both, which must be other runs of the same network at the same times."""
+        """Statistics of the runs of both: other runs of the same network at the same times."""
         if self.network.fingerprint != other.network.fingerprint:
             raise ValueError("these are statistics of different networks; merge those of one")
         if not np.array_equal(self.times, other.times):
@@ -209,7 +209,7 @@ class Marginal:
 
 
 class Tally:
-    """Statistics in the making."""
+    """Statistics to which runs are added."""
 
     def __init__(self, network: Network, times: ArrayLike, pairs: NDArray[np.intp]) -> None:
         self.network, self.times, self.pairs, self.runs = network, rising_times(times), pairs, 0
@@ -224,7 +224,7 @@ class Tally:
         self.products: Exact = np.zeros((shape[0], pairs.shape[1]), dtype=object)
 
     def add(self, counts: Ints) -> None:
-        """Take in the counts (runs, T, S) of more runs."""
+        """Add the counts (runs, T, S) of more runs."""
         from kinetics.kernels import statistics
 
         if not len(counts):
@@ -274,7 +274,7 @@ class Tally:
         self.shift, self.origin = shift, origin
 
     def add_statistics(self, other: EnsembleStatistics) -> None:
-        """Take in runs whose statistics are known."""
+        """Add runs whose statistics are known."""
         from kinetics.kernels import statistics
 
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
@@ -285,9 +285,9 @@ class Tally:
         self.runs += other.runs
 
     def statistics(self, asked: int) -> EnsembleStatistics:
-        """Of the runs taken in; nothing more can be added afterwards."""
+        """Statistics of the runs added so far; nothing more can be added afterwards."""
         if not self.runs:
-            raise ValueError("no runs were taken in; there is nothing to tell of them")
+            raise ValueError("no runs were added, so there are no statistics; add some first")
         arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
         return EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
 

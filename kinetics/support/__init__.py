@@ -1,1 +1,1 @@
-"""What every room uses and none owns: arrays, files, memory, plots and tables."""
+"""Support for all rooms: arrays, files, memory, plots, tables and the command line."""

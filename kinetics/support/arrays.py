@@ -1,4 +1,4 @@
-"""Arrays from outside: checked once for shape, kind and range, then set read-only."""
+"""Checks of arrays from outside, once, for shape, kind and range; the result is read-only."""
 
 from __future__ import annotations
 

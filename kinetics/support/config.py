@@ -1,4 +1,4 @@
-"""Files that a person edits: TOML read with limits, validated with messages a person can act on."""
+"""TOML files that a person edits: read within limits, validated with messages that say what to do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 # tomllib takes quadratic time and memory on long dotted keys: 64 KB of them take 15 s and 4 GB.
 MAX_BYTES = 64 * 1024
 MAX_LINE = 4 * 1024
-MAX_ERRORS = 10  # told at once
+MAX_ERRORS = 10  # reported at once
 
 Model = TypeVar("Model")
 

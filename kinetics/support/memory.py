@@ -1,4 +1,4 @@
-"""Refusing, before it starts, what the memory would not hold."""
+"""A check of free memory before large work begins."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_memory(what: str, n_bytes: float, advice: str) -> None:
 
 
 def available_bytes() -> float:
-    """Memory that new work may take; inf where the system does not tell."""
+    """Memory that new work may take; inf where the system does not say."""
     return min(_machine_bytes(), *(_group_bytes(*files) for files in GROUP_FILES))
 
 

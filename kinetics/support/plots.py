@@ -1,4 +1,4 @@
-"""Drawing onto given axes. Results call these; nothing here computes."""
+"""Plots onto given axes, from arrays and names; nothing here computes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-# Okabe & Ito (2008): told apart by the colour-blind too
+# Okabe & Ito (2008): colour-blind readers can distinguish these
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 
 
@@ -63,7 +63,7 @@ def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int 
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     figure = Figure(figsize=size, layout="constrained")
     draw(figure.add_subplot())
-    with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are drawn by lot
+    with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
         figure.savefig(path, dpi=dpi, metadata=undated.get(Path(path).suffix.lower()))
 
 

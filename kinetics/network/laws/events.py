@@ -1,4 +1,4 @@
-"""Events: counts that are set when a condition becomes true, such as a dose at a time or a feed at a low count."""
+"""Events: assignments to counts when a condition becomes true, such as a dose at a time or a feed at a low count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kinetics.network.laws.expression import Expression
 
 @dataclass(frozen=True)
 class Event:
-    """What happens at once, without chance, each time a condition turns from false to true.
+    """An assignment to counts, at once and without chance, each time a condition turns from false to true.
 
     name : of the event
     when : the condition over counts, parameters and t: "t >= 50", "S < 10 and P > 0"
@@ -82,7 +82,7 @@ class Event:
         return cast(dict[str, Expression], self.assign)
 
     def check_names(self, species: Mapping[str, int]) -> None:
-        """A ValueError where it speaks of what there is not."""
+        """A ValueError where it names a species or parameter that does not exist."""
         self.condition.check_names(f"event {self.name!r}", species)
         for name, value in self.new_counts.items():
             if name not in species:

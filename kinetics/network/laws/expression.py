@@ -1,4 +1,4 @@
-"""Expressions in species counts, parameters and time, as a person writes them: "vmax * S / (K + S)".
+"""Expressions in species counts, parameters and time, such as "vmax * S / (K + S)".
 
 They are parsed by Python's own grammar, of which only arithmetic is let through; nothing is ever executed as Python.
 """

@@ -1,4 +1,8 @@
-"""The usual rate laws by name. Each makes an `Expression`; to add one, write its function and put it into `LAWS`."""
+"""The usual rate laws by name. Each makes an `Expression`.
+
+To add one, write its function, with an example at the end of its docstring, and put it into `LAWS`: the contract in
+tests/contracts/test_laws.py reads both.
+"""
 
 from __future__ import annotations
 
@@ -12,42 +16,61 @@ from kinetics.network.laws.expression import Expression, quoted
 def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
     """k times the sets of reactants: k * A * (A - 1) / 2 for two of A.
 
-    As an expression it costs more an event than a rate constant does; it is there to be built upon.
+    As an expression it costs more an event than a rate constant does; it serves as a start for other laws.
+    Example: `mass_action(0.3, {"A": 2, "B": 1})`
     """
     return Expression(f"k{_combinations(reactants)}", {"k": _positive("k", k)})
 
 
 def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None = None) -> Expression:
-    """vmax * S / (K + S); with an enzyme, vmax is per copy of it. K in copies (Michaelis & Menten 1913)."""
+    """vmax * S / (K + S); with an enzyme, vmax is per copy of it. K in copies (Michaelis & Menten 1913).
+
+    Example: `michaelis_menten("S", vmax=2.0, K=10.0, enzyme="E")`
+    """
     s = quoted(substrate)
     front = "vmax * " if enzyme is None else f"vmax * {quoted(enzyme)} * "
     return Expression(f"{front}{s} / (K + {s})", {"vmax": _positive("vmax", vmax), "K": _above_0("K", K)})
 
 
 def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
-    """basal + vmax * A**n / (K**n + A**n): activation with half its effect at K copies (Hill 1910)."""
+    """basal + vmax * A**n / (K**n + A**n): activation with half its effect at K copies (Hill 1910).
+
+    Example: `hill("A", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
+    """
     a = quoted(activator)
     return Expression(f"basal + vmax * {a} ** n / (K ** n + {a} ** n)", _hill(vmax, K, n, basal))
 
 
 def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
-    """basal + vmax / (1 + (R / K)**n): repression with half its effect at K copies."""
+    """basal + vmax / (1 + (R / K)**n): repression with half its effect at K copies.
+
+    Example: `hill_repression("R", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
+    """
     return Expression(f"basal + vmax / (1 + ({quoted(repressor)} / K) ** n)", _hill(vmax, K, n, basal))
 
 
 def steps_in_count(species: str, counts: Sequence[int], rates: Sequence[float]) -> Expression:
-    """rates[0] below counts[0] copies, rates[1] from there on below counts[1], and so on; one rate more than counts."""
+    """rates[0] below counts[0] copies, rates[1] from there on below counts[1], and so on; one rate more than counts.
+
+    Example: `steps_in_count("A", counts=[3, 20], rates=[1.0, 4.0, 0.5])`
+    """
     return _steps(quoted(species), "counts", counts, rates)
 
 
 def steps_in_time(times: Sequence[float], rates: Sequence[float], reactants: Mapping[str, int]) -> Expression:
-    """Mass action whose rate constant is rates[0] before times[0] tu, then rates[1], and so on; one rate more."""
+    """Mass action whose rate constant is rates[0] before times[0] tu, then rates[1], and so on; one rate more.
+
+    Example: `steps_in_time(times=[5.0, 12.0], rates=[1.0, 0.0, 3.0], reactants={"A": 2})`
+    """
     stepped = _steps("t", "times", times, rates)
     return Expression(f"{stepped.text}{_combinations(reactants)}")
 
 
 def periodic(k: float, amplitude: float, period: float, reactants: Mapping[str, int], peak: float = 0.0) -> Expression:
-    """Mass action whose rate constant is k * (1 + amplitude * cos(2 pi (t - peak) / period)); amplitude up to 1."""
+    """Mass action whose rate constant is k * (1 + amplitude * cos(2 pi (t - peak) / period)); amplitude up to 1.
+
+    Example: `periodic(k=2.0, amplitude=0.5, period=24.0, reactants={"A": 1}, peak=6.0)`
+    """
     if not 0 <= amplitude <= 1:
         raise ValueError(f"amplitude = {amplitude}; expected between 0 and 1, so that the rate never is below 0")
     values = {"k": _positive("k", k), "amplitude": amplitude, "period": _above_0("period", period), "peak": peak}
@@ -85,6 +108,8 @@ def _steps(of: str, what: str, places: Sequence[float], rates: Sequence[float]) 
         )
     if not all(one < other for one, other in pairwise(places)):
         raise ValueError(f"{what} must rise; {list(places)} came")
+    if not all(math.isfinite(place) for place in places):
+        raise ValueError(f"{what} = {list(places)}; expected finite numbers")
     values = [_positive("rates", rate) for rate in rates]
     pieces = [f"{value!r}, {of} < {float(place)!r}" for value, place in zip(values, places, strict=False)]
     return Expression(f"piecewise({', '.join(pieces)}, {values[-1]!r})")

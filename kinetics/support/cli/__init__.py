@@ -1,1 +1,1 @@
-"""What the commands share: options, progress and loading on demand."""
+"""Support for commands: shared options, progress, import on demand."""

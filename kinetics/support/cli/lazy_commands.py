@@ -1,4 +1,4 @@
-"""Commands that are known by their help line alone until they are asked for."""
+"""Lazy commands: only the help line is known until the command is run."""
 
 from __future__ import annotations
 

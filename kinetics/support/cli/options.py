@@ -1,4 +1,4 @@
-"""Options that the rooms' commands share."""
+"""Options shared by the commands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ from kinetics.support.arrays import Floats
 DURATION = 2000.0  # tu, the paper's
 
 seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="One seed, one result."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Random seed; the same seed gives the same result.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
@@ -24,14 +28,14 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Refuse a file that could not be written before any work is done for it."""
+    """Refuse, before any work is done, a file that could not be written."""
     if value is not None and not Path(value).absolute().parent.is_dir():
         raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
     return value
 
 
 def picture_of(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """The same, for a picture of a kind that we draw."""
+    """Refuse, before any work is done, a picture that could not be drawn."""
     if value is not None and Path(value).suffix.lower() not in PICTURES:
         raise click.BadParameter(f"{value} must end in {', '.join(PICTURES)}", ctx, param)
     return in_a_folder(ctx, param, value)
@@ -130,11 +134,16 @@ def _is_number(word: str) -> bool:
 
 
 def starting_options(command: Any) -> Any:
-    """Book or network file, rates, and what the tank holds at time 0."""
+    """The argument and options of a start: rule book or network file, rates, counts at time 0."""
     for decorate in (
-        click.option("--initial", metavar="SPECIES=COUNT,...", help="Copies at time 0: monomer=20,dimer=20."),
-        click.option("--cubes", type=click.IntRange(min=1), help="Start from so many single cubes."),
-        click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates: table3, or a .toml file."),
+        click.option("--initial", metavar="SPECIES=COUNT,...", help="Counts at time 0, as in monomer=20,dimer=20."),
+        click.option("--cubes", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
+        click.option(
+            "--rates",
+            "rates_name",
+            metavar="NAME|FILE",
+            help="Rate constants: a shipped table such as table3, or a .toml file.",
+        ),
         click.argument("book", metavar="NETWORK"),
     ):
         command = decorate(command)

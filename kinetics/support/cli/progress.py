@@ -1,4 +1,4 @@
-"""Telling a person at a terminal how far the work is."""
+"""A progress line at the terminal."""
 
 from __future__ import annotations
 

@@ -73,6 +73,7 @@ CHANGES = {
     "state": lambda net: net.state({f"s{i}": 1 for i in range(N)}),
     "index": lambda net: [net.index(f"s{i}") for i in range(N)],
     "fingerprint": lambda net: net.with_events([DOSE]).fingerprint,
+    "repr": repr,
     "propensities": lambda net: net.with_rates(np.ones(N)).propensities(np.ones(N, dtype=int)),
 }
 

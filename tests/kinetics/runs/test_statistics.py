@@ -280,7 +280,7 @@ def test_bad_questions_of_the_result():
         gathered(wide_counts(np.random.default_rng(1), 10)).marginal("dimer")
     with pytest.raises(ValueError, match="holds -1"):
         statistics_of(line(), [1.0], [[[1, 2, 3, -1]]])
-    with pytest.raises(ValueError, match="nothing to tell"):
+    with pytest.raises(ValueError, match="there are no statistics"):
         gathered()
     with pytest.raises(ValueError, match="read-only"):
         made.histogram[0] = 1
