@@ -94,7 +94,7 @@ def test_nothing_happens_where_nothing_can(method):
 
 @every_method
 def test_probabilities_are_positive_and_sum_to_one(method):
-    found = method().solve(line(), [20, 0, 0, 0], np.linspace(0.0, 900.0, 7))
+    found = method().solve(line(), [14, 0, 0, 0], np.linspace(0.0, 900.0, 7))
     assert found.probabilities.min() >= 0.0
     assert abs(found.probabilities.sum(axis=1) - 1.0).max() <= found.error + 1e-14
     assert isinstance(found.is_bound, bool)
