@@ -40,7 +40,7 @@ def test_walk_against_a_drift(n):
 
 
 @pytest.mark.parametrize("stages", [1, 7, 400])
-def test_bounds_of_the_law(stages):
+def test_bounds_of_the_distribution(stages):
     law = erlang(stages)
     times = np.linspace(0.0, 2 * law.mean, 13).reshape(13, 1)
     for bounds, exact in (

@@ -113,7 +113,7 @@ def test_proven_bounds_hold_and_tolerances_are_kept(small):
     assert 0 < small.reference_bound < 1e-10
 
 
-def test_peers_agree_with_the_exact_law(small):
+def test_peers_agree_with_the_exact_distribution(small):
     (peer,) = small.of("scipy expm_multiply")
     assert peer.error.copies < 1e-11
     assert peer.bound is None
@@ -246,7 +246,7 @@ def test_bad_times():
         ExpmMultiply().solve(line(), START, [1.0, 2.0])
 
 
-def test_law_without_end_is_refused_by_its_states(monkeypatch):
+def test_a_space_without_end_is_refused_by_its_states(monkeypatch):
     birth = network(("X",), {"birth": ((0,), (1,))}, [1.0])
     monkeypatch.setattr(diagram, "REFERENCE", Transient(1e-16, max_states=100))
     with pytest.raises(ValueError, match="over 100 states"):
