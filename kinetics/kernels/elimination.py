@@ -1,4 +1,7 @@
-"""State reduction on a banded chain (Grassmann, Taksar & Heyman 1985): only positive numbers, never subtracted.
+"""State reduction on a banded chain without subtractions (Grassmann, Taksar & Heyman 1985).
+
+doi:10.1287/opre.33.5.1107. With q the rates and l those out of the chain, step k = n - 1, ..., 0 is
+S_k = l_k + sum over j < k of q_kj, and for i, j < k: q_ij += (q_ik / S_k) q_kj, l_i += (q_ik / S_k) l_k.
 
 band[i, j - i + b] is the rate from state i to state j, |i - j| <= b. Taking out the last state of a chain reroutes what
 would have gone through it; its exit rate is summed anew from where it goes, never found by subtraction.
@@ -49,7 +52,11 @@ def reduce(band, leaving, exits):
 
 @compiled(error_model="python")
 def solve(band, exits, x):
-    """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`."""
+    """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`.
+
+    For k = n - 1, ..., 1: x_i += (q_ik / S_k) x_k for i < k. Then for k = 0, ...: x_k = (x_k + sum over j < k of
+    q_kj x_j) / S_k.
+    """
     n = exits.size
     b = band.shape[1] // 2
     for k in range(n - 1, 0, -1):
@@ -65,7 +72,11 @@ def solve(band, exits, x):
 
 @compiled(error_model="python")
 def occupy(band, exits, x):
-    """Expected time in each state, from a start spread as x (n,); in place, after `reduce`."""
+    """Expected time in each state, from a start spread as x (n,); in place, after `reduce`.
+
+    For k = n - 1, ..., 0: x_k = x_k / S_k, x_j += x_k q_kj for j < k. Then for k = 1, ...: x_k += sum over i < k of
+    x_i q_ik / S_k.
+    """
     n = exits.size
     b = band.shape[1] // 2
     for k in range(n - 1, -1, -1):
@@ -80,7 +91,10 @@ def occupy(band, exits, x):
 
 @compiled(error_model="python")
 def balance(band, x):
-    """Weights (n,) of the stationary distribution of a chain that nothing leaves, up to a factor; after `reduce`."""
+    """Weights (n,) of the stationary distribution of a chain that nothing leaves, up to a factor; after `reduce`.
+
+    x_0 = 1, then for k = 1, ...: x_k = sum over i < k of x_i q_ik / S_k.
+    """
     n = x.size
     b = band.shape[1] // 2
     x[0] = 1.0

@@ -1,4 +1,4 @@
-"""Steps of a uniformised Markov chain on a sparse generator.
+"""Steps p <- p P of a uniformised Markov chain, P = 1 + Q / q (Jensen 1953), on a sparse generator.
 
 A step adds to every state what flows in and takes what flows out: p + (inflow - outflow). All but the last addition
 round in proportion to the flow, not to the probability, so a chain that mostly rests loses little.

@@ -26,7 +26,7 @@ class Distribution:
     times : (T,) tu
     probabilities : (T, N), none negative
     error : the summed absolute error at any time is below this: truncation, rounding, and rounding of the rates
-    is_bound : whether that is proven; else `error` is an estimate
+    is_bound : whether that is proven; else `error` is an estimate, as for rates from rate laws
     is_complete : whether the space holds all reachable states; else what is missing is at most `error`
     """
 

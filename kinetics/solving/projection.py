@@ -39,6 +39,8 @@ class FiniteStateProjection(SolvingMethod):
     flowed are extended and the window is done again. After a window those states are dropped that hold little mass and
     that little mass went through, so that bottlenecks stay. Once the distribution has settled it is kept as it is.
 
+    The error is proven, but for rates that come from rate laws, whose own roundings are not known.
+
     Source: Munsky & Khammash (2006), doi:10.1063/1.2145882, with sets that move. Cost: about (exit rate of the likely
     states) * (last time) steps over their transitions. Choose it where more states can be reached than can be listed,
     or far more than are likely.
@@ -220,7 +222,7 @@ class _Front:
         lost = float((1.0 - probabilities.sum(axis=1)).max())
         space = StateSpace(self.network, self.seen.states.copy(), np.zeros(n, dtype=bool))
         error = max(lost, 0.0) + self.drift + self.rounding + ROUNDOFF * (2 * len(self.found) + np.log2(n) + 20)
-        return Distribution(space, self.grid, probabilities, error, is_complete=False)
+        return Distribution(space, self.grid, probabilities, error, not self.network.laws, is_complete=False)
 
     def too_many(self) -> str:
         """How far it came, and how the likely states spread."""

@@ -1,4 +1,4 @@
-"""Uniformisation: the master equation dp/dt = p Q solved over all reachable states, with a proven bound."""
+"""The transient solution of dp/dt = p Q over all reachable states by uniformisation, with a proven bound."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class Transient(SolvingMethod):
     Source: Jensen (1953), doi:10.1080/03461238.1953.10419459; weights after Fox & Glynn (1988),
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
     times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
-    of up to 2000 states go to `Dense`, whose error is proven up to 500 states and an estimate above.
+    of up to 2000 states go to `Dense`, whose error is proven up to 500 states and an estimate above. Where rates come
+    from rate laws, whose own roundings are not known, the error is an estimate.
     """
 
     name: ClassVar[str] = "exact"
@@ -67,4 +68,4 @@ class Transient(SolvingMethod):
                 f"sample with the direct method"
             )
         probabilities, _, error = mixtures(chain, np.eye(1, n)[0], grid, self.tolerance)
-        return Distribution(space, grid, probabilities, error)
+        return Distribution(space, grid, probabilities, error, is_bound=not network.laws)

@@ -94,7 +94,7 @@ def test_nothing_happens_where_nothing_can(method):
 
 @every_method
 def test_probabilities_are_positive_and_sum_to_one(method):
-    found = method().solve(line(), [20, 0, 0, 0], np.linspace(0.0, 900.0, 7))
+    found = method().solve(line(), [14, 0, 0, 0], np.linspace(0.0, 900.0, 7))
     assert found.probabilities.min() >= 0.0
     assert abs(found.probabilities.sum(axis=1) - 1.0).max() <= found.error + 1e-14
     assert isinstance(found.is_bound, bool)
@@ -115,6 +115,7 @@ def test_a_rate_law_is_solved(method):
     by_law = replace(switch(1.0, 2.0), laws={"forward": "1.0 * A"})
     found, same = (method().solve(net, [5, 0], [0.3, 2.0]) for net in (by_law, switch(1.0, 2.0)))
     assert_allclose(found.mean(), same.mean(), rtol=0, atol=5 * (found.error + same.error))
+    assert not found.is_bound  # how a law rounds is not known
     saturating = replace(switch(1.0, 2.0), laws={"forward": "3.0 * A / (2.0 + A)"})
     slower = method().solve(saturating, [5, 0], [0.3, 2.0])
     assert abs(slower.mean() - found.mean()).max() > 0.1  # the control

@@ -162,8 +162,8 @@ def _binding() -> Iterator[Attempt]:
         late = partial(method().solve, net, start, [3.0])
         yield attempt(f"{method.name}, late", lambda late=late: beyond_its_error(late(), [mean, mean, n - mean]), 1.0)
     for kind in SAMPLING_METHODS:
-        # Six standard errors, and short of 65.887.
-        runs = partial(kind().simulate, net, [66, 66, 434], [0.3], runs=30_000, seed=12)
+        # Five standard errors, and short of 65.887.
+        runs = partial(kind().simulate, net, [66, 66, 434], [0.2], runs=20_000, seed=12)
         yield attempt(
             f"{kind.name}, distance of the mean",
             lambda runs=runs: float(abs(runs().counts[:, 0, 0].mean() - mean)),

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from known_systems import assert_follows_cdf, assert_follows_table, line, network, switch, walk
 from numpy.testing import assert_allclose
+from scipy.linalg import expm
 
-from kinetics import first_passage, sample_path
+from kinetics import first_passage
 from kinetics.passage import committor
 
 
@@ -80,29 +81,24 @@ def test_one_target_is_a_first_passage():
     assert_allclose(found.mean_times[0], first_passage(line(), [20, 0, 0, 0], "quadmer", 2).mean, rtol=1e-11)
 
 
-def test_conditioned_paths_follow_the_law_of_selected_ones():
+def test_conditioned_paths_take_as_long_as_selected_ones():
     net, ends = ruin(4, 2.0, 3.0)
     found = committor(net, [2], ends)
     drawn = [found.sample_path("rich", seed=1, run=run) for run in range(2000)]
     assert all(path.states[-1, 0] == 4 for path in drawn)
-    free = [sample_path(net, [2], 60.0, seed=2, run=run) for run in range(8000)]
-    # Rejection: the runs that get rich, cut where they do.
-    selected = []
-    for path in free:
-        counts = path.states[:, 0]
-        if counts.max() >= 4:
-            selected.append(path.times[int(np.argmax(counts >= 4)) - 1])
-    ordered = np.sort(selected)
     times = np.array([path.end for path in drawn])
-    # Two samples: each may differ from the law by its own chance.
-    gap = np.sqrt(np.log(2e6) / 2) * (1 / np.sqrt(len(times)) + 1 / np.sqrt(len(selected)))
-    at = np.concatenate([times, ordered])
-    difference = np.searchsorted(np.sort(times), at, "right") / len(times) - np.searchsorted(
-        ordered, at, "right"
-    ) / len(ordered)
-    assert abs(difference).max() < gap
-    share = len(selected) / len(free)
-    assert abs(share - found.probabilities[1]) < 5 * np.sqrt(0.25 / len(free))
+    # From 2 of 0, ..., 4 coins, both ends kept: who is at 4 by then, over who ever is.
+    coins = np.array([0.0, 1, 2, 3, 0])
+    generator = np.diag(2.0 * coins[:-1], 1) + np.diag(3.0 * coins[1:], -1) - np.diag(5.0 * coins)
+
+    def by(when):
+        return expm(generator * when[:, None, None])[:, 2, 4]
+
+    ever = by(np.array([200.0]))[0]
+    assert_allclose(ever, found.probabilities[1], rtol=1e-12)
+    assert_follows_cdf(times, lambda when: by(when) / ever)
+    with pytest.raises(AssertionError):  # the control: those of all paths, whichever end they come to
+        assert_follows_cdf(times, lambda when: by(when) + expm(generator * when[:, None, None])[:, 2, 0])
     assert_allclose(times.mean(), found.mean_times[1], rtol=5 * times.std() / times.mean() / np.sqrt(len(times)))
 
 

@@ -40,7 +40,7 @@ def test_walk_against_a_drift(n):
 
 
 @pytest.mark.parametrize("stages", [1, 7, 400])
-def test_bounds_of_the_law(stages):
+def test_bounds_of_the_distribution(stages):
     law = erlang(stages)
     times = np.linspace(0.0, 2 * law.mean, 13).reshape(13, 1)
     for bounds, exact in (
@@ -113,16 +113,16 @@ def test_first_line_of_four(table, mean, sd):
 
 
 def test_against_sampling():
-    law = first_passage(line(), [60, 0, 0, 0], "quadmer", copies=2)
+    law = first_passage(line(), [24, 0, 0, 0], "quadmer", copies=2)
     end = float(law.quantile(1 - 1e-7))
     times = np.array(
-        [sample_path(line(), [60, 0, 0, 0], end, seed=1, run=run).first_time("quadmer", 2) for run in range(3000)]
+        [sample_path(line(), [24, 0, 0, 0], end, seed=1, run=run).first_time("quadmer", 2) for run in range(2000)]
     )
     assert_follows_cdf(times, law.cdf)
     z = (times.mean() - law.mean) / (law.sd / np.sqrt(times.size))
     assert abs(z) < 4.9  # 1e-6
     with pytest.raises(AssertionError):  # the first line instead of the second
-        assert_follows_cdf(times, first_passage(line(), [60, 0, 0, 0], "quadmer").cdf)
+        assert_follows_cdf(times, first_passage(line(), [24, 0, 0, 0], "quadmer").cdf)
 
 
 def test_mean_is_the_integral_of_survival():

@@ -25,7 +25,7 @@ def births():
 def test_against_the_exact_passage(target, time, chance):
     exact = float(first_passage(births_and_deaths(), [0], "X", target).cdf(time))
     assert_allclose(exact, chance, rtol=0.3)
-    found = rare_event(births_and_deaths(), [0], copies, target, time, runs=20_000, seed=1)
+    found = rare_event(births_and_deaths(), [0], copies, target, time, runs=12_000, seed=1)
     assert found.is_trusted
     assert found.low < found.probability < found.high
     # Student's law with 19 degrees of freedom leaves 1e-6 beyond 7.3
@@ -118,7 +118,7 @@ def test_common_and_certain_events():
 
 
 def test_seed():
-    one, two = (rare_event(births_and_deaths(), [0], copies, 15, 2.0, runs=500, seed=5) for _ in range(2))
+    one, two = (rare_event(births_and_deaths(), [0], copies, 8, 2.0, runs=500, seed=5) for _ in range(2))
     assert one.probability == two.probability
     assert_array_equal(one.chances, two.chances)
     assert "stages of 500 runs (seed 5)" in str(one)

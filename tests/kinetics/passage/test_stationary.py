@@ -99,11 +99,11 @@ def test_independent_copies_are_binomial():
 
 
 def test_a_long_chain_with_weights_beyond_double():
-    # Against the drift, the weights span 2**1200; the law is geometric, from either end.
+    # Against the drift, the weights span 2**1100; the law is geometric, from either end.
     for up, down in ((1.0, 2.0), (2.0, 1.0)):
-        law = stationary(walk(1200, up, down), np.eye(1, 1201, dtype=int)[0])
+        law = stationary(walk(1100, up, down), np.eye(1, 1101, dtype=int)[0])
         place = law.space.states.argmax(axis=1)
-        distance = place if up < down else 1200 - place
+        distance = place if up < down else 1100 - place
         near = distance < 1000
         assert_allclose(law.probabilities[near], 0.5 ** (distance[near] + 1.0), rtol=1e-12)
 

@@ -96,7 +96,7 @@ def test_growth_without_limit_is_refused_with_its_pace():
         reachable(network(("A",), {"jump": ((1,), (2**62,))}, [1.0]), [2])
 
 
-def test_a_broken_conservation_law_is_seen():
+def test_a_conserved_quantity_that_changes_is_seen():
     space = reachable(switch(), [3, 0])
     lying = switch()
     object.__setattr__(lying, "conserved", {"copies": np.array([1.0, 2.0])})

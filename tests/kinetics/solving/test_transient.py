@@ -87,7 +87,7 @@ def test_what_takes_too_long_is_refused_before_it_starts():
         Transient(max_seconds=np.nan)
 
 
-def test_a_settled_law_takes_no_more_steps(monkeypatch):
+def test_a_settled_distribution_takes_no_more_steps(monkeypatch):
     # 1e5 relaxation times: binomial long before, by far fewer steps than the Poisson window asks for.
     from kinetics.kernels import markov
 
