@@ -1,4 +1,4 @@
-"""What can stick to what: faces, structures, rule books, and the networks they make."""
+"""Self-assembly of cubes: faces, structures, rule books, and the reaction networks that they give."""
 
 # Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
 from kinetics.assembly.checking.checker import Finding, Report, check

@@ -1,4 +1,4 @@
-"""The findings about a rule book, drawn: each with the shortest way that leads to its counterexample."""
+"""Drawings of counterexamples: each fault of a rule book with the shortest sequence of events to it."""
 
 from __future__ import annotations
 
