@@ -1,4 +1,4 @@
-"""The front door: one command whose parts live in the rooms and are loaded only when they are asked for."""
+"""The command line: one command whose subcommands live in the rooms and are imported only when they are used."""
 
 from __future__ import annotations
 
@@ -12,30 +12,66 @@ from kinetics.support.cli.lazy_commands import mount
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
-    "simulate": ("mechsim.commands.simulate", "simulate", "Run the mechanics: cubes in an agitated tank."),
+    "simulate": (
+        "mechsim.commands.simulate",
+        "simulate",
+        "Simulate cubes in an agitated tank by rigid-body mechanics.",
+    ),
     "study": (
         "mechsim.commands.study",
         "study",
-        "First times against speed, number and size, cost first.",
+        "Measure first-assembly times over a range of conditions.",
     ),
-    "calibrate": ("calibration.commands.calibrate", "calibrate", "Measure the reaction rates in mechanics runs."),
-    "predict": ("kinetics.commands.predict", "predict", "Predict the assembly as a Markov chain."),
-    "passage": ("kinetics.commands.passage", "passage", "Time until the first copy of a species appears."),
-    "rates": ("calibration.commands.rates", "rates", "Measure the rates at each point of a study."),
-    "validate": ("calibration.commands.validate", "validate", "Compare prediction and mechanics the rates never saw."),
-    "demo": ("calibration.commands.demo", "demo", "The whole loop on a small budget, with a report."),
-    "derive": ("kinetics.commands.derive", "derive", "Show the reaction network that a rule book gives."),
-    "hardcases": ("kinetics.commands.hardcases", "hardcases", "Ask every method the cases that break methods."),
-    "render": ("mechsim.commands.render", "render", "Show a run: pictures, a film, or a view to turn."),
-    "replay": ("mechsim.commands.replay", "replay", "Make a stored run again and look at its last steps."),
-    "export": ("mechsim.commands.export", "export", "Write stored runs as Parquet and CSV tables."),
-    "rules": ("kinetics.commands", "rules", "Check rule books."),
+    "calibrate": ("calibration.commands.calibrate", "calibrate", "Estimate reaction rates from runs of the mechanics."),
+    "predict": (
+        "kinetics.commands.predict",
+        "predict",
+        "Predict the counts of all species over time.",
+    ),
+    "passage": (
+        "kinetics.commands.passage",
+        "passage",
+        "Solve for the first-passage time to copies of a species.",
+    ),
+    "rates": ("calibration.commands.rates", "rates", "Estimate reaction rates at each point of a study."),
+    "validate": (
+        "calibration.commands.validate",
+        "validate",
+        "Compare predictions with mechanics runs held out of the fit.",
+    ),
+    "demo": (
+        "calibration.commands.demo",
+        "demo",
+        "Simulate, calibrate, predict and validate, with a report.",
+    ),
+    "derive": (
+        "kinetics.commands.derive",
+        "derive",
+        "Derive the reaction network of a rule book, or convert one.",
+    ),
+    "hardcases": (
+        "kinetics.commands.hardcases",
+        "hardcases",
+        "Test every numerical method on problems that break methods.",
+    ),
+    "render": (
+        "mechsim.commands.render",
+        "render",
+        "Render a mechanics run as pictures, film or interactive view.",
+    ),
+    "replay": ("mechsim.commands.replay", "replay", "Repeat a stored mechanics run and inspect its last steps."),
+    "export": ("mechsim.commands.export", "export", "Export stored mechanics runs as Parquet and CSV tables."),
+    "rules": ("kinetics.commands", "rules", "Check, compile, draw, grow and rank rule books."),
 }
 
 # `wellmixed accuracy ...`, a command a room
 ACCURACY = {
-    "kinetics": ("kinetics.commands.accuracy", "kinetics", "Error of every prediction method against CPU time."),
-    "mechanics": ("mechsim.commands.accuracy", "mechanics", "Error of mean speed and encounter rate against CPU time."),
+    "kinetics": ("kinetics.commands.accuracy", "kinetics", "Error of each prediction method against its CPU time."),
+    "mechanics": (
+        "mechsim.commands.accuracy",
+        "mechanics",
+        "Error of the mean speed and encounter rate against CPU time.",
+    ),
 }
 
 # package that a command may lack -> the extra that brings it
@@ -93,7 +129,7 @@ def main(debug: bool) -> None:
 
 @main.group()
 def accuracy() -> None:
-    """Show what accuracy costs in time."""
+    """Measure accuracy against CPU time."""
 
 
 mount(accuracy, ACCURACY)

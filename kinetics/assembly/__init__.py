@@ -1,13 +1,32 @@
-"""What can stick to what: faces, structures, rule books, and the networks they make."""
+"""Self-assembly of cubes: faces, structures, rule books, and the reaction networks that they give.
 
-# Not lazy: `derive` and `explore` are functions here and modules below, so the functions have to be bound last.
-from kinetics.assembly.checking.checker import Finding, Report, check
-from kinetics.assembly.deriving.derive import Derivation, derive
-from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
-from kinetics.assembly.deriving.ways import RateClass
-from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, Semantics, Senses, View
-from kinetics.assembly.structure import Placement, Structure, placements
+The names below are imported when they are first used, so that a room at the bottom does not bring those above it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kinetics.support.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from kinetics.assembly.checking.checker import Finding, Report, check
+    from kinetics.assembly.deriving.derive import Derivation, derive
+    from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
+    from kinetics.assembly.deriving.ways import RateClass
+    from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
+    from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, Semantics, Senses, View
+    from kinetics.assembly.structure import Placement, Structure, placements
+
+_HOMES = {
+    "kinetics.assembly.checking.checker": ("Finding", "Report", "check"),
+    "kinetics.assembly.deriving.derive": ("Derivation", "derive"),
+    "kinetics.assembly.deriving.explore": ("Exploration", "StructureEvent", "explore"),
+    "kinetics.assembly.deriving.ways": ("RateClass",),
+    "kinetics.assembly.faces": ("FACE_NORMALS", "ROTATIONS", "SCHEMES", "FaceScheme", "compose", "inverse"),
+    "kinetics.assembly.rules.rule_book": ("LivelockError", "RuleBook", "Semantics", "Senses", "View"),
+    "kinetics.assembly.structure": ("Placement", "Structure", "placements"),
+}
 
 __all__ = [
     "FACE_NORMALS",
@@ -34,3 +53,5 @@ __all__ = [
     "inverse",
     "placements",
 ]
+
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

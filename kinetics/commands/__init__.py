@@ -1,4 +1,4 @@
-"""`wellmixed rules`: commands about rule books, one file each."""
+"""Commands of the kinetics, one file each, and the group `wellmixed rules`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,29 @@ import click
 from kinetics.support.cli.lazy_commands import mount
 
 COMMANDS = {
-    "check": ("kinetics.commands.check", "check", "Tell all that is wrong with a rule book."),
-    "compile": ("kinetics.commands.compile", "compile_", "Make the rule book that builds a target."),
-    "draw": ("kinetics.commands.draw", "draw", "Draw structures, state diagrams, networks and growths."),
-    "grow": ("kinetics.commands.grow", "grow", "Grow structures by a rule book, however many there can be."),
-    "rank": ("kinetics.commands.rank", "rank", "Rank books of one target by time and yield."),
+    "check": ("kinetics.commands.check", "check", "Verify a rule book by exhausting everything it can assemble."),
+    "compile": (
+        "kinetics.commands.compile",
+        "compile_",
+        "Synthesise a rule book that builds a target structure.",
+    ),
+    "draw": (
+        "kinetics.commands.draw",
+        "draw",
+        "Draw structures, state diagrams, networks and growth.",
+    ),
+    "grow": (
+        "kinetics.commands.grow",
+        "grow",
+        "Simulate assembly directly from the rules, without a network.",
+    ),
+    "rank": ("kinetics.commands.rank", "rank", "Rank rule books of one target by yield or first-assembly time."),
 }
 
 
 @click.group()
 def rules() -> None:
-    """Examine rule books."""
+    """Check, compile, draw, grow and rank rule books."""
 
 
 mount(rules, COMMANDS)

@@ -1,4 +1,4 @@
-"""`wellmixed accuracy kinetics`."""
+"""`wellmixed accuracy kinetics`: the error of every prediction method against its CPU time."""
 
 from __future__ import annotations
 
@@ -17,18 +17,24 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 
-TIMES = 101  # at which the laws are compared
+TIMES = 101  # at which distributions are compared
 
 
 @click.command()
 @starting_options
-@click.option("--duration", type=float, default=DURATION, show_default=True, help="Compare from 0 to here, tu.")
+@click.option(
+    "--duration",
+    type=float,
+    default=DURATION,
+    show_default=True,
+    help="Time span over which the methods are compared, tu.",
+)
 @click.option(
     "--budget",
     type=click.FloatRange(min=0, min_open=True),
     default=20.0,
     show_default=True,
-    help="Most CPU minutes; the dearest settings are left out where they do not fit.",
+    help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
 )
 @csv_option
 @plot_option
@@ -46,12 +52,12 @@ def kinetics(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Show what accuracy of a prediction costs: every method's error against its CPU time.
+    """Measure every prediction method's error against its CPU time.
 
-    NETWORK, --rates and --cubes are as of `predict`. The error is the largest distance, over 101 times and all species,
-    of the law of a species from the exact one: Wasserstein distance in copies. It is compared what sampling comes to
-    with 10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, what scipy offers, and the rate
-    equation. Everything in one thread. Ctrl-C tells of what was finished.
+    NETWORK, --rates and --cubes are as for `predict`. The error is the largest Wasserstein distance, in copies, between
+    the distribution of a species' count and the exact one, over 101 times and all species. Compared are sampling with
+    10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, SciPy's solvers, and the rate equation,
+    each in a single thread. Ctrl-C ends the comparison and reports what was finished.
     """
     from kinetics.trust.accuracy.diagram import measure
 

@@ -1,4 +1,4 @@
-"""`wellmixed rules check`."""
+"""`wellmixed rules check`: faults of a rule book, each with its shortest counterexample."""
 
 from __future__ import annotations
 
@@ -13,22 +13,29 @@ NOT_CORRECT = 1  # exit code
 
 @click.command()
 @click.argument("book")
-@click.option("--max-cubes", type=click.IntRange(min=1), help="Largest structure.  [default: 12, or the target's size]")
-@click.option("--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most structures.")
+@click.option(
+    "--max-cubes",
+    type=click.IntRange(min=1),
+    help="Largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+)
+@click.option(
+    "--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most structures explored."
+)
 @click.option(
     "--slow-waves/--no-slow-waves",
     default=True,
     show_default=True,
-    help="Also let cubes collide while internal rules are under way.",
+    help="Also explore collisions that happen before the internal rules have settled.",
 )
 @plot_option
 @json_option
 def check(
     book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_file: str | None, as_json: bool
 ) -> None:
-    """Exhaust the rules of BOOK, a shipped book or a .toml file, and tell all that is wrong with it.
+    """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
-    Each finding comes with the shortest way that leads there; --plot draws it. Exit code 1 where there are errors.
+    Reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
+    with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors.
     """
     from kinetics.assembly import RuleBook
     from kinetics.assembly import check as examine

@@ -1,4 +1,4 @@
-"""`wellmixed rules compile`."""
+"""`wellmixed rules compile`: a rule book that builds a target structure and nothing else."""
 
 from __future__ import annotations
 
@@ -13,16 +13,28 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
 
 @click.command()
 @click.argument("target")
-@click.option("--out", metavar="FILE", callback=in_a_folder, help="Write the book to this TOML file.")
-@click.option("--faces", type=click.Choice(["one", "two", "six"]), help="Face types that cubes tell apart.")
-@click.option("--roll", is_flag=True, help="Cubes sense the twist at which another one docks.")
-@click.option("--across", is_flag=True, help="Cubes sense the letter at the face opposite the docking one.")
-@click.option("--touched", is_flag=True, help="Cubes sense the letters of all cubes they touch as they dock.")
-@click.option("--joins", help="Joins to allow, as in 1+1,1+2 or 2.a+1->3.b.  [default: as many as can be told apart]")
-@click.option("--breaks/--no-breaks", default=None, help="Whether bonds break.  [default: as the target says]")
-@click.option("--max-letters", type=click.IntRange(min=2), help="Most letters.  [default: as the target says, or 8]")
+@click.option("--out", metavar="FILE", callback=in_a_folder, help="Write the rule book to this TOML file.")
 @click.option(
-    "--time-limit", type=click.FloatRange(min=0, min_open=True), default=120, show_default=True, help="Seconds."
+    "--faces", type=click.Choice(["one", "two", "six"]), help="Number of face types that a cube distinguishes."
+)
+@click.option("--roll", is_flag=True, help="Cubes sense the twist at which another cube docks.")
+@click.option("--across", is_flag=True, help="Cubes sense the letter at the face opposite the docking face.")
+@click.option("--touched", is_flag=True, help="Cubes sense the letters of all cubes they touch on docking.")
+@click.option(
+    "--joins", help="Joins to allow, such as 1+1,1+2 or 2.a+1->3.b.  [default: as many as cubes can distinguish]"
+)
+@click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
+@click.option(
+    "--max-letters",
+    type=click.IntRange(min=2),
+    help="Largest number of letters (states of a cube).  [default: as the target says, or 8]",
+)
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(min=0, min_open=True),
+    default=120,
+    show_default=True,
+    help="Wall time allowed for the search, s.",
 )
 @seed_option
 @json_option
@@ -40,10 +52,10 @@ def compile_(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Make the rule book that builds TARGET, a shipped target or a .toml file, and nothing else.
+    """Synthesise a rule book that builds TARGET (a shipped target or a .toml file) and nothing else.
 
-    The book is proven before it is handed out. Without senses, here or in the target, the weakest that are enough are
-    taken. The seed matters where a structure grows from a seed only.
+    The book is verified before it is printed. If neither the options nor the target name the cubes' senses, the weakest
+    sufficient ones are chosen. --seed matters only for structures that grow from a seed cube.
     """
     from kinetics.assembly import Senses
     from kinetics.assembly.compiler import Target, compile_book

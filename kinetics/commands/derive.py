@@ -1,4 +1,4 @@
-"""The command `wellmixed derive`: the network of a book or of a file, shown or written for other programs."""
+"""`wellmixed derive`: the reaction network of a rule book or a network file, shown or written for other programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
 @click.command()
 @starting_options
 @click.option(
-    "--out", "out_file", metavar="FILE", callback=in_a_folder, help=f"Write a network file: {', '.join(SUFFIXES)}."
+    "--out",
+    "out_file",
+    metavar="FILE",
+    callback=in_a_folder,
+    help=f"Write the network to this file, in the format of its suffix: {', '.join(SUFFIXES)}.",
 )
 @seed_option
 @json_option
@@ -25,10 +29,10 @@ def derive(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Show the reaction network of a rule book, with the ways counted from geometry, or that of a network file.
+    """Derive the reaction network of a rule book, its numbers of ways counted from geometry, or read a network file.
 
-    For --out a book needs --rates, and --cubes or --initial. A network file may be written as one of another kind.
-    Nothing here is random; --seed is taken because every command takes it.
+    NETWORK is a rule book or a network file; --out converts it to another format, for which a book needs --rates, and
+    --cubes or --initial. Nothing here is random; --seed is accepted for uniformity and has no effect.
     """
     if out_file or is_network_file(book):
         begin = start(book, rates_name, cubes, initial)

@@ -1,4 +1,4 @@
-"""`wellmixed rules draw`."""
+"""`wellmixed rules draw`: pictures of structures, rule books, networks and growth sequences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RuleBook, Structure
     from kinetics.assembly.drawing.drawing import Drawing
 
-Drawn = tuple["Drawing", dict[str, Any]]  # and what there is to tell about it
+Drawn = tuple["Drawing", dict[str, Any]]  # and facts about it
 FRAMES = 8
 PLACEHOLDER = "#"  # of cubes that have no letter yet
 
@@ -27,15 +27,23 @@ PLACEHOLDER = "#"  # of cubes that have no letter yet
     type=click.Choice(["structure", "book", "network", "species", "growth"]),
     default="structure",
     show_default=True,
-    help="The finished structure; the rules as a state diagram; the derived network as a graph; all its species; "
-    "a growth from the first cube to the last.",
+    help="What to draw: the finished structure; the rules as a state diagram; the derived reaction network as a graph; "
+    "all species of that network; or a growth sequence from the first cube to the last.",
 )
 @click.option(
-    "--out", "out", metavar="FILE", required=True, callback=picture_of, help="Draw into this PNG, PDF or SVG file."
+    "--out", "out", metavar="FILE", required=True, callback=picture_of, help="The PNG, PDF or SVG file to write."
 )
-@click.option("--frames", type=click.IntRange(min=2), default=FRAMES, show_default=True, help="Of a growth.")
-@click.option("--max-cubes", type=click.IntRange(min=1), help="Largest structure.  [default: 12, or the target's size]")
-@click.option("--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most species.")
+@click.option(
+    "--frames", type=click.IntRange(min=2), default=FRAMES, show_default=True, help="Pictures in a growth sequence."
+)
+@click.option(
+    "--max-cubes",
+    type=click.IntRange(min=1),
+    help="Largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+)
+@click.option(
+    "--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most species explored."
+)
 @seed_option
 @json_option
 def draw(
@@ -48,10 +56,10 @@ def draw(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Draw a rule book, shipped or a .toml file; the structure alone also of a target that a book is compiled for.
+    """Draw a rule book (shipped, or a .toml file), or the structure of a compiler target.
 
-    A growth of a book with a seed is drawn by lot from all that the rules let happen; of another book, it is the
-    shortest chain to the finished structure. Networks of more than 24 species are lumped by size.
+    The growth sequence of a book with a seed cube is a random one that its rules allow, cube by cube; of any other book
+    it is the shortest sequence of joins to the finished structure. Networks of more than 24 species are lumped by size.
     """
 
     from kinetics.assembly import RuleBook
@@ -66,13 +74,13 @@ def draw(
         "species": lambda: _species(network()),
         "growth": lambda: _growth(RuleBook.load(book), frames, seed, max_cubes, max_species),
     }
-    drawing, told = makers[what]()
+    drawing, facts = makers[what]()
     drawing.save(out)
     if as_json:
-        echo_json({"book": book, "what": what, "out": out, "inches": drawing.size, **told})
+        echo_json({"book": book, "what": what, "out": out, "inches": drawing.size, **facts})
     else:
-        facts = ", ".join(f"{name} {value}" for name, value in told.items())
-        click.echo(f"{out}: {what} of {book} ({facts})")
+        listed = ", ".join(f"{name} {value}" for name, value in facts.items())
+        click.echo(f"{out}: {what} of {book} ({listed})")
 
 
 def _structure(name: str) -> Drawn:
@@ -126,9 +134,9 @@ def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_s
     from kinetics.assembly.deriving.history import chain, random_growth
     from kinetics.assembly.drawing.pictures import below_left, face_key, strip
 
-    told: dict[str, Any] = {}
+    facts: dict[str, Any] = {}
     if book.seed_letter is not None:
-        grown, told = random_growth(book, seed, max_cubes), {"seed": seed}
+        grown, facts = random_growth(book, seed, max_cubes), {"seed": seed}
     else:
         grown = chain(_derived(book, max_cubes, max_species))
     steps = sorted({round(n * (len(grown) - 1) / (frames - 1)) for n in range(frames)})
@@ -136,7 +144,7 @@ def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_s
     captions = [f"{len(structure)} cube{'s' * (len(structure) > 1)}" for structure in shown]
     drawing = strip(shown, captions, book.scheme)
     below_left(drawing, face_key(book.scheme))
-    return drawing, {"frames": [len(structure) for structure in shown], **told}
+    return drawing, {"frames": [len(structure) for structure in shown], **facts}
 
 
 def _size(derivation: Derivation) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`wellmixed rules grow`."""
+"""`wellmixed rules grow`: stochastic simulation of assembly directly from the rules."""
 
 from __future__ import annotations
 
@@ -37,15 +37,27 @@ INTERRUPTED = 130  # exit code
 
 @click.command(cls=NumbersCommand)
 @click.argument("book")
-@click.option("--cubes", type=click.IntRange(min=1), required=True, help="Free cubes at time 0, besides the seed.")
-@click.option("--rates", "rates_file", metavar="FILE", help="Class rates, a .toml file.")
-@click.option("--join", type=float, help="Instead: one rate constant for every pair of faces, 1/tu.")
-@click.option("--break", "break_", type=float, help="With --join: one for every bond, 1/tu.  [default: 0]")
-@click.option("--duration", type=float, help="Grow from 0 to here, tu.  [default: 2000]")
-@click.option("--times", type=float, multiple=True, metavar="T ...", help="Tell of these times instead, tu.")
-@click.option("--runs", type=click.IntRange(min=1), default=20, show_default=True)
 @click.option(
-    "--strip", metavar="FILE", callback=picture_of, help="Draw the first run's growth into this PNG, PDF, SVG."
+    "--cubes", type=click.IntRange(min=1), required=True, help="Number of free cubes at time 0, not counting the seed."
+)
+@click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
+@click.option(
+    "--join", type=float, help="Instead of --rates: one rate constant for every pair of faces that may bond, 1/tu."
+)
+@click.option(
+    "--break",
+    "break_",
+    type=float,
+    help="With --join: one rate constant for the breaking of every bond, 1/tu.  [default: 0]",
+)
+@click.option("--duration", type=float, help="Simulated time, tu.  [default: 2000]")
+@click.option("--times", type=float, multiple=True, metavar="T ...", help="Report at these times instead, tu.")
+@click.option("--runs", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs.")
+@click.option(
+    "--strip",
+    metavar="FILE",
+    callback=picture_of,
+    help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG.",
 )
 @csv_option
 @plot_option
@@ -66,10 +78,10 @@ def grow(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Grow structures by the rules of BOOK, event by event, without listing what they can become.
+    """Simulate assembly event by event, directly from the rules of BOOK, without deriving its reaction network.
 
-    Exact like `predict`, but no network is derived, so books with any number of structures run. Mean and standard
-    deviation of the runs over time. Ctrl-C keeps the runs that are finished.
+    Statistically exact, like `predict`, and possible for books that can assemble any number of structures. Reports mean
+    and standard deviation over the runs. Ctrl-C keeps the runs that are finished.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make
@@ -100,7 +112,9 @@ def grow(
         click.echo(_table(made, grid))
         click.echo("\n".join(_notes(made, cpu_seconds)))
     if made.interrupted:
-        click.echo(f"Interrupted: {len(made.runs)} of {runs} runs were finished, and only these are told of.", err=True)
+        click.echo(
+            f"Interrupted: {len(made.runs)} of {runs} runs were finished, and only these are reported.", err=True
+        )
         raise SystemExit(INTERRUPTED)
 
 
@@ -115,14 +129,14 @@ def _rates(rates_file: str | None, join: float | None, break_: float | None) -> 
 
 
 def _progress(runs: int, end: float) -> Callable[[int, float], None] | None:
-    """Tells of the work under way, on a terminal only."""
+    """Shows the work under way, on a terminal only."""
     if not sys.stderr.isatty():
         return None
 
-    def tell(finished: int, moment: float) -> None:
+    def show(finished: int, moment: float) -> None:
         click.echo(f"\r\033[K{finished} of {runs} runs; the next at {moment:.4g} of {end:g} tu", err=True, nl=False)
 
-    return tell
+    return show
 
 
 def _as_data(made: Growths, grid: Floats) -> dict[str, Any]:

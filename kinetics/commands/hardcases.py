@@ -1,4 +1,4 @@
-"""`wellmixed hardcases`: questions on which numerical methods break, and how ours fare."""
+"""`wellmixed hardcases`: problems on which numerical methods are known to fail, and how ours fare."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from kinetics.support.cli.options import echo_json, json_option, seed_option
 
 
 @click.command()
-@click.option("--only", metavar="TEXT", default="", help="Only cases whose name holds this.")
+@click.option("--only", metavar="TEXT", default="", help="Run only the cases whose name contains this text.")
 @seed_option
 @json_option
 def hardcases(only: str, seed: int, as_json: bool) -> None:
-    """Ask every method the hard cases: error against an answer from elsewhere, or the clear refusal.
+    """Test every numerical method on hard cases: its error against an independent answer, or its clear refusal.
 
-    The seeds of the cases are fixed; --seed is taken because every command takes it. Exit code 1 where one fails.
+    The cases fix their own seeds; --seed is accepted for uniformity and has no effect. Exit code 1 if a case fails.
     """
     from kinetics.trust.hardcases import CASES
 
     chosen = [case for case in CASES if only in case.name]
     if not chosen:
         raise ValueError(f"no hard case has {only!r} in its name; there are {', '.join(case.name for case in CASES)}")
-    told, failed = [], 0
+    attempts, failed = [], 0
     for case in chosen:
         if not as_json:
             click.echo(f"{case.name}: {case.question} ({case.answer})")
@@ -33,7 +33,7 @@ def hardcases(only: str, seed: int, as_json: bool) -> None:
                     f'refused: "{found.refusal}"' if found.refusal else f"{found.error:.1e} (up to {found.allowed:.0e})"
                 )
                 click.echo(f"  {verdict:5}  {found.seconds:7.3f} s  {found.method}: {answer}")
-            told.append(
+            attempts.append(
                 {
                     "case": case.name,
                     "question": case.question,
@@ -47,8 +47,8 @@ def hardcases(only: str, seed: int, as_json: bool) -> None:
                 }
             )
     if as_json:
-        echo_json({"attempts": told, "failed": failed, "seed": seed})
+        echo_json({"attempts": attempts, "failed": failed, "seed": seed})
     else:
-        click.echo(f"{len(told)} attempts at {len(chosen)} cases; {failed} failed")
+        click.echo(f"{len(attempts)} attempts at {len(chosen)} cases; {failed} failed")
     if failed:
         raise SystemExit(1)

@@ -1,4 +1,4 @@
-"""The command `wellmixed passage`: the time until the first copy of a species."""
+"""`wellmixed passage`: the first-passage time to a number of copies of a species."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 @click.command()
 @starting_options
-@click.option("--species", required=True, help="What is waited for.")
-@click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many of it.")
-@click.option("--draws", type=click.IntRange(min=2), default=100, show_default=True, help="Of the rates.")
+@click.option("--species", required=True, help="The species waited for.")
+@click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many copies of it.")
+@click.option(
+    "--draws",
+    type=click.IntRange(min=2),
+    default=100,
+    show_default=True,
+    help="Draws of the rates behind the interval.",
+)
 @plot_option
 @seed_option
 @json_option
@@ -33,19 +39,23 @@ def passage(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Time until the first copy (or copies) of a species, exactly: mean, sd, quantiles and curve."""
+    """First-passage time until there are so many copies of a species: mean, sd, quantiles and distribution function.
+
+    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
+    for, not sampled; where the rates carry their evidence, the mean has a 95 % interval from it.
+    """
     from kinetics.predicting.prediction import evidence_notes, predict_passage
 
     began = time.process_time()
     begin = start(book, rates_name, cubes, initial)
-    law, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
-    quantiles = law.quantile(QUANTILES)
+    found, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
+    quantiles = found.quantile(QUANTILES)
     if plot_file:
         from kinetics.support import plots
 
-        plots.save(plot_file, law.plot)
+        plots.save(plot_file, found.plot)
     if as_json:
-        curve = np.linspace(0.0, float(law.quantile(0.99 * law.probability)), 101)
+        curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         echo_json(
             {
                 "book": book,
@@ -54,21 +64,21 @@ def passage(
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "species": species,
                 "copies": copies,
-                "mean": law.mean,
-                "sd": law.sd,
-                "probability": law.probability,
-                "certain": law.is_certain,
+                "mean": found.mean,
+                "sd": found.sd,
+                "probability": found.probability,
+                "certain": found.is_certain,
                 "quantiles": dict(zip(QUANTILES, quantiles.tolist(), strict=True)),
-                "curve": {"times": curve, "cdf": law.cdf(curve)},
+                "curve": {"times": curve, "cdf": found.cdf(curve)},
                 "interval": {"level": 0.95, "low": interval[0], "high": interval[1]} if interval else None,
-                "error": law.error,
+                "error": found.error,
                 "seed": seed,
                 "notes": evidence_notes(begin.rates),
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    click.echo(str(law))
+    click.echo(str(found))
     if interval:
         click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))

@@ -1,4 +1,4 @@
-"""The command `wellmixed predict`: how assembly proceeds, as a Markov chain."""
+"""`wellmixed predict`: the counts of all species over time, by a Markov chain."""
 
 from __future__ import annotations
 
@@ -34,13 +34,23 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 @click.command(cls=NumbersCommand)
 @starting_options
-@click.option("--duration", type=float, help="Predict from 0 to here, tu.  [default: 2000]")
+@click.option("--duration", type=float, help="Predict from time 0 to this time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
-@click.option("--show", "shown", multiple=True, metavar="NAME", help="Only this species or observable; may come again.")
-@click.option("--method", type=click.Choice(list(METHODS)), default="auto", show_default=True)
-@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Of a method that samples.")
-@click.option("--threads", type=click.IntRange(min=1), help="At most so many.  [default: one a core]")
-@click.option("--draws", type=click.IntRange(min=2), default=200, show_default=True, help="Of the rates.")
+@click.option(
+    "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
+)
+@click.option(
+    "--method", type=click.Choice(list(METHODS)), default="auto", show_default=True, help="Sampling or solving method."
+)
+@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Runs of a sampling method.")
+@click.option("--threads", type=click.IntRange(min=1), help="Most threads used.  [default: one per core]")
+@click.option(
+    "--draws",
+    type=click.IntRange(min=2),
+    default=200,
+    show_default=True,
+    help="Draws of the rates behind the interval.",
+)
 @csv_option
 @plot_option
 @seed_option
@@ -62,12 +72,12 @@ def predict(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Predict how the assembly by a rule book proceeds, or the reactions of a network file, as a Markov chain.
+    """Predict the counts of all species over time, for a rule book or a network file, by a Markov chain.
 
-    NETWORK is a book, which needs --rates and --cubes, or a file that brings both (BioNetGen's .net and others).
-    Mean and standard deviation of every species over time; a 95 % interval of the mean where the rates carry the
-    evidence for one. The method `auto` samples runs, `exact` solves the master equation. Runs are not kept, so there
-    may be millions; Ctrl-C tells of those made so far.
+    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
+    and others). Reports mean and standard deviation of every species, and a 95 % interval of the mean where the rates
+    carry their evidence. The method `auto` samples runs by the cheapest exact algorithm; `exact` solves the master
+    equation. Runs are not stored, so there may be millions; Ctrl-C reports those made so far.
     """
     from kinetics.predicting import predict as make
 

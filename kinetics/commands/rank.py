@@ -1,4 +1,4 @@
-"""`wellmixed rules rank`."""
+"""`wellmixed rules rank`: correct rule books of one target, ordered by yield or first-assembly time."""
 
 from __future__ import annotations
 
@@ -24,24 +24,67 @@ INTERRUPTED = 130  # exit code
 
 @click.command()
 @click.argument("books", metavar="BOOK...|TARGET.toml", nargs=-1, required=True)
-@click.option("--rates", "rates_name", metavar="NAME|FILE", help="Rates of a book's network (table3), or by class.")
-@click.option("--rates-book", metavar="BOOK", help="Whose network they are of.  [default: a ranked one that fits]")
-@click.option("--join", type=float, metavar="K", help="Instead: one rate constant for every join, 1/tu.")
-@click.option("--break", "break_", type=float, metavar="K", help="With --join: one for every break.  [default: 0]")
-@click.option("--by", type=click.Choice(["yield", "first"]), default="yield", show_default=True)
-@click.option("--cubes", type=click.IntRange(min=1), default=60, show_default=True, help="Free cubes at time 0.")
-@click.option("--horizon", type=float, default=2000.0, show_default=True, help="When the yield is taken, tu.")
-@click.option("--runs", type=click.IntRange(min=2), default=1000, show_default=True, help="Where it has to be sampled.")
 @click.option(
-    "--draws", type=click.IntRange(min=0), default=0, show_default=True, help="Of the rates, for their uncertainty."
+    "--rates",
+    "rates_name",
+    metavar="NAME|FILE",
+    help="Rates of a book's network (such as table3), or a .toml file of rates by class.",
 )
 @click.option(
-    "--max-states", type=click.IntRange(min=0), default=100_000, show_default=True, help="Solved exactly up to these."
+    "--rates-book",
+    metavar="BOOK",
+    help="The book whose network --rates belongs to.  [default: a ranked book that fits]",
+)
+@click.option("--join", type=float, metavar="K", help="Instead of --rates: one rate constant for every join, 1/tu.")
+@click.option(
+    "--break",
+    "break_",
+    type=float,
+    metavar="K",
+    help="With --join: one rate constant for every break, 1/tu.  [default: 0]",
 )
 @click.option(
-    "--time-limit", type=float, default=20.0, show_default=True, help="For the compilation of a target's books, s."
+    "--by",
+    type=click.Choice(["yield", "first"]),
+    default="yield",
+    show_default=True,
+    help="Rank by yield or by first-assembly time.",
 )
-@click.option("--best", "best_file", metavar="FILE", callback=in_a_folder, help="Write the best book to this file.")
+@click.option(
+    "--cubes", type=click.IntRange(min=1), default=60, show_default=True, help="Number of free cubes at time 0."
+)
+@click.option("--horizon", type=float, default=2000.0, show_default=True, help="Time at which the yield is taken, tu.")
+@click.option(
+    "--runs",
+    type=click.IntRange(min=2),
+    default=1000,
+    show_default=True,
+    help="Number of runs for a book that has to be sampled.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Number of draws of the rates, to account for their uncertainty.",
+)
+@click.option(
+    "--max-states",
+    type=click.IntRange(min=0),
+    default=100_000,
+    show_default=True,
+    help="Books with more states than this are sampled, not solved.",
+)
+@click.option(
+    "--time-limit",
+    type=float,
+    default=20.0,
+    show_default=True,
+    help="Wall time for compiling the books of a target, s.",
+)
+@click.option(
+    "--best", "best_file", metavar="FILE", callback=in_a_folder, help="Write the best book to this TOML file."
+)
 @csv_option
 @plot_option
 @seed_option
@@ -65,13 +108,13 @@ def rank(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Rank correct rule books of one target by what their tanks come to.
+    """Rank correct rule books of one target by yield or first-assembly time.
 
-    Of a TARGET.toml, as `rules compile` reads it, the books are compiled first: one for each choice among the joins
-    that lead to the target, as far as the time limit allows, the fewest joins first.
+    For a TARGET.toml, as read by `rules compile`, the books are compiled first: one for each choice of joins that leads
+    to the target, fewest joins first, until the time limit.
 
-    The expected yield at the horizon and the mean time to the first target: exact where the states are few enough,
-    sampled beyond, each with its error. Books that the figures cannot tell apart share a place.
+    Reports the expected yield at the horizon and the mean time to the first target, each with its error: solved exactly
+    where the states are few enough, sampled otherwise. Books whose difference lies within the errors share a place.
     """
     from kinetics.assembly.rules.writing import written
     from kinetics.ranking import ranking

@@ -1,4 +1,4 @@
-"""Assembly by a rule book directly, without deriving its network."""
+"""Network-free simulation: assembly directly from the rules of a book, without deriving its network."""
 
 from kinetics.networkfree.growth import Growth, Growths
 from kinetics.networkfree.simulate import grow

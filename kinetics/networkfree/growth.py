@@ -1,4 +1,4 @@
-"""What happened in runs of a rule book without a network: every event, and what grew in it."""
+"""Records of network-free runs: every event, and counts, sizes and pictures of what grew."""
 
 from __future__ import annotations
 

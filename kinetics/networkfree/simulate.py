@@ -1,4 +1,4 @@
-"""Assembly by rules without a network: exact, however many structures a book can make.
+"""Network-free stochastic simulation: statistically exact, however many structures a book can assemble.
 
 The tank holds structures, those that look alike counted together. Faces are grouped by what they show and by the size
 of their structure. A pair of groups that the book may let bond has one rate constant k, so that the rate of all joins

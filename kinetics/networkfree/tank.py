@@ -1,4 +1,4 @@
-"""A tank of structures in which any pair of faces may be drawn to bond, and any bond to break.
+"""The state of a network-free run: structures, the faces that may bond, and the bonds that may break.
 
 Structures that look alike are counted together, and faces are grouped by what they show and by the size of their
 structure, so that all pairs of faces from two groups have one rate constant.

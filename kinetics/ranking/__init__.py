@@ -1,4 +1,4 @@
-"""Correct rule books of one target compared by yield and time to the first copy."""
+"""Ranking of correct rule books of one target by yield and first-assembly time."""
 
 from kinetics.ranking.ranking import Ranking, rank
 

@@ -1,4 +1,4 @@
-"""A rule book as a candidate for its target: proven correct, derived, and what becomes of its tank."""
+"""A rule book in a ranking: checked, derived, and its yield and first-assembly time computed."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ LIMITS = (0.025, 0.975)
 
 @dataclass(frozen=True, eq=False)
 class RankedBook:
-    """One book and what becomes of its tank.
+    """One book with its yield and first-assembly time.
 
     pathway : see the function of that name
     letters, rules : how many the book has
     result : at the rates' point values
     drawn : (draws, 2) yield and mean time to the first target under each draw of the rates, the same draws for all
-        candidates; no rows where the rates are taken as known
+        books; no rows where the rates are taken as known
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Which of several correct rule books assembles their target soonest, and which the most of it."""
+"""The ranking of rule books: which assembles the target soonest, and which most of it; ties within the errors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Ranking:
     cubes, possible, horizon : free cubes at time 0, targets they could make, tu
     notes : what a reader must know about the figures
     draws : of the rates; 0 where none carries evidence
-    unfinished : books that were not come to before Ctrl-C
+    unfinished : books not reached before Ctrl-C
     """
 
     books: tuple[RankedBook, ...]

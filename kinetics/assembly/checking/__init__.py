@@ -1,1 +1,1 @@
-"""What is wrong with a rule book: traps, starvation, off-target shapes, growth without end."""
+"""Verification of rule books: traps, starvation, off-target structures, growth without end."""

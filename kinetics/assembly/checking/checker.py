@@ -206,7 +206,7 @@ class _Examined:
                 yield self.finding(kind, True, f"{len(which)} {text}; the nearest", nearest)
 
     def squeezes(self) -> Iterable[Finding]:
-        """Cubes that come to lie between two others."""
+        """Joins that put a cube between two others."""
         tight = self.found.squeezed
         if tight:
             event = min(tight, key=lambda e: sum(self.costs[n] for n in e.before))
@@ -252,7 +252,7 @@ class _Examined:
 
 
 def _starvation(examined: _Examined) -> Iterable[Finding]:
-    """A tank that can no longer come to as many targets as its cubes would make, at the fewest cubes."""
+    """A tank that can no longer assemble as many targets as its cubes would make; the smallest such tank."""
     book, structures, target = examined.book, examined.found.structures, examined.target
     if target is None:
         return

@@ -1,4 +1,4 @@
-"""What can become of a tank of few cubes: every composition, and the ways between them."""
+"""Compositions of a small tank: every one that can be reached, and the events between them."""
 
 from __future__ import annotations
 

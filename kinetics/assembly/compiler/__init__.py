@@ -1,4 +1,4 @@
-"""Rule books from target structures."""
+"""The compiler: from a target structure to a verified rule book."""
 
 from kinetics.assembly.compiler.compiling import all_books, compile_book
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, UndecidedError

@@ -1,4 +1,4 @@
-"""Choices of joins, and meetings that cubes cannot tell from a join whatever their letters are."""
+"""Choices of joins, and encounters that cubes cannot distinguish from a join whatever their letters are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a target to a proven rule book: the weakest sensing, the joins, the fewest letters."""
+"""The compilation of small targets: weakest senses, most joins, fewest letters, and a proof of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a planned growth leaves open: where the seed is, how the cubes stand, and which come under the same rules."""
+"""Courses of growth to try: where the seed is, how the cubes stand, and which of them share rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the cubes of a target are best turned where the target does not say."""
+"""Orientations of a target's cubes, chosen where the target leaves them open."""
 
 from __future__ import annotations
 

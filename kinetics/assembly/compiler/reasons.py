@@ -1,4 +1,4 @@
-"""Why there is no rule book, in words and drawings."""
+"""Explanations of why there is no rule book: the two situations that look alike, in words and layers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the compiler hands back: a proven rule book, or the reason why there is none."""
+"""The result of a compilation: a verified rule book, or the error that says why there is none."""
 
 from __future__ import annotations
 

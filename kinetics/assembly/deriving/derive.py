@@ -1,4 +1,4 @@
-"""The reaction network of a rule book."""
+"""Derivation: the reaction network of a rule book, with the structures behind its species."""
 
 from __future__ import annotations
 

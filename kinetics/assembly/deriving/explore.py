@@ -1,4 +1,4 @@
-"""Everything that the cubes of a rule book can become, found by trying every join and every break.
+"""Exploration: every structure that the cubes of a rule book can form, by trying every join and every break.
 
 Structures are explored from the smallest up. Each is joined with those explored before it, at one face of every orbit
 of its symmetry and at every twist that gives something new, and broken at every bond that holds two parts together.

@@ -1,4 +1,4 @@
-"""How structures come to be: by the shortest way, or cube by cube as chance has it."""
+"""Histories of assembly: the shortest sequence of events to a structure, and random growth cube by cube."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every way in which structures join and break, counted by geometry and sorted by the rate it goes at."""
+"""Ways in which structures join and break, counted by geometry and grouped by rate class."""
 
 from __future__ import annotations
 

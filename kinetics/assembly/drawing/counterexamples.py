@@ -1,11 +1,11 @@
-"""The findings about a rule book, drawn: each with the shortest way that leads to its counterexample."""
+"""Drawings of counterexamples: each fault of a rule book with the shortest sequence of events to it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from kinetics.assembly.drawing.cubes import Cubes
+from kinetics.assembly.drawing.drawable_cubes import DrawableCubes
 from kinetics.assembly.drawing.drawing import Drawing, width_of
 from kinetics.assembly.drawing.pictures import GAP, arranged, below_left, face_key, note, posed, structure_drawing
 from kinetics.support.plots import COLOURS
@@ -27,8 +27,8 @@ class Counterexample(NamedTuple):
     text: str
     is_error: bool
     steps: Sequence[str] = ()
-    changes: Sequence[tuple[Sequence[Cubes], Sequence[Cubes]]] = ()
-    structure: Cubes | None = None
+    changes: Sequence[tuple[Sequence[DrawableCubes], Sequence[DrawableCubes]]] = ()
+    structure: DrawableCubes | None = None
 
 
 def report_drawing(
@@ -62,7 +62,7 @@ def counterexample_drawing(finding: Counterexample, scheme: str, most_wide: floa
     return sheet
 
 
-def change_drawing(before: Sequence[Cubes], after: Sequence[Cubes], scheme: str) -> Drawing:
+def change_drawing(before: Sequence[DrawableCubes], after: Sequence[DrawableCubes], scheme: str) -> Drawing:
     """Structures before, an arrow, structures after, as they lie."""
     row = Drawing()
     x = _row(row, before, scheme, 0.0)
@@ -82,7 +82,7 @@ def wrapped(text: str, size: float, most_wide: float) -> list[str]:
     return lines
 
 
-def _row(row: Drawing, structures: Sequence[Cubes], scheme: str, x: float) -> float:
+def _row(row: Drawing, structures: Sequence[DrawableCubes], scheme: str, x: float) -> float:
     """Structures with a plus between them, from x to the right; where they end."""
     for number, structure in enumerate(structures):
         if number:

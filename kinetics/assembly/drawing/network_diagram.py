@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.assembly.drawing.cubes import Cubes
+from kinetics.assembly.drawing.drawable_cubes import DrawableCubes
 from kinetics.assembly.drawing.drawing import HEAD, INK, Drawing, width_of
 from kinetics.assembly.drawing.pictures import (
     CAPTION,
@@ -47,7 +47,7 @@ class SpeciesGroup(NamedTuple):
     """Species that are drawn as one: a single one, or all of one size."""
 
     name: str
-    shown: Cubes
+    shown: DrawableCubes
     n_species: int
 
 
@@ -89,7 +89,7 @@ class Link(NamedTuple):
 
 
 def network_drawing(
-    species: Mapping[str, Cubes],
+    species: Mapping[str, DrawableCubes],
     channels: Sequence[DrawnChannel],
     scheme: str = "two",
     is_closed: bool = True,
@@ -137,7 +137,7 @@ def network_drawing(
 
 
 def grouped(
-    species: Mapping[str, Cubes], channels: Iterable[DrawnChannel], lump: bool
+    species: Mapping[str, DrawableCubes], channels: Iterable[DrawnChannel], lump: bool
 ) -> tuple[list[SpeciesGroup], list[DrawnReaction]]:
     """Groups by size, and the reactions between them. Lumped: one group a size, the seed apart from free cubes."""
     structures = list(species.values())

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.assembly.drawing.cubes import Cubes
+from kinetics.assembly.drawing.drawable_cubes import DrawableCubes
 from kinetics.assembly.drawing.drawing import INK, Drawing, width_of
 from kinetics.assembly.faces import FACE_NORMALS, NORMALS, Position, scheme_of, turned
 from kinetics.support.arrays import Floats
@@ -35,7 +35,7 @@ SPOTS = (-0.28, 0.0, 0.28)  # along both sides of a face: where a letter must no
 N_SPOTS = len(SPOTS) ** 2
 NOT_ALL = "not all there are: the exploration met its caps or was stopped"
 TURNED = turned.tolist()
-C = TypeVar("C", bound=Cubes)
+C = TypeVar("C", bound=DrawableCubes)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ CAMERA = Camera()
 
 
 def structure_drawing(
-    structure: Cubes,
+    structure: DrawableCubes,
     scheme: str = "two",
     highlight: Collection[int] = (),
     labels: Sequence[str] | None = None,
@@ -111,7 +111,7 @@ def structure_drawing(
 
 
 def strip(
-    structures: Sequence[Cubes],
+    structures: Sequence[DrawableCubes],
     captions: Sequence[str] = (),
     scheme: str = "two",
     highlights: Sequence[Collection[int]] = (),
@@ -132,7 +132,7 @@ def strip(
 
 
 def species_sheet(
-    species: Mapping[str, Cubes], scheme: str = "two", is_closed: bool = True, most_wide: float = 24.0
+    species: Mapping[str, DrawableCubes], scheme: str = "two", is_closed: bool = True, most_wide: float = 24.0
 ) -> Drawing:
     """All species of a network with their names, in their order; then the key of the faces.
 
@@ -224,7 +224,7 @@ def posed(structure: C) -> C:
 
 
 @lru_cache(maxsize=4096)
-def _best_turn(structure: Cubes) -> int:
+def _best_turn(structure: DrawableCubes) -> int:
     copies = [structure.turned(rotation) for rotation in range(24)]
 
     def flatness(rotation: int) -> tuple[float, float]:
@@ -236,7 +236,7 @@ def _best_turn(structure: Cubes) -> int:
     return max(flattest, key=lambda rotation: (*_shown(copies[rotation]), *_low_first(copies[rotation])))
 
 
-def _shown(structure: Cubes) -> tuple[int, int, int]:
+def _shown(structure: DrawableCubes) -> tuple[int, int, int]:
     """How many cubes and faces are in view, in part at least, and how many letters."""
     faces, hidden = _in_view(structure, CAMERA)
     seen = [face for face, covered in zip(faces, np.all(hidden, axis=1), strict=True) if not covered]
@@ -261,13 +261,13 @@ def shaded(colour: str, direction: int, camera: Camera = CAMERA) -> str:
 SQUARE: Floats = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def _low_first(structure: Cubes) -> tuple[int, int]:
+def _low_first(structure: DrawableCubes) -> tuple[int, int]:
     """Prefers cubes low and to the left: a T lies with its bar at the bottom."""
     x, _, z = (sum(c) - len(c) * min(c) for c in zip(*structure.positions, strict=True))
     return -z, -x
 
 
-def _painted(structure: Cubes, camera: Camera) -> list[tuple[int, int]]:
+def _painted(structure: DrawableCubes, camera: Camera) -> list[tuple[int, int]]:
     """(cube, direction) of all outer faces that look to the eye, farthest first.
 
     On the lattice, what hides a cube is nowhere behind it along any axis: the sum of the coordinates towards the eye
@@ -291,7 +291,7 @@ def _beside(place: Position, step: Position) -> Position:
     return place[0] + step[0], place[1] + step[1], place[2] + step[2]
 
 
-def _lettered(structure: Cubes, camera: Camera) -> list[tuple[int, int]]:
+def _lettered(structure: DrawableCubes, camera: Camera) -> list[tuple[int, int]]:
     """(cube, direction): a face of each cube whose middle part is in full view, if it has one.
 
     Letters that look the same way read best: of the directions, the one with most such faces comes first.
@@ -304,7 +304,7 @@ def _lettered(structure: Cubes, camera: Camera) -> list[tuple[int, int]]:
     return sorted(chosen.items())
 
 
-def _in_view(structure: Cubes, camera: Camera) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+def _in_view(structure: DrawableCubes, camera: Camera) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
     """The painted faces, and (faces, N_SPOTS) whether each of the spots where a letter would be is hidden."""
     faces = _painted(structure, camera)
     if not faces:

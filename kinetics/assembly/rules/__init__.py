@@ -1,1 +1,1 @@
-"""Rule books: what a cube reads, whether two may bond, and what comes of it."""
+"""Rule books: what a cube senses, when two cubes may bond, and how their letters change."""

@@ -1,4 +1,4 @@
-"""Rules as lists of conditions: when a rule fits a cube, and when two rules contradict each other."""
+"""Rules and their conditions: when a rule fits a cube, and when two rules contradict each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a rule book speaks only of letters, faces and senses that it has."""
+"""Validation of a rule book's names: letters, faces and senses that it uses must be declared."""
 
 from __future__ import annotations
 

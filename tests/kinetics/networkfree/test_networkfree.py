@@ -185,14 +185,14 @@ def test_pyramid_grows_from_its_seed():
     network = derivation.network.with_rates([7e-5] * len(derivation.events))
     names = {s: network.species[derivation.species_of(s)] for s in (PYRAMID.monomer(), PYRAMID.seed(), PYRAMID.target)}
     passage = first_passage(network, {names[PYRAMID.monomer()]: 200, names[PYRAMID.seed()]: 1}, names[PYRAMID.target])
-    growths = grow(PYRAMID, ClassRates.uniform(7e-5), 200, 1500.0, runs=50, seed=6)
+    growths = grow(PYRAMID, ClassRates.uniform(7e-5), 200, 1200.0, runs=30, seed=6)
     first = growths.first_times(PYRAMID.target)
     assert_follows_cdf(first, passage.cdf)
     assert abs(first.mean() - passage.mean) < 4.9 * passage.sd / math.sqrt(len(first))
     with pytest.raises(AssertionError):
         assert_follows_cdf(first, lambda t: passage.cdf(2 * t))
     for run in growths.runs:
-        assert run.at(1500.0) == {PYRAMID.monomer(): 156, PYRAMID.target.canonical("two"): 1}
+        assert run.at(1200.0) == {PYRAMID.monomer(): 156, PYRAMID.target.canonical("two"): 1}
         assert (run.after[:, 1] == -1).all()  # nothing breaks
 
 

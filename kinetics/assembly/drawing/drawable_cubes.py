@@ -7,7 +7,7 @@ from typing import Protocol, Self
 from kinetics.assembly.faces import Position
 
 
-class Cubes(Protocol):
+class DrawableCubes(Protocol):
     """Cubes on the lattice: places, orientations (indices into ROTATIONS) and letters, one of each a cube."""
 
     @property
