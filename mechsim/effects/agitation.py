@@ -1,4 +1,4 @@
-"""Agitation of the fluid: an independent Gaussian velocity at every drag point, held for a physical time."""
+"""Agitation by held white noise: a Gaussian fluid velocity at every drag point, redrawn at fixed intervals."""
 
 from __future__ import annotations
 

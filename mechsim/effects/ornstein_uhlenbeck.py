@@ -1,4 +1,4 @@
-"""Agitation that is smooth in the mean: an Ornstein-Uhlenbeck velocity of the fluid at every drag point."""
+"""Agitation by an Ornstein-Uhlenbeck process: a fluid velocity at every drag point with a correlation time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Agitation that neighbouring points share: a random, incompressible field of flow with a correlation length."""
+"""Agitation by a random, incompressible velocity field with a correlation length and a correlation time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class RandomField(Effect):
 
     Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970) with a Gaussian spectrum: k ~ N(0, 1/length^2) a
     component, so <u(x).u(x+r)> = 3 sigma^2 exp(-r^2 / (2 length^2)). Every mode lives for an exponential time T and is
-    then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both laws hold for any
+    then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both hold for any
     number of modes, which only sets how near to Gaussian the velocities are (excess kurtosis below 3/M).
     In the limit of small lengths any two points are independent; but the field stands in space, so a body that crosses
     a correlation length sooner than T sees it change sooner. Time and length both large: one velocity everywhere.

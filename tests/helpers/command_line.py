@@ -1,10 +1,13 @@
-"""The installed command as a user has it, in a process of its own."""
+"""The command as a user has it: the installed one in a process of its own, or within the test's."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
+
+from click.testing import CliRunner
 
 COMMAND = Path(sys.executable).with_name("wellmixed")
 
@@ -29,3 +32,18 @@ def run(*arguments, cwd):
     command = [str(COMMAND), *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
     return Done(done.returncode, done.stdout, done.stderr)
+
+
+def run_here(*arguments, cwd):
+    """Run the command within this process, which spares its start and that of the server of workers."""
+    from wellmixed import main
+
+    before = Path.cwd()
+    os.chdir(cwd)
+    try:
+        done = CliRunner().invoke(main, [*map(str, arguments)])
+    finally:
+        os.chdir(before)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return Done(done.exit_code, done.stdout, done.stderr)

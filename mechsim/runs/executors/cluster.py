@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster, on any number of machines that share the disk of the store.
+"""Executor on a Dask cluster, whose workers share the disk of the store.
 
 Each worker makes a run in a process of its own, as `Processes` does: a run that crashes costs nobody else a try, and
 one that hangs is ended there. Dask gives the runs out, and once more where a whole worker is lost. Its own settings are

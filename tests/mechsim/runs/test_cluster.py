@@ -17,7 +17,8 @@ from pathlib import Path
 
 import fake_runs
 import pytest
-from fake_runs import FakeSpec, execute, parents, pids, record_of, specs_of, starts
+from command_line import run_here
+from fake_runs import FakeSpec, execute, pids, record_of, specs_of, starts
 
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import Dask, cluster
@@ -63,22 +64,13 @@ def is_alive(pid):
         return False
 
 
-def test_a_worker_killed_by_its_pid_costs_nothing_but_time(tmp_path, dask):
+def test_a_worker_killed_in_the_middle_of_a_run_costs_nothing_but_time(tmp_path, dask):
     log, store = tmp_path / "log", RunStore(tmp_path / "runs")
-    specs = specs_of(8, seconds=1.0, log=str(log))
-
-    def kill():
-        wait_for(lambda: len(parents(log)) > 2)
-        os.kill(parents(log)[2], signal.SIGKILL)
-
-    killer = threading.Thread(target=kill)
-    killer.start()
+    specs = [FakeSpec(1, 100, behaviour="take the worker down once", log=str(log)), *specs_of(6, log=str(log))]
     outcome = run_all(specs, store, workers=dask, execute=execute)
-    killer.join()
-    assert len(set(parents(log))) == 3  # the nanny has started another one
-    assert len(starts(log)) == 9
-    wait_for(lambda: not is_alive(pids(log)[2]))  # the run did not outlive its worker
-    assert (outcome.computed, outcome.quarantined) == (8, ())
+    assert [starts(log).count(spec.run) for spec in specs] == [2, 1, 1, 1, 1, 1, 1]
+    wait_for(lambda: not any(map(is_alive, pids(log))))  # the run did not outlive its worker
+    assert (outcome.computed, outcome.quarantined) == (7, ())
     assert outcome.digest == digest_of(map(record_of, specs))
 
 
@@ -157,11 +149,11 @@ def test_workers_that_do_not_share_the_disk_are_found(tmp_path, dask, monkeypatc
         run_all(specs_of(1), fake_runs.NotShared(tmp_path / "here"), workers=dask, execute=execute)
 
 
-def test_a_command_makes_the_same_runs_on_a_cluster(tmp_path, wellmixed, dask):
+def test_a_command_makes_the_same_runs_on_a_cluster(tmp_path, dask):
     pytest.importorskip("pybullet")
     command = ["simulate", "line4", "--cubes", 6, "--duration", 1, "--runs", 2, "--seed", 2, "--json"]
-    here = wellmixed(*command, "--runs-folder", "here", cwd=tmp_path).json
-    there = wellmixed(*command, "--runs-folder", "there", "--scheduler", dask.address, cwd=tmp_path).json
+    here = run_here(*command, "--runs-folder", "here", cwd=tmp_path).json
+    there = run_here(*command, "--runs-folder", "there", "--scheduler", dask.address, cwd=tmp_path).json
     assert (here["computed"], there["computed"]) == (2, 2)
     assert there["digest"] == here["digest"]
 
