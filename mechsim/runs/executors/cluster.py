@@ -12,6 +12,7 @@ import multiprocessing
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from platform import node
@@ -195,8 +196,9 @@ class ClusterSession(Session):
     def close(self) -> None:
         """Call the runs back, end those at work, and leave the cluster."""
         if self.attempts and self.client.status == "running":
-            self.client.cancel([attempt.future for attempt in self.attempts])
-            self.client.run(end_runs, self.call, on_error="ignore")
+            with suppress(OSError):  # the scheduler has just gone; what ended the call is the error to see
+                self.client.cancel([attempt.future for attempt in self.attempts])
+                self.client.run(end_runs, self.call, on_error="ignore")
         self.client.close()
 
 
