@@ -1,4 +1,4 @@
-"""How cubes move: scenes, runs, ensembles and their store. Names are imported when they are first used."""
+"""Rigid-body mechanics of the cubes: scenes, runs, ensembles and their store. Names are imported on first use."""
 
 from __future__ import annotations
 

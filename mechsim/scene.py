@@ -1,4 +1,4 @@
-"""A scene: the tank, the cubes, and the effects it calls for. Read from TOML, frozen, named by a fingerprint."""
+"""Scenes: tank, cubes and list of effects, read from TOML and named by a fingerprint."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def refused(wellmixed_here, tmp_path):
         (
             'effect = "walls"',
             'effect = "wals"',
-            "unknown effect 'wals'; allowed are agitation, ornstein-uhlenbeck, random-field",
+            "unknown effect 'wals'; allowed are agitation, attraction, bonding",
         ),
         ('effect = "walls"', 'efect = "walls"', "'effects.2.effect' is missing"),
         ("sigma = 4.0", "sigm = 4.0", "unknown key 'effects.0.agitation.sigm'; did you mean 'sigma'?"),

@@ -1,1 +1,1 @@
-"""What accuracy of the mechanics costs in time, and the presets that follow from it."""
+"""Accuracy of the mechanics against its CPU time, and the presets that follow from it."""

@@ -1,9 +1,9 @@
-"""What accuracy costs: the error of mean speed and of the rate of meetings at each numerical setting, and its CPU time.
+"""Work-precision diagram: error of mean speed and encounter rate at each numerical setting, against CPU time.
 
 Errors are relative to a reference, the scene at a quarter of its step and four times its solver iterations. Every
 setting simulates the same runs: the same places, and where the fluid's noise does not depend on the step the same noise
 as well, so what is compared block by block is much alike and its difference known better than either.
-How far a setting of the model itself (a hold, a restitution) matters is told apart: it is no error.
+How far a setting of the model itself (a hold, a restitution) matters is listed apart: it is no error.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The settings that a work-precision diagram compares: numerics with a reference, the model with the scene as it is."""
+"""The settings compared in a work-precision diagram: numerical ones with a reference, the model's with the scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from kinetics.support.config import validated
 from mechsim.accuracy.trial import with_numerics
-from mechsim.effects.drag import DragLaw
+from mechsim.effects.drag import QuadraticDrag
 from mechsim.scene import Scene
 
 STEP_FACTORS = (4.0, 2.0, 1.0, 0.5)  # of the scene's step
@@ -74,7 +74,7 @@ class AccuracyPlan:
 
 
 def plan(scene: Scene) -> AccuracyPlan:
-    """All settings for a scene. What its own checks refuse is told, with the reason."""
+    """All settings for a scene. What its own checks refuse is listed with the reason."""
     step, iterations = scene.numerics.step, scene.numerics.solver_iterations
     numerical: list[Setting] = []
     model: list[Setting] = []
@@ -90,9 +90,9 @@ def plan(scene: Scene) -> AccuracyPlan:
     for factor in STEP_FACTORS:
         add(numerical, "step", step * factor, partial(with_numerics, scene, step=step * factor))
     for listed, other in (("drag", "explicit-drag"), ("explicit-drag", "drag")):
-        law = scene.effect(listed)
-        if law is not None:
-            same = {name: getattr(law, name) for name in DragLaw.model_fields} | {"effect": other}
+        drag = scene.effect(listed)
+        if drag is not None:
+            same = {name: getattr(drag, name) for name in QuadraticDrag.model_fields} | {"effect": other}
             for factor in DRAG_FACTORS:
                 add(numerical, f"step, {other}", step * factor, partial(_with, scene, listed, same, step * factor))
     drag = scene.effect("drag")

@@ -1,4 +1,4 @@
-"""The work-precision diagram: error against CPU time, one curve a knob; beside it what the model's settings do."""
+"""Plot of a work-precision diagram: error against CPU time, and the sensitivity to settings of the model."""
 
 from __future__ import annotations
 

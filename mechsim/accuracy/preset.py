@@ -1,4 +1,4 @@
-"""Presets: draft, standard and reference, settings whose error and cost were measured for one scene."""
+"""Presets draft, standard and reference: settings whose error and cost were measured for one scene."""
 
 from __future__ import annotations
 

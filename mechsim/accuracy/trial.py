@@ -1,4 +1,4 @@
-"""One trial: a tank of single cubes that do not bond, in which speeds are averaged and meetings of faces counted."""
+"""Trial runs without bonds, in which speeds are averaged and encounters of faces counted."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
     facts = {"end": end, "steps": steps, "block": length * step, "channels": []}
     seconds = time.process_time() - began
     blocks = np.array(cost[warm_up:][: len(speed) * length]).reshape(len(speed), length).mean(axis=1)
-    # Stopped within its first block: all steps tell is what one of them costs, compiled code once loaded.
+    # Stopped within its first block: the steps show no more than what one of them costs, once compiled code is loaded.
     per_tu = float(np.median(blocks if len(blocks) else cost)) / step
     return RunRecord(
         spec,

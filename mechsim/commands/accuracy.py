@@ -1,4 +1,4 @@
-"""`wellmixed accuracy mechanics`."""
+"""The command `wellmixed accuracy mechanics`: error of the mechanics against CPU time."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scene")
 @click.option("--cubes", type=click.IntRange(min=2), default=120, show_default=True, help="Single cubes in the tank.")
-@click.option("--duration", type=float, default=50.0, show_default=True, help="Of a run, tu.")
+@click.option("--duration", type=float, default=50.0, show_default=True, help="Simulated time of a run, tu.")
 @click.option(
     "--rounds",
     type=click.IntRange(min=1),
     default=4,
     show_default=True,
-    help="Runs at each step; of other settings half as many.",
+    help="Runs at each step; other settings get half as many.",
 )
 @click.option(
     "--budget",
     type=click.FloatRange(min=0, min_open=True),
     default=20.0,
     show_default=True,
-    help="Most CPU minutes of this call.",
+    help="CPU minutes that this call may take.",
 )
 @click.option(
     "--presets",
@@ -60,11 +60,11 @@ def mechanics(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Show what accuracy costs in SCENE: errors of mean speed and encounter rate against CPU time, knob by knob.
+    """Work-precision diagram of SCENE: error of mean speed and encounter rate against CPU time, setting by setting.
 
-    Bonds are not made; meetings of faces are counted instead. Errors are relative to the scene at a quarter of its step
-    and four times its solver iterations. The same call again uses what it finds, and goes on where a budget ended.
-    Exit code 4: some trials were given up.
+    Bonds are not made; encounters of faces are counted instead. Errors are relative to the scene at a quarter of its
+    step and four times its solver iterations. The same call again uses the runs that it finds, and goes on where a
+    budget ended. Exit code 4: some trials were given up.
     """
     from mechsim.accuracy.diagram import measure
     from mechsim.accuracy.preset import choose

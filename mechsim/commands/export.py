@@ -10,7 +10,14 @@ from kinetics.support.cli.options import echo_json, json_option, seed_option
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False))
 @click.option("--out", required=True, type=click.Path(file_okay=False), help="Folder for the tables.")
-@click.option("--format", "formats", multiple=True, type=click.Choice(["parquet", "csv"]), default=("parquet", "csv"))
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice(["parquet", "csv"]),
+    default=("parquet", "csv"),
+    help="May be repeated.  [default: both]",
+)
 @seed_option
 @json_option
 def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: bool) -> None:

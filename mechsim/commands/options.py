@@ -1,4 +1,4 @@
-"""Options that commands which make runs share: where runs are kept, who makes them, and which of them."""
+"""Options shared by the commands that make runs: the runs folder, the executor, shards."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ _timeout_option = click.option(
     type=click.FloatRange(min=0, min_open=True),
     default=PATIENCE,
     show_default=True,
-    help="End a run that shows no progress for so long, s; it is tried three times.",
+    help="Time without progress after which a run is ended, s; it is tried three times.",
 )
 runs_option = click.option(
     "--runs-folder",
     default="runs",
     show_default=True,
     type=click.Path(file_okay=False),
-    help="Where runs are kept; a run that is there is not made again.",
+    help="Folder where runs are kept; a run that is there is not made again.",
 )
 _shard_option = click.option(
     "--shard",
     metavar="K/N",
-    help="For job arrays: make only the K-th of N shares of the runs. The same command without it then finds them all.",
+    help="For job arrays: make only the K-th of N shares of the runs; the same command without it then finds all.",
 )
 _missing_option = click.option(
     "--missing",
     is_flag=True,
-    help="Make nothing: list the runs that are not in the folder. Exit code 4: there are some.",
+    help="Make no run: list those that are not in the folder. Exit code 4: some are missing.",
 )
 
 

@@ -1,4 +1,4 @@
-"""`wellmixed render`."""
+"""The command `wellmixed render`: pictures, films and interactive views of a run."""
 
 from __future__ import annotations
 
@@ -32,11 +32,17 @@ def out_of(ctx: click.Context, param: click.Parameter, value: str) -> str:
     required=True,
     metavar="FILE",
     callback=out_of,
-    help="Strip (.png .pdf .svg), .mp4, .gif, or .html to turn.",
+    help="A strip of pictures (.png .pdf .svg), a film (.mp4 .gif), or an interactive view (.html).",
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Most frames.  [default: 5 in a strip, up to 300 in a film]")
+@click.option(
+    "--frames",
+    type=click.IntRange(min=1),
+    help="Largest number of frames.  [default: 5 in a strip, up to 300 in a film]",
+)
 @click.option("--faces", is_flag=True, help="Colour faces by type instead of structures by size.")
-@click.option("--fps", type=click.FloatRange(min=0.1, max=60), default=15.0, show_default=True, help="Of a film.")
+@click.option(
+    "--fps", type=click.FloatRange(min=0.1, max=60), default=15.0, show_default=True, help="Frames a second of a film."
+)
 @runs_option
 @progress_option
 @json_option

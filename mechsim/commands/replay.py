@@ -1,4 +1,4 @@
-"""`wellmixed replay`: a stored run made once more, with a close look at its end."""
+"""The command `wellmixed replay`: a stored run made again, with a close look at its end."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ DIFFERENT = 4  # exit code: not the same happened
 
 @click.command()
 @click.argument("file", type=click.Path(exists=True, dir_okay=False))
-@click.option("--last", type=click.IntRange(min=1), default=40, show_default=True, help="Look at so many steps.")
+@click.option(
+    "--last", type=click.IntRange(min=1), default=40, show_default=True, help="Number of last steps to look at."
+)
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
 @click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end.")
 @seed_option
 @json_option
 def replay(file: str, last: int, poses: str | None, picture: str | None, seed: int, as_json: bool) -> None:
-    """Make the run in FILE (KEY.run of a runs folder) once more and look at its last steps.
+    """Replay the run in FILE (KEY.run of a runs folder) and look at its last steps.
 
     A run that the guard stopped holds all that decides what happened, so its end can be seen from here: the table is of
     the cube whose body moves and turns most. Nothing here is drawn anew; --seed is taken because every command takes
@@ -30,17 +32,17 @@ def replay(file: str, last: int, poses: str | None, picture: str | None, seed: i
     del seed
     if poses is not None and Path(poses).suffix != ".npz":
         raise ValueError(f"--poses {poses}; expected a file name that ends in .npz")
-    told = make_again(file, last)
+    again = make_again(file, last)
     if poses is not None:
-        told.save(poses)
+        again.save(poses)
     if picture is not None:
         from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 
-        save(picture, lambda ax: draw_tank(told.record, ax))
+        save(picture, lambda ax: draw_tank(again.record, ax))
     if as_json:
-        echo_json(told.as_dict())
+        echo_json(again.as_dict())
     else:
-        click.echo(str(told))
-    if not told.is_same:
+        click.echo(str(again))
+    if not again.is_same:
         click.get_current_context().exit(DIFFERENT)

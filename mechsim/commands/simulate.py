@@ -18,36 +18,42 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scene")
 @click.option(
-    "--cubes", type=click.IntRange(min=1), help="Start from so many single cubes, one the seed if there is one."
+    "--cubes",
+    type=click.IntRange(min=1),
+    help="Start from this many single cubes, the seed among them if there is one.",
 )
 @click.option(
-    "--initial", metavar="SPECIES=COUNT,...", help="Start from these: monomer=20,dimer=20, or monomer=100,seed=1."
+    "--initial",
+    metavar="SPECIES=COUNT,...",
+    help="Start from these structures: monomer=20,dimer=20, or monomer=100,seed=1.",
 )
-@click.option("--duration", type=float, default=200.0, show_default=True, help="Of a run, tu.")
-@click.option("--runs", type=click.IntRange(min=1), default=1, show_default=True)
-@click.option("--restart", is_flag=True, help="Put the tank back to its start after every event.")
+@click.option("--duration", type=float, default=200.0, show_default=True, help="Simulated time of a run, tu.")
+@click.option("--runs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of runs.")
+@click.option("--restart", is_flag=True, help="Reset the tank to its initial state after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
-@click.option("--poses", type=float, help="Record the poses of all cubes this often, tu.  [default: not at all]")
+@click.option(
+    "--poses", type=float, help="Interval at which the poses of all cubes are recorded, tu.  [default: never]"
+)
 @click.option(
     "--picture",
     metavar="FILE",
     callback=picture_of,
-    help="Draw the tank at the end of the first run, which is made with poses for it.",
+    help="Draw the tank at the end of the first run, whose poses are then recorded.",
 )
 @click.option(
     "--growth",
     "growth_file",
     metavar="FILE",
     callback=picture_of,
-    help="Draw the largest structures so far of the first run, and when each came to be.",
+    help="Draw the largest structures of the first run so far, each with the time when it formed.",
 )
 @click.option(
     "--preset",
     metavar="NAME",
-    help="Compute the scene as draft, standard or reference (or FILE.toml:NAME), with the error and cost measured for "
-    "it.  [default: the scene's own step]",
+    help="Numerical settings draft, standard or reference (or FILE.toml:NAME), whose error and cost were measured for "
+    "the scene.  [default: the scene's own step]",
 )
-@click.option("--bill", "as_bill", is_flag=True, help="Make no runs: tell what each part of a step costs.")
+@click.option("--bill", "as_bill", is_flag=True, help="Make no runs: report what each part of a step costs.")
 @plot_option
 @run_options
 @seed_option
@@ -73,11 +79,11 @@ def simulate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Run the mechanics of SCENE: cubes in an agitated tank that stick together by rules.
+    """Simulate SCENE by rigid-body mechanics: cubes in an agitated tank that stick together by rules.
 
     SCENE is a shipped scene (line4, t5, pyramid45) or a TOML file. Every run is kept in the runs folder under the hash
-    of its inputs; the same command again makes only what is missing. Exit code 4: some runs were stopped by the guard
-    or given up.
+    of its inputs, and the same command again makes only those that are missing. Exit code 4: some runs were stopped by
+    the guard or given up.
     """
     from mechsim.inspection.summary import row, table
     from mechsim.runs.ensemble import run_all
@@ -116,11 +122,11 @@ def simulate(
     if as_bill:
         from mechsim.inspection.bill import bill_of
 
-        told = bill_of(specs[0])
+        bill = bill_of(specs[0])
         if as_json:
-            echo_json(told.as_dict())
+            echo_json(bill.as_dict())
         else:
-            click.echo(str(told))
+            click.echo(str(bill))
         return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     if picture and outcome.records:

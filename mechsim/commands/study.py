@@ -1,4 +1,4 @@
-"""The command `wellmixed study`: time to the first target against factors, cost first."""
+"""The command `wellmixed study`: first-passage times to the target against the settings of a scene."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("study")
-@click.option("--runs", type=click.IntRange(min=1), help="A point.  [default: the study's]")
+@click.option("--runs", type=click.IntRange(min=1), help="Runs at each point.  [default: the study's]")
 @click.option(
     "--points",
     "choices",
     multiple=True,
     metavar="FACTOR=LEVEL,...",
-    help="Only the points with these levels; may be repeated, once for each factor.",
+    help="Only the points with these levels; may be repeated for other factors.",
 )
-@click.option("--cost-only", is_flag=True, help="Try each point, predict the cost, and stop there.")
-@click.option("--collect", is_flag=True, help="Make no run: tell what those in the runs folder say.")
+@click.option("--cost-only", is_flag=True, help="Predict the cost from a short trial of each point, and make no run.")
+@click.option("--collect", is_flag=True, help="Make no run: summarise those in the runs folder.")
 @click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and the box plots (SVG).")
 @run_options
 @seed_option
@@ -46,13 +46,13 @@ def study(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Time to the first target against the factors of STUDY, a shipped study or a TOML file.
+    """First-passage time to the target against the factors of STUDY, a shipped study or a TOML file.
 
     Shipped are velocity, number, size, interactions (the paper's section V), scale and similarity. A short trial of
     each point comes first, and with it the predicted cost. Runs end at the first target or at the study's cap; each is
     kept in the runs folder, and the same command again makes only what is missing, also for another study that has the
-    same points. After Ctrl-C, --collect tells what there is. Exit code 4: some runs were stopped by the guard or given
-    up.
+    same points. After Ctrl-C, --collect summarises what there is. Exit code 4: some runs were stopped by the guard or
+    given up.
     """
     from mechsim.runs.ensemble import run_all
     from mechsim.runs.preflight import check_starts
@@ -75,14 +75,14 @@ def study(
     store = RunStore.found(runs_folder) if collect else RunStore(runs_folder)
     check_starts(specs[: len(points)])
     trials = {point: trial(point, seed) for point in points}
-    told = {"study": described.name, "title": described.title, "seed": seed}
+    report = {"study": described.name, "title": described.title, "seed": seed}
     if not collect:
         prediction = predict(described, points, trials, number, seed, store)
         click.echo(prediction, err=as_json)
-        told["predicted_cpu_seconds"], told["at_most_cpu_seconds"] = prediction.cpu, prediction.most
+        report["predicted_cpu_seconds"], report["at_most_cpu_seconds"] = prediction.cpu, prediction.most
     if cost_only:
         if as_json:
-            echo_json(told | {"runs_to_make": prediction.missing})
+            echo_json(report | {"runs_to_make": prediction.missing})
         return
     if collect:
         records, given_up = store.existing(specs), 0
@@ -98,7 +98,7 @@ def study(
     if as_json:
         shares = [asdict(share) for share in result.shares]
         tables = {name: rows for name, rows in result.tables().items() if name != "factors"}
-        echo_json(told | tables | {"factors": shares, "why": result.why, "given_up": given_up, "written": written})
+        echo_json(report | tables | {"factors": shares, "why": result.why, "given_up": given_up, "written": written})
     else:
         click.echo(f"\n{result}")
         for path in written:

@@ -1,4 +1,4 @@
-"""The effects a scene may list: an effect is added by importing it here, and by nothing else."""
+"""The effects that a scene may list. Importing an effect here adds it to them."""
 
 # ruff: noqa: F401 - the imports are the list
 

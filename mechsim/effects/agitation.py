@@ -1,4 +1,4 @@
-"""Agitation of the fluid: an independent Gaussian velocity at every drag point, held for a physical time."""
+"""Agitation by held white noise: a Gaussian fluid velocity at every drag point, redrawn at fixed intervals."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from mechsim.effects.view import ViewOfScene, ViewOfWorld
 class Agitation(Effect):
     """Fluid velocity N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
 
-    The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical
-    time makes the motion independent of the integrator's step.
+    The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical time
+    makes the motion independent of the integrator's step. Cost: one normal number a component, drag point and hold.
+    Choose it to compare with the paper.
 
     sigma : standard deviation of a component, length / tu
     hold : time for which a draw is held, tu; a whole number of steps

@@ -1,4 +1,4 @@
-"""Bonding: faces that meet and whose rules agree latch together."""
+"""Bonding of faces that meet and whose rules agree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Breaking: a bond gives way when a collision sends too strong an impulse through it."""
+"""Breaking of bonds by the impulse that they transmit in a collision."""
 
 from __future__ import annotations
 
@@ -29,15 +29,14 @@ CRITERIA: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 class Breaking(Effect):
-    """A bond breaks when what it transmits in a collision exceeds a threshold; the most loaded bond of a structure
-    breaks.
+    """A bond breaks when what it transmits in a collision exceeds a threshold: the most loaded one of a structure.
 
     threshold : impulse, mass length / tu; for "velocity" a speed, length / tu
     criterion : "impulse" - the pull and the shear through the bond; "wrench" - tension + shear / 2 + moment over
         half an edge, which tears long structures far more easily than short ones; "velocity" - the change of velocity
         of the structure, impulse over its mass, which spares long structures: its most loaded bond breaks
     grace : time after docking in which a bond does not break, tu: the push that a snap into place may cause is no
-    collision
+        collision
 
     Bonds in a loop carry a load that rigid-body mechanics leaves open; they do not break one at a time.
     The paper breaks a bond whose face gap exceeds a threshold; in a constraint solver that gap shrinks with the

@@ -1,4 +1,4 @@
-"""Gravity and buoyancy, for cubes that are not as dense as the fluid."""
+"""Gravity and buoyancy of cubes that are denser or lighter than the fluid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A steady uniform current that carries the cubes along."""
+"""Steady uniform flow that carries the cubes along."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mechsim.effects.view import ViewOfWorld
 class Current(Effect):
     """u = velocity at every drag point, at all times; added to whatever else moves the fluid.
 
-    In it alone, a free cube at rest that does not turn comes up to the fluid by the drag law (paper, eq. 4): its
-    velocity relative to the fluid falls as 1 / (1 + Cd rho_fluid |u| t / (rho edge)), the semi-implicit drag at any
+    In it alone, a free cube at rest that does not turn comes up to the fluid by quadratic drag (paper, eq. 4):
+    its velocity relative to the fluid falls as 1 / (1 + Cd rho_fluid |u| t / (rho edge)), the semi-implicit drag at any
     step. The current passes through the walls of the tank, against which it carries the cubes.
 
     velocity : (x, y, z), length / tu

@@ -1,4 +1,4 @@
-"""Quadratic drag of the fluid on the external faces of the cubes."""
+"""Quadratic drag of the fluid on the external faces of the cubes, integrated semi-implicitly."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from mechsim.kernels.motion import drag
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
-class DragLaw(Effect):
+class QuadraticDrag(Effect):
     """f = 1/2 Cd rho A |u - v| (u - v) at each drag point (paper, eq. 4), with its torque about the centre of mass.
 
     coefficient : Cd, a number, 1.05 for a cube
     fluid_density : rho, mass / length^3, 1 in the paper's units
     points : "sub-cubes" - the eight of the paper, each of area (edge/2)^2 times the uncovered share of its three
-    faces;
-        "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
+        faces; "sub-faces" - the 24 quarter faces, each of area (edge/2)^2 where uncovered
     """
 
     provides: ClassVar[str | None] = "drag"
@@ -32,14 +31,16 @@ class DragLaw(Effect):
     points: Literal["sub-cubes", "sub-faces"] = "sub-cubes"
 
 
-class Drag(DragLaw):
-    """The drag law in semi-implicit steps a body: stable at any step, first order in it.
+class Drag(QuadraticDrag):
+    """Quadratic drag in semi-implicit steps, one 6x6 system a body: stable at any step, first order in it.
 
     sub_cycles : semi-implicit steps of drag within one step of the engine, at the price of the kernel alone. The fluid
         is held over them, and so is the pose, with it the arms on which the fluid pulls: a body turns only when the
         engine moves it, at the velocity after the last of them and over the whole step. So they remove the drag's own
         error, of order step / sub_cycles, and leave the engine's, first order in the step: they do not stand in for a
         finer one.
+
+    Cost: one solution of a 6x6 system a body and sub-cycle. The drag to choose, but for comparisons.
     """
 
     effect: Literal["drag"] = "drag"
@@ -74,7 +75,7 @@ def drag_points(points: str) -> tuple[np.ndarray, np.ndarray]:
 class DragPoints(Action):
     """Where the fluid drags on each body, and on how much area: kept up to date as bodies join and part."""
 
-    def __init__(self, settings: DragLaw, world: ViewOfWorld):
+    def __init__(self, settings: QuadraticDrag, world: ViewOfWorld):
         self.world = world
         self.coefficient = 0.5 * settings.coefficient * settings.fluid_density
         self.place, self.share = drag_points(settings.points)

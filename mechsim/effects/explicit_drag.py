@@ -1,4 +1,4 @@
-"""Quadratic drag by explicit Euler, as the paper's engine takes forces; kept to compare the semi-implicit step with."""
+"""Quadratic drag integrated by explicit Euler steps, for comparison with the semi-implicit scheme."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import Literal
 
 from mechsim.effects.base import Action, Stopped
-from mechsim.effects.drag import DragLaw, DragPoints, drag_points
+from mechsim.effects.drag import DragPoints, QuadraticDrag, drag_points
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.forces import explicit_drag
 
@@ -15,8 +15,8 @@ from mechsim.kernels.forces import explicit_drag
 BOUND = 0.9
 
 
-class ExplicitDrag(DragLaw):
-    """The drag law with force and torque frozen at the start of the step: dv = F h / m. First order; bounded steps.
+class ExplicitDrag(QuadraticDrag):
+    """Quadratic drag with force and torque frozen at the start of the step, dv = F h / m: first order, bounded steps.
 
     In fluid agitated by sigma a free cube relaxes at the mean rate 4/3 c E|u| / m, E|u| = sigma sqrt(8/pi), c = Cd rho
     A / 2 over all its points (the push of |u| u changes by 2 |u| along u, |u| across). A scene whose step times this
@@ -31,7 +31,7 @@ class ExplicitDrag(DragLaw):
         super().check(scene)
         agitation = scene.provider("agitation")
         if agitation is None:
-            return  # fluid at rest: what speeds there will be only the run can tell
+            return  # fluid at rest: the speeds are known only in the run
         rate = self.relaxation_rate(agitation.sigma, scene.cubes.edge, scene.cubes.density)
         step = scene.numerics.step
         if rate * step > BOUND:

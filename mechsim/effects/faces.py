@@ -1,4 +1,4 @@
-"""Which faces within reach of each other the rules let bond: what bonding and attraction both ask at every step."""
+"""Search for pairs of faces within reach of each other that the rules let bond; bonding and attraction use it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class CompatibleFaces:
 
     distance, sideways : length, largest gap along the bisecting normal and largest offset of the centres across it
     angle : degrees, smallest between the outward normals
-    `kind` (C, 6) numbers what the rules can tell of a face (-1: it is covered); `allowed` says which kinds may bond.
+    `kind` (C, 6) numbers what the rules distinguish in a face (-1: it is covered); `allowed` says which kinds may bond.
     """
 
     def __init__(self, world: ViewOfWorld, distance: float, angle: float, sideways: float):
@@ -29,7 +29,7 @@ class CompatibleFaces:
         world.on_change(self.read_faces)
 
     def read_faces(self, slot: int) -> None:
-        """What the rules can tell of each face of a new body, as small numbers for the kernel."""
+        """What the rules distinguish in each face of a new body, as small numbers for the kernel."""
         bodies, book = self.world.bodies, self.world.book
         structure = bodies.held(slot)
         for index, cube in enumerate(bodies.members[slot]):

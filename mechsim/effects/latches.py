@@ -1,4 +1,4 @@
-"""What decides whether two faces within reach of each other become a bond."""
+"""Latches: rules by which two faces within reach of each other become a bond, at once or after a delay."""
 
 from __future__ import annotations
 

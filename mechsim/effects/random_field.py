@@ -1,4 +1,4 @@
-"""Agitation that neighbouring points share: a random, incompressible field of flow with a correlation length."""
+"""Agitation by a random, incompressible velocity field with a correlation length and a correlation time."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from mechsim.kernels.fluid import flow, renew
 class RandomField(Effect):
     """u(x) = sigma sqrt(3/M) sum over M modes of a cos(k.x + phase), a across k: no mode compresses the fluid.
 
-    Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970) with a Gaussian spectrum: k ~ N(0, 1/length^2) a
-    component, so <u(x).u(x+r)> = 3 sigma^2 exp(-r^2 / (2 length^2)). Every mode lives for an exponential time T and is
-    then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both laws hold for any
-    number of modes, which only sets how near to Gaussian the velocities are (excess kurtosis below 3/M).
+    Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970, doi:10.1063/1.1692799) with a Gaussian spectrum: k ~
+    N(0, 1/length^2) a component, so <u(x).u(x+r)> = 3 sigma^2 exp(-r^2 / (2 length^2)). Every mode lives for an
+    exponential time T and is then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both
+    hold for any number of modes, which only sets how near to Gaussian the velocities are (excess kurtosis below 3/M).
     In the limit of small lengths any two points are independent; but the field stands in space, so a body that crosses
-    a correlation length sooner than T sees it change sooner. Time and length both large: one velocity everywhere.
+    a correlation length sooner than T sees it change sooner. Time and length both large: one velocity everywhere. Cost:
+    M cosines a drag point and step. Choose it where neighbouring cubes must feel the same flow.
 
     sigma : standard deviation of a component, length / tu
     correlation_length : length; at least sigma * step, for within a step the fluid's velocity is taken as constant

@@ -1,4 +1,4 @@
-"""A steady linear shear: fluid whose velocity grows in proportion to the place."""
+"""Steady linear flow: a fluid velocity with a constant gradient, such as simple shear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect sees of the scene that lists it and of the world it acts in: protocols that they satisfy."""
+"""Protocols of what an effect sees of the scene that lists it and of the world it acts in."""
 
 from __future__ import annotations
 
@@ -224,9 +224,7 @@ class ViewOfWorld(Protocol):
         """From now on a body outside the tank is an escape."""
 
     def docking(self, i: int, face: int, j: int, other_face: int) -> tuple[int, int, Structure] | None:
-        """How the bodies of cubes i and j would join by these faces: keeper, other, joined structure; None: they may
-        not.
-        """
+        """How the bodies of cubes i and j would join by these faces, or None: keeper, other, joined structure."""
 
     def fits(self, keeper: int, other: int, joined: Structure) -> bool:
         """Is there room for the joined structure?"""

@@ -1,4 +1,4 @@
-"""Walls of the tank."""
+"""Walls of the tank: six fixed boxes."""
 
 from __future__ import annotations
 

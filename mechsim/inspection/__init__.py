@@ -1,1 +1,1 @@
-"""Looking at runs: what a step costs, poses, pictures, replay."""
+"""Inspection of runs: cost of a step, poses, pictures, replay."""

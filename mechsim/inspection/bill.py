@@ -1,4 +1,4 @@
-"""What a step of a scene costs, part by part, and what the engine has in force while it runs."""
+"""Cost of a step of a scene, effect by effect, and the settings in force in the engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded poses of a run, checked before anything is drawn from them; and runs read from their files."""
+"""Recorded poses of a run, validated before use; reading of runs from their files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stored run made once more, with a close look at its end: a run file holds all that decides what happens."""
+"""Replay of a stored run, with a close look at its last steps."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class Replay:
     def rows(self) -> list[dict[str, Any]]:
         """The last moments of the worst cube: time (tu), cubes of its body, speed, spin, distance to the next cube."""
         arrays, cube = self.record.arrays, self.worst
-        told = []
+        rows = []
         for k in range(max(0, len(self.speed) - SHOWN), len(self.speed)):
             others = arrays["slots"][k] != arrays["slots"][k, cube]
             gaps = np.linalg.norm(arrays["centres"][k, others] - arrays["centres"][k, cube], axis=1)
-            told.append(
+            rows.append(
                 {
                     "time": float(arrays["pose_times"][k]),
                     "cube": cube,
@@ -60,13 +60,13 @@ class Replay:
                     "nearest": float(gaps.min()) if len(gaps) else None,
                 }
             )
-        return told
+        return rows
 
     def as_dict(self) -> dict[str, Any]:
         """For programs."""
         spec, facts = self.record.spec, self.record.facts
-        told = {"run": spec.title, "key": spec.key, "outcome": self.record.outcome, "is_same": self.is_same}
-        return told | {"end": facts["end"], "steps": facts["steps"], "last": self.rows()}
+        found = {"run": spec.title, "key": spec.key, "outcome": self.record.outcome, "is_same": self.is_same}
+        return found | {"end": facts["end"], "steps": facts["steps"], "last": self.rows()}
 
     def save(self, file: str | Path) -> None:
         """Write the poses and motions of the last steps: pose_times, centres, axes, slots, speed, spin (npz)."""

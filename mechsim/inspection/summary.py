@@ -1,4 +1,4 @@
-"""What is shown of runs: counts of species where few of them occurred, else of structures by size."""
+"""Tables and plots of the counts in a run: by species where few occurred, else by structure size."""
 
 from __future__ import annotations
 
@@ -83,14 +83,14 @@ def table(records: Sequence[RunRecord]) -> str:
     columns = columns_of(records[0].path.network, [record.path for record in records], target)
     lines = []
     for record in records:
-        told, final = row(record), record.path.states[-1]
-        line = {"run": told["run"]} | {title: final[counted].sum() for title, counted in columns.items()}
-        line["largest"] = told["largest"]
+        shown, final = row(record), record.path.states[-1]
+        line = {"run": shown["run"]} | {title: final[counted].sum() for title, counted in columns.items()}
+        line["largest"] = shown["largest"]
         if target is not None:
-            first = told["first_target"]
-            line |= {target: told["target"], f"first {target} (tu)": "-" if first is None else f"{first:.1f}"}
-        line["events"] = sum(told["events"].values())
-        lines.append(line | {"CPU (s)": f"{told['cpu_seconds']:.1f}", "outcome": told["outcome"]})
+            first = shown["first_target"]
+            line |= {target: shown["target"], f"first {target} (tu)": "-" if first is None else f"{first:.1f}"}
+        line["events"] = sum(shown["events"].values())
+        lines.append(line | {"CPU (s)": f"{shown['cpu_seconds']:.1f}", "outcome": shown["outcome"]})
     return text_table(tuple(lines[0]), [tuple(str(cell) for cell in line.values()) for line in lines])
 
 

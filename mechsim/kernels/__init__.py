@@ -1,1 +1,1 @@
-"""Compiled loops: arrays in, arrays out; they import numpy and numba only."""
+"""Compiled kernels of the mechanics: arrays in, arrays out; they import numpy and numba only."""

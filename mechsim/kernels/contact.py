@@ -1,4 +1,4 @@
-"""Compiled geometry between cubes: which faces look at each other, and which cubes overlap."""
+"""Compiled geometry of pairs of cubes: faces that look at each other, and overlaps."""
 
 import math
 
@@ -9,16 +9,14 @@ from kinetics.kernels.compiled import compiled
 
 @compiled(nogil=False, error_model="python")
 def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sideways, found):
-    """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns how many there
-    are.
+    """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns their number.
 
     Two faces capture each other when they look at each other (n1 . n2 < -cosine), their cubes' gap along the
-    bisecting
-    normal n is below `capture`, and each cube's centre lies within `sideways` of the line of sight.
+    bisecting normal n is below `capture`, and each cube's centre lies within `sideways` of the line of sight.
     The gap is measured between the cubes' supports along n: zero when they touch there, however they are tilted.
 
     body (C,) : slot of each cube; cubes of one body are never a pair
-    kind (C, 6) : what the rules can tell of a face, -1 where it is covered; allowed (kinds, kinds) : may they bond
+    kind (C, 6) : what the rules distinguish in a face, -1 where it is covered; allowed (kinds, kinds) : may they bond
     found.shape[0] is a limit: the caller checks for a full table.
     """
     count = 0

@@ -1,4 +1,4 @@
-"""Compiled loops of the fluid: a field of flow at the points where it drags on the cubes."""
+"""Compiled velocity field of the fluid at the drag points."""
 
 import math
 

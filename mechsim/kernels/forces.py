@@ -1,4 +1,4 @@
-"""Compiled loops of what changes motions before a step: explicit drag, attraction of faces, gyroscopic torque.
+"""Compiled forces before a step: explicit drag, attraction of faces, gyroscopic torque.
 
 Indices as in `motion`: B body slots, C cubes, P drag points a cube; a quaternion is (x, y, z, w), body frame to world.
 """

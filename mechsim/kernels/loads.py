@@ -1,4 +1,4 @@
-"""Compiled loads: what the bonds of a rigid structure carry when other things hit it."""
+"""Compiled loads on the bonds of a rigid structure in a collision."""
 
 import math
 
@@ -12,16 +12,13 @@ def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
     """What each bridge bond of one rigid structure carries in a step: writes `loads` (bonds, 3).
 
     The contact impulses change the whole structure's motion rigidly. What one side of a bond needs for its share
-    beyond what
-    hit it directly came through the bond (Newton and Euler for that side). A load is (tension, shear, moment),
-    impulses all:
-    the pull along the bond (negative: a push), the pull across it, and the bending and twisting moment over half an
-    edge, the
-    arm of magnets at the face's rim.
+    beyond what hit it directly came through the bond (Newton and Euler for that side). A load is (tension, shear,
+    moment), impulses all: the pull along the bond (negative: a push), the pull across it, and the bending and twisting
+    moment over half an edge, the arm of magnets at the face's rim.
 
     bonds (n, 2) : the two cubes, members' indices; side (n, k) bool : the cubes on the first cube's side
     place (k, 3) : centres of the cubes, world; contact (m, 3), impulse (m, 3) : contact points, impulses on the
-    structure
+        structure
     """
     k = place.shape[0]
     m = contact.shape[0]

@@ -1,4 +1,4 @@
-"""Compiled loops of the motion: drag, free flight, places of the cubes, and what can go wrong.
+"""Compiled motion of the bodies: drag, free flight, poses of the cubes, and checks of the state.
 
 Indices: B body slots, C cubes, P drag points a cube. `live` lists the slots that hold a body. A quaternion is
 (x, y, z, w), body frame to world. Vectors go by components: numba allocates nothing for scalars.
@@ -36,8 +36,7 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
     """Quadratic drag of the fluid on every body over one step, semi-implicit: updates `velocity` and `spin`.
 
     Paper, eq. 4: a point of area A in fluid moving at u is pushed by f = c (u - v), c = 1/2 Cd rho A |u - v|. The
-    factor c
-    is frozen at the start of the step and v taken at its end, so each body solves one symmetric 6x6 system
+    factor c is frozen at the start of the step and v taken at its end, so each body solves one symmetric 6x6 system
     (M/step + K) dV = F with K = sum of c J'J: stable at any step, first order in it.
 
     first, members : cubes of slot b are members[first[b]:first[b + 1]]

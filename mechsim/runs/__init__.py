@@ -1,1 +1,1 @@
-"""Runs: how one is made, stored, and shared among workers."""
+"""Runs: making, storing and sharing them among workers."""

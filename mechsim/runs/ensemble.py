@@ -1,4 +1,4 @@
-"""Many runs: what is missing from a store is made, tried again where it fails, and given up after three tries."""
+"""Ensembles of runs: those missing from a store are made, with three tries each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes that only a built world can find, found before any run is made."""
+"""Checks that need a built world, made before any run: do the bodies fit into the tank?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A share of the runs of a command, for job arrays: each job makes its own, in one folder or in several.
+"""Shards: shares of the runs of a command, for job arrays that work in one folder or in several.
 
 Runs are named by their inputs, so the folders of all shards are merged by copying their run files into one.
 """

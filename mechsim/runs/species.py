@@ -1,4 +1,4 @@
-"""Species by what they are, since names like `pentamer` or `20-mer.a` are the derivation's: free cube, seed, target."""
+"""Species by their role: the free cube, the seed, the target (their names come from the derivation)."""
 
 from __future__ import annotations
 

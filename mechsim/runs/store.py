@@ -1,4 +1,4 @@
-"""A folder of runs: one checksummed file each, written whole or not at all, never read when damaged.
+"""Store of runs: a folder of checksummed files, each written whole or not at all and never read when damaged.
 
     folder/format               the format of everything here, written once
     folder/KEY.run              a finished run; KEY is the SHA-256 of its full inputs

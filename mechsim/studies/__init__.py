@@ -1,1 +1,1 @@
-"""First times against any setting of a scene, as in section V of the paper."""
+"""First-passage times as functions of the settings of a scene, as in section V of the paper."""

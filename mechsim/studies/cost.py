@@ -1,4 +1,4 @@
-"""What a study will cost, from a short timed trial of each point; the trial also measures the cubes' speed."""
+"""Predicted cost of a study, from a short timed trial of each point, which also measures the cubes' speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""First times at the points of a study, some of them censored: medians, means, exponents, and which factor matters.
+"""Estimates from censored first-passage times: medians, means, exponents, and the ranking of factors.
 
 A time of inf is one that was not seen by the cap: censored, never left out.
 """
@@ -37,7 +37,7 @@ def mean(times: Floats, cap: float) -> Estimate:
 
 
 def median(times: Floats) -> Estimate:
-    """Median with the interval between two order statistics, at least 95 % whatever the law of the times.
+    """Median with the interval between two order statistics, at least 95 % whatever the distribution of the times.
 
     inf where the cap hides it; nan for limits that so few runs cannot give (it takes six).
     """
@@ -58,7 +58,7 @@ def median(times: Floats) -> Estimate:
 class LogFit:
     """log time = design . slopes + scatter x normal, by maximum likelihood; a censored time is later than the cap.
 
-    Without censoring it is least squares on the logarithms, whose slopes do not ask for the normal law.
+    Without censoring it is least squares on the logarithms, whose slopes need no normal distribution.
 
     slopes (P,), covariance (P, P) : of the coefficients, n / (n - P) for the scatter's own uncertainty included
     scatter : standard deviation of log time; log_likelihood; freedom : times seen minus coefficients
@@ -81,7 +81,7 @@ def fit_log(times: Floats, design: Floats, cap: float) -> LogFit:
     """Fit log times (n,) on a design (n, P).
 
     In Olsen's (1978) parameters, slopes / scatter and 1 / scatter, the log-likelihood is concave.
-    ValueError: too few times were seen, or the design cannot tell its columns apart.
+    ValueError: too few times were seen, or the columns of the design depend on each other.
     """
     from scipy.special import log_ndtr
 

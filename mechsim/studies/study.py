@@ -1,4 +1,4 @@
-"""A study as data: a scene, factors with their levels, runs a point. Read from TOML, expanded to points and runs.
+"""Studies as data: a scene, factors with their levels, and runs a point; read from TOML and expanded to runs.
 
 A run of a study ends at the first copy of the target, or at the cap. What several studies ask for alike is made once:
 the runs of a point depend on its scene and its number of cubes, not on the study.
@@ -77,7 +77,9 @@ class StudyPoint:
     cubes: int
 
     def specs(self, cap: float, runs: int, seed: int) -> list[RunSpec]:
-        """Its runs. Their seed is drawn from ours and the scene, so that no two points share their random numbers."""
+        """Its runs. Their seed is the CRC-32 of ours and the scene's fingerprint: two points share their random numbers
+        only where these 32 bits agree, one pair in 4e9.
+        """
         derivation = book_of(self.scene.rules)[1]
         target = species_of(derivation, derivation.book.target)
         start = single_cubes(derivation, self.cubes)

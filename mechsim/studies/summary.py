@@ -1,4 +1,4 @@
-"""What a study found: first times at each point, exponents beside the paper's, and the tables that hold them."""
+"""Results of a study: first-passage times at each point, fitted exponents beside the paper's, and their tables."""
 
 from __future__ import annotations
 
@@ -214,18 +214,18 @@ def summarise(
                 paper=known.get(point.levels),
             )
         )
-    laws: tuple[Exponent, ...] = ()
+    fitted: tuple[Exponent, ...] = ()
     shares: tuple[Share, ...] = ()
     why = ""
     try:
-        laws = _laws(study, found)
+        fitted = _exponents(study, found)
         if len(study.factors) > 1:
             kept = [each for each in found if each.times.size]
             levels = np.array([each.point.levels for each in kept])
             shares = ranking([f.name for f in study.factors], [each.times for each in kept], levels, study.cap)
     except ValueError as error:
         why = str(error)
-    return StudyResult(study, seed, tuple(found), laws, shares, why)
+    return StudyResult(study, seed, tuple(found), fitted, shares, why)
 
 
 def first_time(record: RunRecord) -> float:
@@ -236,10 +236,10 @@ def first_time(record: RunRecord) -> float:
     return math.inf if math.isnan(time) else time
 
 
-def _laws(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
+def _exponents(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
     """Exponents of time in each factor that has several levels; in speed, for a factor that stands for it."""
     varied = [i for i, f in enumerate(study.factors) if len({each.point.levels[i] for each in found}) > 1]
-    laws: list[Exponent] = []
+    found_exponents: list[Exponent] = []
     for i in varied:
         factor = study.factors[i]
         if factor.is_speed:
@@ -248,17 +248,17 @@ def _laws(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ...]:
             if len(set(at.tolist())) > 2 and np.isfinite(speeds).all() and (speeds > 0).all():
                 theirs = factor.paper_speeds
                 paper = power(np.array(factor.levels), np.array(theirs)).value if len(theirs) > 2 else None
-                laws.append(Exponent(f"speed ~ {factor.name}^p", power(at, speeds), paper))
+                found_exponents.append(Exponent(f"speed ~ {factor.name}^p", power(at, speeds), paper))
     kept = [each for each in found if each.times.size]
     if not varied or not kept:
-        return tuple(laws)
+        return tuple(found_exponents)
     fitted = [_values(study, i, kept) for i in varied]
     estimates = exponents([each.times for each in kept], np.column_stack(fitted), study.cap)
     for i, estimate in zip(varied, estimates, strict=True):
         factor = study.factors[i]
         what = "speed" if factor.is_speed else factor.name
-        laws.append(Exponent(f"time ~ {what}^p", estimate, factor.paper_exponent))
-    return tuple(laws)
+        found_exponents.append(Exponent(f"time ~ {what}^p", estimate, factor.paper_exponent))
+    return tuple(found_exponents)
 
 
 def _values(study: Study, i: int, found: Sequence[PointResult]) -> Floats:

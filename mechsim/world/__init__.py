@@ -1,1 +1,1 @@
-"""The tank as it moves: bodies, the engine, and one step at a time."""
+"""The simulated tank: bodies, the engine, and the time step."""

@@ -1,5 +1,4 @@
-"""Rigid bodies made of cubes: their geometry, their table of poses, and the exact bookkeeping when they join or
-part."""
+"""Rigid bodies made of cubes: geometry, table of poses, and the conservation of momenta in joins and breaks."""
 
 from __future__ import annotations
 
@@ -192,8 +191,7 @@ class Bodies:
         return max(placements, key=lambda p: float((ROTATIONS[p.rotation] * turn).sum()))
 
     def joined_motion(self, keeper: int, other: int, structure: Structure) -> tuple[np.ndarray, ...]:
-        """Pose and motion (position, orientation, velocity, spin) of two bodies as one: momenta and centre of mass
-        are kept.
+        """Pose and motion (position, orientation, velocity, spin) of two bodies as one, with their momenta.
 
         The keeper keeps its orientation; `structure` is the joined structure in the keeper's lattice frame.
         """

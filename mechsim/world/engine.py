@@ -1,4 +1,4 @@
-"""The only door to PyBullet: rigid boxes, their contacts, one step at a time.
+"""The interface to PyBullet, used nowhere else: rigid boxes, their contacts, one step at a time.
 
 What this module rests on, each held by a test:
 - velocities are set and no forces used: the velocity after a step minus the one set is the contact impulse over mass;
@@ -42,7 +42,7 @@ with _quiet():
 
 CUBES, WALLS = 1, 2  # collision groups
 
-# What the engine has in force that it neither lets be read back nor is told by us; tests measure both.
+# What the engine has in force, though it cannot be read back and we do not set it; tests measure both.
 LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
 RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
 SLEEPING = 0.0  # speed below which a body is put to rest: switched off
@@ -135,7 +135,7 @@ class Engine:
         self._contacts = [point for point in self._contacts if body not in point[1:3]]
 
     def put(self, slot: int) -> None:
-        """Tell the engine a slot's pose and motion."""
+        """Hand a slot's pose and motion to the engine."""
         b, body = self.bodies, self._body[slot]
         pybullet.resetBasePositionAndOrientation(
             body, b.position[slot].tolist(), b.orientation[slot].tolist(), self.client
@@ -143,7 +143,7 @@ class Engine:
         pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
 
     def set_motions(self) -> None:
-        """Tell the engine how all bodies move now."""
+        """Hand the velocities and spins of all bodies to the engine."""
         b = self.bodies
         ids = map(self._body.__getitem__, b.live.tolist())
         motions = b.velocity[b.live].tolist(), b.spin[b.live].tolist()

@@ -1,4 +1,4 @@
-"""Free spin of bodies that are not cubes, where no drag damps it: taken over from the engine."""
+"""Torque-free rotation of bodies with unequal moments of inertia, for scenes without drag."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from mechsim.world.bodies import Bodies
 
 
 class FreeSpin:
-    """Turns bodies by the implicit midpoint rule: angular momentum is kept to rounding, energy to second order without
-    drift.
+    """Turns bodies by the implicit midpoint rule: keeps angular momentum to rounding, energy to second order, no drift.
 
     The engine's own gyroscopic step is explicit: a line of four spun at 13 rad / tu without drag gains energy
     90-fold in 10 tu. With drag (relaxation in 1/60 tu) that does not show, and such scenes keep the engine's step.

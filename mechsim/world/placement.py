@@ -1,4 +1,4 @@
-"""Random, overlap-free starting places."""
+"""Random initial poses without overlap, by random sequential addition."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tank at work: bodies, engine and effects, one step at a time."""
+"""The simulated tank: bodies, engine and effects, advanced one step at a time."""
 
 from __future__ import annotations
 
@@ -114,8 +114,7 @@ class World:
         """How the bodies of cubes i and j would join by these faces: keeper, other, joined structure.
 
         The heavier body keeps its orientation, the other takes the nearest of the four twists. None where the rules
-        or the lattice
-        refuse.
+        or the lattice refuse.
         """
         b = self.bodies
         if b.mass[b.body[i]] < b.mass[b.body[j]]:

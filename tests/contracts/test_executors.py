@@ -25,7 +25,7 @@ def local_cluster():
     distributed = pytest.importorskip("distributed")
     settings = {"dashboard_address": "127.0.0.1:0", "silence_logs": logging.CRITICAL, "host": "127.0.0.1"}
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **settings) as cluster:
-        cluster.wait_for_workers(2, timeout=60)
+        cluster.wait_for_workers(2, timeout=300)
         yield cluster.scheduler_address
 
 
@@ -43,7 +43,7 @@ def executor(request):
 
 def wait_for(condition):
     """Until it holds; the limit only ends a broken test."""
-    end = time.monotonic() + 120
+    end = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < end, "it never came to that"
         time.sleep(0.01)

@@ -98,6 +98,11 @@ def parents(log: Path) -> list[int]:
     return [int(line.split()[2]) for line in log.read_text().splitlines()] if log.exists() else []
 
 
+def take_the_worker_down() -> None:
+    os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
+    time.sleep(600)
+
+
 def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
     os.write(1, b"an engine talks")
     tries = 1
@@ -127,8 +132,9 @@ def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
             resource.setrlimit(resource.RLIMIT_AS, (room, room))
             bytearray(2 * room)
         case "take the worker down":
-            os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
-            time.sleep(600)
+            take_the_worker_down()
+        case "take the worker down once" if tries == 1:
+            take_the_worker_down()
         case "hang":
             time.sleep(600)
         case "hang in native code":

@@ -1,1 +1,1 @@
-"""Runs to look at: the tank, films, a view to turn."""
+"""Pictures, films and interactive views of runs."""

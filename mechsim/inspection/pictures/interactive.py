@@ -1,4 +1,4 @@
-"""A run to turn and zoom: an interactive 3-D view, in a notebook or as one HTML file that needs nothing else."""
+"""Interactive 3-D view of a run, in a notebook or as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ def view(poses: Poses, frames: Sequence[int], paint: Paint = "size") -> Any:
         x=x, y=y, z=z, mode="lines", line={"color": "#888888", "width": 2}, hoverinfo="skip", showlegend=False
     )
     names = [f"{poses.times[frame]:.4g} tu" for frame in frames]
-    told = {frame: labels(poses, frame, paint) for frame in frames}
+    named = {frame: labels(poses, frame, paint) for frame in frames}
     # The legend stays, so it names what is there in any frame; how many there are is in the title of each.
-    kinds = {label.split(":")[0]: colour for frame in frames for label, colour in told[frame]}
+    kinds = {label.split(":")[0]: colour for frame in frames for label, colour in named[frame]}
     key = [
         go.Scatter3d(x=[None], y=[None], z=[None], mode="markers", marker={"color": c, "symbol": "square"}, name=kind)
         for kind, c in sorted(kinds.items(), key=lambda kind: (len(kind[0]), kind[0]))
     ]
 
     def title(frame: int) -> str:
-        counts = ", ".join(label for label, _ in told[frame]) if paint == "size" else f"{poses.slots.shape[1]} cubes"
+        counts = ", ".join(label for label, _ in named[frame]) if paint == "size" else f"{poses.slots.shape[1]} cubes"
         return f"{poses.name} at {poses.times[frame]:.4g} tu: {counts}"
 
     figure = go.Figure(

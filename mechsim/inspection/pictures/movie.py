@@ -1,4 +1,4 @@
-"""A run as a strip of pictures, an animated GIF or an MP4 film, from its recorded poses."""
+"""Strips of pictures, animated GIFs and MP4 films of a run, from its recorded poses."""
 
 from __future__ import annotations
 

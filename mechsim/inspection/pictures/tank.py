@@ -1,4 +1,4 @@
-"""Pictures of runs: the tank from recorded poses, and what grew in it."""
+"""Pictures of the tank from recorded poses, and of the structures that grew in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who makes the runs of an ensemble: one file each, and one line here. The first is used where none is asked for."""
+"""Executors, which make the runs of an ensemble: one file each, and one line here. The first is the default."""
 
 from mechsim.runs.executors.base import Executor, RunAttempt, Session
 from mechsim.runs.executors.cluster import Dask

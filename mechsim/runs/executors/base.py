@@ -1,4 +1,4 @@
-"""What the driver of an ensemble asks of whoever makes the runs.
+"""Base classes of executors: what the driver of an ensemble asks of whoever makes the runs.
 
 To add an executor: a file with an `Executor` (its settings, and the option of the command line that chooses it) and a
 `Session` (the runs it has in hand), and its line in `EXECUTORS`. Claims, tries, the quarantine and the progress bar
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Execute = Callable[["RunSpec", Callable[[float], None]], "RunRecord"]
 
-LOOK_EVERY = 0.2  # s between two looks at what nobody tells us: runs claimed by others, files on a network disk
+LOOK_EVERY = 0.2  # s between two looks at what nobody reports: runs claimed by others, files on a network disk
 
 
 @dataclass(kw_only=True)

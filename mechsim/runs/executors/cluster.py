@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster, on any number of machines that share the disk of the store.
+"""Executor on a Dask cluster, whose workers share the disk of the store.
 
 Each worker makes a run in a process of its own, as `Processes` does: a run that crashes costs nobody else a try, and
 one that hangs is ended there. Dask gives the runs out, and once more where a whole worker is lost. Its own settings are
@@ -12,6 +12,7 @@ import multiprocessing
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from platform import node
@@ -195,8 +196,9 @@ class ClusterSession(Session):
     def close(self) -> None:
         """Call the runs back, end those at work, and leave the cluster."""
         if self.attempts and self.client.status == "running":
-            self.client.cancel([attempt.future for attempt in self.attempts])
-            self.client.run(end_runs, self.call, on_error="ignore")
+            with suppress(OSError):  # the scheduler has just gone; what ended the call is the error to see
+                self.client.cancel([attempt.future for attempt in self.attempts])
+                self.client.run(end_runs, self.call, on_error="ignore")
         self.client.close()
 
 

@@ -1,4 +1,4 @@
-"""Processes on this machine, one a run: a run that crashes in the engine costs itself a try, and the others nothing."""
+"""Executor on this machine, one process a run, so that a crash in the engine costs a single try."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class _Worker(RunAttempt):
 
 
 class ProcessSession(Session):
-    """Processes at work, each told of by its reports and by its end."""
+    """Processes at work, each known by its reports and by its end."""
 
     attempts: list[_Worker]  # type: ignore[assignment]
 

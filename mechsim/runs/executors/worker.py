@@ -1,4 +1,4 @@
-"""What happens in a worker process: one run is made, kept, and its driver told how it goes."""
+"""The worker process: makes one run, stores it, and reports its progress to the driver."""
 
 from __future__ import annotations
 

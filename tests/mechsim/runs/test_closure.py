@@ -175,7 +175,7 @@ def eager_t5():
     scene = Scene.load("t5").changed("bonding", latch={"kind": "encounter", "probability": 1.0})
     scene = scene.changed("breaking", threshold=0.003)
     start = {"monomer": 21, "dimer.a": 6, "trimer.a": 3, "quadmer.b": 2, "pentamer": 2}
-    return execute(RunSpec(scene, start, 60.0, seed=3, run=0, poses=6.0))
+    return execute(RunSpec(scene, start, 40.0, seed=3, run=0, poses=5.0))
 
 
 def test_the_poses_show_the_shapes_that_the_events_tell_of(eager_t5):
@@ -229,7 +229,7 @@ def test_the_recorded_pyramid_grew_by_the_rules(pyramid):
 def test_a_cube_docks_in_a_corner(pyramid):
     """From a cross of five cubes, every meeting a bond: a cube between two arms is bonded to both."""
     eager = pyramid.spec.scene.changed("bonding", latch={"kind": "encounter", "probability": 1.0})
-    record = execute(RunSpec(eager, {"monomer": 100, "pentamer": 1}, 50.0, seed=2, run=0, poses=50.0))
+    record = execute(RunSpec(eager, {"monomer": 100, "pentamer": 1}, 25.0, seed=2, run=0, poses=25.0))
     (grown,) = [shape for shape in shapes(record, -1) if len(shape) > 1]
     assert len(grown.bonds) > len(grown) - 1  # loops
     assert shapes(record, -1) == recorded_shapes(record, len(record.arrays["pose_times"]) - 1)

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import fake_runs
 import pytest
-from fake_runs import FakeSpec, execute, parents, pids, record_of, specs_of, starts
+from command_line import run_here
+from fake_runs import FakeSpec, execute, pids, record_of, specs_of, starts
 
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import Dask, cluster
@@ -41,14 +42,20 @@ def two_workers():
         yield cluster
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """A scheduler that shares a busy machine may take longer to answer than one elsewhere."""
+    monkeypatch.setattr(cluster, "ANSWER_WITHIN", 60.0)
+
+
 @pytest.fixture
 def dask(two_workers):
     """The executor, with both workers up."""
-    two_workers.wait_for_workers(2, timeout=60)
+    two_workers.wait_for_workers(2, timeout=300)
     return Dask(two_workers.scheduler_address)
 
 
-def wait_for(condition, seconds=60):
+def wait_for(condition, seconds=300):
     """Until it holds; the limit is only there to end a broken test."""
     end = time.monotonic() + seconds
     while not condition():
@@ -63,22 +70,13 @@ def is_alive(pid):
         return False
 
 
-def test_a_worker_killed_by_its_pid_costs_nothing_but_time(tmp_path, dask):
+def test_a_worker_killed_in_the_middle_of_a_run_costs_nothing_but_time(tmp_path, dask):
     log, store = tmp_path / "log", RunStore(tmp_path / "runs")
-    specs = specs_of(8, seconds=1.0, log=str(log))
-
-    def kill():
-        wait_for(lambda: len(parents(log)) > 2)
-        os.kill(parents(log)[2], signal.SIGKILL)
-
-    killer = threading.Thread(target=kill)
-    killer.start()
+    specs = [FakeSpec(1, 100, behaviour="take the worker down once", log=str(log)), *specs_of(6, log=str(log))]
     outcome = run_all(specs, store, workers=dask, execute=execute)
-    killer.join()
-    assert len(set(parents(log))) == 3  # the nanny has started another one
-    assert len(starts(log)) == 9
-    wait_for(lambda: not is_alive(pids(log)[2]))  # the run did not outlive its worker
-    assert (outcome.computed, outcome.quarantined) == (8, ())
+    assert [starts(log).count(spec.run) for spec in specs] == [2, 1, 1, 1, 1, 1, 1]
+    wait_for(lambda: not any(map(is_alive, pids(log))))  # the run did not outlive its worker
+    assert (outcome.computed, outcome.quarantined) == (7, ())
     assert outcome.digest == digest_of(map(record_of, specs))
 
 
@@ -157,11 +155,11 @@ def test_workers_that_do_not_share_the_disk_are_found(tmp_path, dask, monkeypatc
         run_all(specs_of(1), fake_runs.NotShared(tmp_path / "here"), workers=dask, execute=execute)
 
 
-def test_a_command_makes_the_same_runs_on_a_cluster(tmp_path, wellmixed, dask):
+def test_a_command_makes_the_same_runs_on_a_cluster(tmp_path, dask):
     pytest.importorskip("pybullet")
     command = ["simulate", "line4", "--cubes", 6, "--duration", 1, "--runs", 2, "--seed", 2, "--json"]
-    here = wellmixed(*command, "--runs-folder", "here", cwd=tmp_path).json
-    there = wellmixed(*command, "--runs-folder", "there", "--scheduler", dask.address, cwd=tmp_path).json
+    here = run_here(*command, "--runs-folder", "here", cwd=tmp_path).json
+    there = run_here(*command, "--runs-folder", "there", "--scheduler", dask.address, cwd=tmp_path).json
     assert (here["computed"], there["computed"]) == (2, 2)
     assert there["digest"] == here["digest"]
 
@@ -200,7 +198,7 @@ def test_a_scheduler_that_goes_away(tmp_path, by_hand):
         dask.open(store, execute).close()
     by_hand("worker", dask.address, "--nthreads", 2, "--no-nanny")
     with distributed.Client(dask.address, set_as_default=False) as client:
-        client.wait_for_workers(1, timeout=60)
+        client.wait_for_workers(1, timeout=300)
 
     def kill():
         wait_for(lambda: len(list(store.folder.glob("*.run"))) == 3 and len(pids(log)) == 5)

@@ -25,7 +25,7 @@ from mechsim.scene import Scene
 ROOT = Path(__file__).parents[3]
 
 
-def wait_for(condition, seconds=60):
+def wait_for(condition, seconds=300):
     """Until it holds; the limit is only there to end a broken test."""
     end = time.monotonic() + seconds
     while not condition():

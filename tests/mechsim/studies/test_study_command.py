@@ -1,25 +1,11 @@
 """`wellmixed study`: the cost comes first, nothing is made twice, mistakes are told before any work."""
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
-
-ROOT = Path(__file__).parents[3]
+from command_line import run_here
 
 
 def command(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, str(ROOT / "wellmixed.py"), "study", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )
+    return run_here("study", *arguments, cwd=cwd)
 
 
 OWN = """
@@ -42,12 +28,11 @@ levels = [8.0, 12.0]
 def test_the_command_tells_the_cost_first_and_goes_on_where_it_was(tmp_path):
     (tmp_path / "own.toml").write_text(OWN)
     first = command("own.toml", "--points", "number=8", "--seed", 1, cwd=tmp_path)
-    assert first.returncode == 0, first.stderr
-    assert first.stdout.index("1 runs to make: about") < first.stdout.index("A tiny study")
+    assert first.code == 0, first.err
+    assert first.out.index("1 runs to make: about") < first.out.index("A tiny study")
     again = command("own.toml", "--seed", 1, "--json", "--out", "out", cwd=tmp_path)
-    assert again.returncode == 0, again.stderr
-    assert "1 runs to make: about" in again.stderr
-    told = json.loads(again.stdout)
+    assert "1 runs to make: about" in again.err
+    told = again.json
     assert [(row["number"], row["runs"], row["censored"]) for row in told["points"]] == [(8, 1, 1), (12, 1, 1)]
     assert "0 of 2 first times were seen before the cap" in told["why"]
     assert len(list((tmp_path / "runs").glob("*.run"))) == 2
@@ -57,8 +42,8 @@ def test_the_command_tells_the_cost_first_and_goes_on_where_it_was(tmp_path):
 def test_cost_only_and_collect_make_no_run(tmp_path):
     (tmp_path / "own.toml").write_text(OWN)
     asked = command("own.toml", "--cost-only", "--json", cwd=tmp_path)
-    assert json.loads(asked.stdout)["runs_to_make"] == 2
-    told = json.loads(command("own.toml", "--collect", "--json", cwd=tmp_path).stdout)
+    assert asked.json["runs_to_make"] == 2
+    told = command("own.toml", "--collect", "--json", cwd=tmp_path).json
     assert [row["runs"] for row in told["points"]] == [0, 0]
     assert not list((tmp_path / "runs").glob("*.run"))
 
@@ -78,6 +63,6 @@ def test_mistakes_are_told_before_any_work(tmp_path, arguments, said):
         OWN.replace('setting = "number"', 'setting = "cubes.edge"').replace("8.0, 12.0", "0.95")
     )
     done = command(*arguments, cwd=tmp_path)
-    assert done.returncode == 2, done.stdout
-    assert said in done.stderr
+    assert done.code == 2, done.out
+    assert said in done.err
     assert not list(tmp_path.glob("runs/*.run"))
