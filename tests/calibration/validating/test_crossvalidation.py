@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ REPEATS = 40
 FALSE_ALARM = 1e-6
 
 
+@cache
 def calibrated(i, length=60.0):
     """Rates from runs of moderate length: some 10 to 60 events of each channel, so their uncertainty matters."""
     network = line_network()
@@ -28,7 +30,8 @@ def calibrated(i, length=60.0):
     return estimate([restarted, breaking_run(network, network.state([0, 0, 12, 30]), length / 3, 4, i)]).rates()
 
 
-def held_out(i, n=40, factor=1.0):
+@cache
+def held_out(i, n=24, factor=1.0):
     """Runs of 30 cubes that calibration never saw; factor : on the rates of the joins."""
     network = line_network()
     joins = network.reactants.sum(axis=1) == 2
