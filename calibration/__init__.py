@@ -1,4 +1,4 @@
-"""From paths to rates, and back to trust: estimates with intervals, models of rates, diagnostics, validation, reports.
+"""Calibration: rates from jump paths with intervals, models of rates, diagnostics, validation, reports.
 
 The names are imported when they are first used.
 """

@@ -1,1 +1,1 @@
-"""Commands that know all three rooms, one file each; `wellmixed` mounts them."""
+"""The commands of calibration, one file each; `wellmixed` mounts them."""

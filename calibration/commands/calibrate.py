@@ -1,4 +1,4 @@
-"""The command `wellmixed calibrate`: mechanics runs -> rates."""
+"""The command `wellmixed calibrate`: rates of all channels from mechanics runs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,19 @@ if TYPE_CHECKING:
     callback=in_a_folder,
     help="The rates file to write (TOML).",
 )
-@click.option("--cubes", type=click.IntRange(min=1), default=60, show_default=True)
-@click.option("--join-time", type=float, default=1000.0, show_default=True, help="tu for each mixture with bonding.")
-@click.option("--break-time", type=float, default=4000.0, show_default=True, help="tu for each tank without bonding.")
+@click.option(
+    "--cubes", type=click.IntRange(min=1), default=60, show_default=True, help="Number of cubes in each tank."
+)
+@click.option(
+    "--join-time", type=float, default=1000.0, show_default=True, help="Watching time of each mixture with bonding, tu."
+)
+@click.option(
+    "--break-time",
+    type=float,
+    default=4000.0,
+    show_default=True,
+    help="Watching time of each tank without bonding, tu.",
+)
 @report_option
 @run_options
 @seed_option(1)
@@ -46,10 +56,11 @@ def calibrate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Measure the reaction rates of SCENE in mechanics runs and write them with 95 % intervals.
+    """Estimate the reaction rates of SCENE from mechanics runs, with 95 % intervals.
 
-    Runs start from several mixtures and are put back after every event; breaks, being rare, are watched in tanks
-    without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
+    A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
+    full. Runs start from several mixtures and are restarted after every event; breaks, being rare, are watched in
+    tanks without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
     """
     from calibration.pipeline.study import calibration_specs, run_calibration
     from mechsim.scene import Scene

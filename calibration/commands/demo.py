@@ -1,4 +1,4 @@
-"""The command `wellmixed demo`: the whole loop on a small budget."""
+"""The command `wellmixed demo`: calibration, prediction and validation on a small budget."""
 
 from __future__ import annotations
 
@@ -16,14 +16,22 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--folder", default="demo-output", show_default=True, type=click.Path(file_okay=False))
-@click.option("--scale", type=float, default=1.0, show_default=True, help="Of all durations: 2 takes twice the time.")
+@click.option(
+    "--folder",
+    default="demo-output",
+    show_default=True,
+    type=click.Path(file_okay=False),
+    help="Where results are written.",
+)
+@click.option(
+    "--scale", type=float, default=1.0, show_default=True, help="Factor on all durations: 2 takes twice the time."
+)
 @executor_options
 @progress_option
 @seed_option(1)
 @json_option
 def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
-    """The whole loop on real mechanics and a small budget: rates, predictions, held-out runs, report.html."""
+    """Calibrate, predict and validate line4 on a small budget of mechanics runs; writes report.html."""
     from calibration.pipeline.study import run_calibration, run_validation, watched_run
     from calibration.reporting.overview import full_report
     from mechsim.inspection.pictures.tank import draw_tank

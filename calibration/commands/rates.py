@@ -1,4 +1,4 @@
-"""The command `wellmixed rates`: what the runs of a study say about the rates, point by point."""
+"""The command `wellmixed rates`: rates at each point of a study, from its runs."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def rates(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Measure the rates at each point of STUDY, from the runs that `wellmixed study` with the same --seed has made.
+    """Estimate the rates at each point of STUDY, from the runs that `wellmixed study` with the same --seed has made.
 
-    Points of one scene should have the same rates, whatever their number of cubes. So each of them is also predicted
-    from the rates of the others: the law of its first times by the Markov chain, beside those of its own runs.
+    Points of one scene should have the same rates, whatever their number of cubes. So the first times of each are
+    compared with the first-passage distribution of the Markov chain under the rates of the others.
     """
     from calibration.pipeline.by_point import PointRuns, rates_by_point
     from mechsim.runs.store import RunStore

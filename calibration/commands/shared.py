@@ -1,4 +1,4 @@
-"""What the commands share: options, tables for people, how they end."""
+"""Options, tables and exit codes that the commands share."""
 
 from __future__ import annotations
 

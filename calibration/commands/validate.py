@@ -1,4 +1,4 @@
-"""The command `wellmixed validate`: predictions beside held-out mechanics runs."""
+"""The command `wellmixed validate`: predictions tested on held-out mechanics runs."""
 
 from __future__ import annotations
 
@@ -19,10 +19,16 @@ if TYPE_CHECKING:
 @click.argument("scene")
 @click.option("--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: a .toml file, or table3.")
 @click.option(
-    "--cubes", type=click.IntRange(min=1), multiple=True, default=(60, 80, 120), show_default=True, metavar="N ..."
+    "--cubes",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(60, 80, 120),
+    show_default=True,
+    metavar="N ...",
+    help="System sizes: numbers of cubes.",
 )
 @click.option("--runs", type=click.IntRange(min=2), default=10, show_default=True, help="Held-out runs at each size.")
-@click.option("--duration", type=float, default=2000.0, show_default=True, help="Of a run, tu.")
+@click.option("--duration", type=float, default=2000.0, show_default=True, help="Length of a run, tu.")
 @report_option
 @run_options
 @seed_option(2)
@@ -41,10 +47,11 @@ def validate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Compare prediction and mechanics of SCENE in runs that the rates never saw.
+    """Compare predictions with mechanics runs of SCENE that the rates never saw.
 
     Coverage is the share of times and species at which the runs' mean lies in its predicted 95 % band; CRPS is the
-    mean distance of a run from the predicted law, in copies, beside what the model scores against runs of its own.
+    mean distance of a run from the predicted distribution, in copies, beside what the model scores against runs of its
+    own.
     Exit code 4: some runs were stopped by the guard or given up.
     """
     from calibration.pipeline.study import check_held_out, run_validation, validation_specs

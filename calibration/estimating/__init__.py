@@ -1,1 +1,1 @@
-"""From paths to rates: exposure, estimates with intervals, diagnostics."""
+"""Estimation of rates from jump paths: exposure, likelihood, models of rates, intervals, diagnostics."""

@@ -1,4 +1,4 @@
-"""Is the system what the estimator takes it for: exponential waits, one constant rate in every run, at every age?
+"""Diagnostics of calibration runs: are waits exponential, and is the rate one constant in every run, at every age?
 
 All tests condition on the number of events of a channel, so the unknown rate drops out and censored waits need no
 correction: measured in its own exposure, a channel's events are a Poisson process, and n events of one are uniform on

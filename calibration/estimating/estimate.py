@@ -1,4 +1,4 @@
-"""Rates from counted paths: pooled events over pooled exposure, with exact intervals."""
+"""Rate constants under mass action, in closed form: pooled events over pooled exposure, with exact intervals."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Calibration:
         return tuple(e.channel for e in self.estimates if not e.is_measured)
 
     def rates(self, evidence: Mapping[str, Any] | None = None) -> Rates:
-        """The estimates as a rates file with 95 % intervals; `evidence` tells where they come from.
+        """The estimates as a rates file with 95 % intervals; `evidence` says where they come from.
 
         Refused while a channel is not measured: a prediction needs every rate.
         """

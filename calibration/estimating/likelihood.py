@@ -184,7 +184,7 @@ def _maximum(x: Floats, exposure: Floats, given: Floats) -> Floats:
         gradient = weighted.sum(axis=0) - n
         free = (u > 0) | (gradient > 0)
         step = np.zeros(terms)
-        # the ridge moves terms that the events say nothing of, and decides between terms that no event tells apart
+        # the ridge moves terms that the events say nothing of, and decides between terms that no event can distinguish
         curvature = weighted[:, free].T @ weighted[:, free] + RIDGE * n * np.eye(int(free.sum()))
         step[free] = np.linalg.solve(curvature, gradient[free])
         if (np.abs(step) < 1e-14).all():

@@ -1,1 +1,1 @@
-"""The calibration pipeline: the runs it asks for, and what it makes of them."""
+"""The calibration pipeline: from planned mechanics runs to rates, diagnostics and validation."""

@@ -1,4 +1,4 @@
-"""Rates at each point of a study; and, where points share a scene, first times predicted from the others' rates."""
+"""Rates at each point of a study, and its first times predicted from the rates of points of the same scene."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 GROUPS = 499  # draws of the rates behind a p-value
 RUNS = 200  # SSA runs under each draw
 GRID = 201  # times at which these are looked at
-EXACT_STATES = 20_000  # with more of them, SSA runs stand in for the exact law
+EXACT_STATES = 20_000  # with more of them, SSA runs stand in for the exact solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,8 @@ class PointRuns:
 class PointRates:
     """What a point's runs say.
 
-    first : its first times beside the law under the rates of its kin, which these runs are no part of; None: no kin
+    first : its first times beside their distribution under the rates of its kin, which its own runs are no part of;
+        None: no kin
     low, high : what the kin's rates leave open of its predicted mean, 95 %, tu
     rates_from : titles of the kin
     """

@@ -1,4 +1,4 @@
-"""The pipeline from a scene to trusted rates: calibration runs, estimates, held-out runs, comparison.
+"""The calibration study: the mechanics runs it plans, the rates they give, the held-out runs that test these.
 
 The one module (with its commands) that knows all three rooms.
 """

@@ -1,1 +1,1 @@
-"""Reports for people: HTML, tables and figures."""
+"""HTML reports with their tables and figures."""

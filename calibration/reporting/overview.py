@@ -1,4 +1,4 @@
-"""Reports of the pipeline's studies: which tables and figures, in which order, with which words."""
+"""The HTML reports of calibration and validation: their tables and figures in order, with the text between them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen
 after every event; breaks, being rare, were watched in tanks without bonding.
 """
 ABOUT_DIAGNOSTICS = """
-Dispersion is the variance of a channel's counts between runs over what a Poisson law gives, which is 1. The p-values
+Dispersion is the variance of a channel's counts between runs over that of a Poisson count: 1 on average. The p-values
 test for equal rates in all runs, at all ages of a run and from all initial states, for waits without drift, and for
 exponential waits.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
 runs, intrinsic noise and rate uncertainty together; the other band is a Student interval of the runs' mean. CRPS is the
-mean distance of a run from the predicted law, in copies, beside what the model scores against runs of its own.
+mean distance of a run from the predicted distribution, in copies, beside what the model scores against runs of its own.
 """
 
 Draw = Callable[[Any], Any]

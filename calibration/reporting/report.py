@@ -1,4 +1,4 @@
-"""A report in one HTML file: text, tables, charts and where it all comes from. It loads nothing from elsewhere."""
+"""A report in one self-contained HTML file: text, tables, charts and provenance."""
 
 from __future__ import annotations
 

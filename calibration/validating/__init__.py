@@ -1,1 +1,1 @@
-"""Prediction held against mechanics that the rates never saw."""
+"""Validation of predictions on mechanics runs that the rates never saw."""

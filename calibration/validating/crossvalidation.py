@@ -1,8 +1,8 @@
-"""Predicted against simulated: mechanics runs that the rates never saw, beside SSA and, where it can be, the exact
-solution.
+"""Validation on held-out mechanics runs: their mean, spread and first times beside those predicted.
 
-The measure is the predictive law of the held-out experiment itself: rates are drawn from their posterior, and with
-each draw the same number of runs is simulated. What n runs show should look like one more such group of n.
+The measure is the posterior predictive distribution of the experiment itself: rates are drawn from their posterior, and
+with each draw the same number of runs is simulated. What n runs show should look like one more such group of n. The
+mean is predicted by the exact solution where the states allow, else by SSA runs.
 """
 
 from __future__ import annotations

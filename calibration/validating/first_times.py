@@ -1,4 +1,4 @@
-"""Time to the first copy of a species: observed in runs, and by the law of first passage, exact where it can be."""
+"""Times to the first copy of a species: those of runs beside the predicted first-passage distribution."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 DRAWS = 9999  # of the null distribution of the test; the smallest p-value is 1 / (DRAWS + 1)
 CURVE = 401  # points of the predicted curve, from 0 to the horizon
-SAMPLES = 10_000  # SSA runs that stand in for the exact law; the error of their curve is 0.005 at most
+SAMPLES = 10_000  # SSA runs that stand in for the exact distribution; the error of their curve is 0.005 at most
 PIECE = 1000  # of them at a time, so that they do not fill the memory
 
 
@@ -33,9 +33,9 @@ class FirstTimes:
     observed_mean, low, high : mean of min(time, horizon) with its Student t interval over the runs
     predicted_mean : mean of min(time, horizon), to stand beside it; predicted_error : its standard error by sampling, 0
         where it is exact
-    mean, sd : exact, without a horizon; nan where the law is sampled
+    mean, sd : exact, without a horizon; nan where the distribution is sampled
     curve_times, curve : distribution function
-    samples : number of SSA runs that stand in for the exact law; 0 where it is exact
+    samples : number of SSA runs that stand in for the exact distribution; 0 where it is exact
     distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the chance of one as large
     """
 
@@ -57,7 +57,7 @@ class FirstTimes:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the predicted law is free of sampling error."""
+        """Whether the predicted distribution is free of sampling error."""
         return self.samples == 0
 
     @property
@@ -92,11 +92,12 @@ def compare_first_times(
     max_states: int = MAX_STATES,
     horizon: float | None = None,
 ) -> FirstTimes:
-    """First times of `paths` against the law of `network` (with rate constants) from the same initial state.
+    """First times of `paths` against the first-passage distribution of `network` from the same initial state.
 
+    network : with rate constants
     rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
     first_run : number of the first simulated run, see `Direct.simulate`
-    max_states : with more states on the way than these, the law is that of 10,000 SSA runs
+    max_states : with more states on the way than these, it is that of 10,000 SSA runs
     horizon : tu until which all runs would have been watched, had they not ended with their first copy. None: they did
         not, and all were watched as long as the shortest
 
@@ -114,14 +115,14 @@ def compare_first_times(
     times[times > horizon] = np.nan
     cut = np.nan_to_num(times, nan=horizon)
     grid = np.linspace(0.0, horizon, CURVE)
-    law = _law(network, paths[0].initial, species, grid, seed, first_run, max_states)
-    curve = law.curve
-    levels = np.where(np.isfinite(times), law.cdf(cut), np.inf)
+    passage = _passage(network, paths[0].initial, species, grid, seed, first_run, max_states)
+    curve = passage.curve
+    levels = np.where(np.isfinite(times), passage.cdf(cut), np.inf)
     null = None
     if rate_draws is not None:
         cells = np.unique(np.append(np.interp(np.linspace(0.0, curve[-1], CURVE), curve, grid), horizon))
-        bounds = np.append(law.cdf(cells), np.inf)
-        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run + law.samples)
+        bounds = np.append(passage.cdf(cells), np.inf)
+        null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run + passage.samples)
     distance, p_value = censored_ks_test(levels, curve[-1], null, seed)
     low, high = student_interval(cut, level)
     return FirstTimes(
@@ -132,20 +133,20 @@ def compare_first_times(
         low=max(float(low), 0.0),  # a wait is not negative, whatever the t interval of few runs says
         high=float(high),
         predicted_mean=float(np.trapezoid(1 - curve, grid)),
-        predicted_error=law.mean_error,
-        mean=law.mean,
-        sd=law.sd,
+        predicted_error=passage.mean_error,
+        mean=passage.mean,
+        sd=passage.sd,
         curve_times=grid,
         curve=curve,
-        samples=law.samples,
+        samples=passage.samples,
         distance=distance,
         p_value=p_value,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Law:
-    """Law of a first passage: its distribution function, and the same on a grid up to the horizon.
+class _Passage:
+    """Distribution of a first passage: its distribution function, and the same on a grid up to the horizon.
 
     mean, sd : without a horizon; nan where unknown
     mean_error : standard error of the mean of min(time, horizon); samples : runs behind it, 0 where it is exact
@@ -159,15 +160,15 @@ class _Law:
     samples: int = 0
 
 
-def _law(
+def _passage(
     network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
-) -> _Law:
-    """The exact law, or that of SSA runs where the states are too many."""
+) -> _Passage:
+    """The exact distribution, or that of SSA runs where the states are too many."""
     from kinetics.passage import first_passage
 
     try:
         exact = first_passage(network, initial, species, max_states=max_states)
-        return _Law(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
+        return _Passage(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
     except TooManyStatesError:
         pass
     index = network.index(species)
@@ -180,7 +181,7 @@ def _law(
     )
     curve = 1.0 - waiting.mean(axis=0)
     waits = np.trapezoid(waiting.astype(float), grid, axis=1)
-    return _Law(
+    return _Passage(
         cdf=lambda times: np.interp(times, grid, curve),
         curve=curve,
         mean=float("nan"),
@@ -199,9 +200,9 @@ def _drawn_levels(
     seed: int,
     first_run: int,
 ) -> Floats:
-    """Levels (groups, n) of simulated first times under each draw of the rates, on the point rates' law.
+    """Levels (groups, n) of simulated first times under each draw of the rates, on the point rates' distribution.
 
-    cells : times (C,) at which the runs are looked at, and the law's levels (C + 1,) there, the last one inf
+    cells : times (C,) at which the runs are looked at, and that distribution's levels (C + 1,) there, the last one inf
 
     A run's level is drawn evenly from the cell in which its first copy came: exact where the draw is the point rates.
     """
@@ -231,10 +232,10 @@ def _drawn_levels(
 def censored_ks_test(
     levels: Floats, limit: float, null_levels: Floats | None = None, seed: int = 0
 ) -> tuple[float, float]:
-    """Kolmogorov-Smirnov test of n times whose law is known, seen only while its distribution function is <= limit.
+    """Kolmogorov-Smirnov test of n times of known distribution, seen only while its distribution function is <= limit.
 
     levels : (n,) distribution function at the times, inf for those not seen: uniform before the censoring
-    null_levels : (groups, n) levels of simulated times; None: uniforms, which is the law itself
+    null_levels : (groups, n) levels of simulated times; None: uniforms, which is the distribution itself
 
     Returns the distance and its p-value among samples censored in the same way.
     """

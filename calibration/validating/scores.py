@@ -1,4 +1,4 @@
-"""How well runs fit a predicted ensemble: bands and the continuous ranked probability score (CRPS)."""
+"""Scores of held-out runs against a predicted ensemble: bands, misfit, continuous ranked probability score (CRPS)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Score:
 def group_scores(species: Sequence[str], counts: Ints, predicted: Counts) -> tuple[Score, ...]:
     """Scores of held-out runs `counts` (n, T, S) among predicted groups (groups, n, T, S): per species, then their sum.
 
-    The predicted runs of all groups together are the predicted law.
+    The predicted runs of all groups together are the predicted distribution.
     """
     pairs = []
     for s in range(len(species)):
@@ -47,14 +47,15 @@ def group_scores(species: Sequence[str], counts: Ints, predicted: Counts) -> tup
 
 
 def crps_table(samples: Counts, largest: int = 0) -> Floats:
-    """Continuous ranked probability score (T, M + 1) of 0, 1, ..., M copies against the law of `samples` (n, T).
+    """Continuous ranked probability score (T, M + 1) of 0, 1, ..., M copies against `samples` (n, T).
 
-    The law has steps at whole numbers only, so the integral of (F - 1[x <= .])^2 is a sum (Gneiting & Raftery 2007).
+    Their distribution has steps at whole numbers only, so the integral of (F - 1[x <= .])^2 is a sum (Gneiting &
+    Raftery 2007).
     """
     top = max(int(samples.max()), largest)
-    law = np.array([np.bincount(column, minlength=top + 1) for column in samples.T]).cumsum(axis=1) / len(samples)
-    below = np.cumsum(law**2, axis=1) - law**2
-    above = np.cumsum(((1 - law) ** 2)[:, ::-1], axis=1)[:, ::-1]
+    cdf = np.array([np.bincount(column, minlength=top + 1) for column in samples.T]).cumsum(axis=1) / len(samples)
+    below = np.cumsum(cdf**2, axis=1) - cdf**2
+    above = np.cumsum(((1 - cdf) ** 2)[:, ::-1], axis=1)[:, ::-1]
     return below + above
 
 

@@ -98,7 +98,7 @@ def test_papers_estimator_is_too_high_by_n_over_n_minus_1():
     The pooled estimate of the same runs, those without an event counted too, has no bias. 6 standard errors each:
     false alarms 4e-9. Control: the pooled value is not within 6 standard errors of the paper's.
     """
-    network, runs = one_channel_runs(4000, 6.0, np.random.default_rng(5))
+    network, runs = one_channel_runs(1500, 6.0, np.random.default_rng(5))
     true = network.rate_constants[3]
     pooled = np.array([estimate([run])["2+2->4"].rate for run in runs]) / true
     paper = np.array([paper_estimate([run])["2+2->4"] for run in runs]) / true

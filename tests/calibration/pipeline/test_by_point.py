@@ -8,7 +8,7 @@ from command_line import run
 from matplotlib.figure import Figure
 from synthetic_runs import line_network
 
-from calibration.pipeline import by_point as bypoint
+from calibration.pipeline import by_point
 from calibration.pipeline.by_point import PointRuns, most_seen, rates_by_point
 from calibration.validating.first_times import compare_first_times
 from kinetics import first_passage
@@ -16,6 +16,13 @@ from kinetics.sampling import sample_path
 
 CAP = 40.0
 SIZES = (10, 16, 24)
+
+
+@pytest.fixture(autouse=True)
+def cheaper(monkeypatch):
+    """Half the draws of the rates, so p-values from 1 / 250, and a quarter of the runs behind the predicted limits."""
+    monkeypatch.setattr(by_point, "GROUPS", 249)
+    monkeypatch.setattr(by_point, "RUNS", 50)
 
 
 def full_runs(network, cubes, n, seed):
@@ -95,7 +102,7 @@ def test_a_run_that_ends_too_soon_is_refused():
 
 def test_what_the_rates_leave_open_is_what_exact_means_say(monkeypatch):
     """With 20 runs a draw, sampling alone would make the limits twice as wide: the control."""
-    network, n = line_network(), 200
+    network, n = line_network(), 100
     rng = np.random.default_rng(8)
     draws = network.known_rates * rng.gamma(30.0, 1 / 30.0, (n, 8))
     grid = np.linspace(0, CAP, 401)
@@ -103,15 +110,16 @@ def test_what_the_rates_leave_open_is_what_exact_means_say(monkeypatch):
     for drawn in draws:
         cdf = first_passage(network.with_rates(drawn), {"monomer": 12}, "quadmer").cdf(grid)
         means.append(np.trapezoid(1 - cdf, grid))
-    monkeypatch.setattr(bypoint, "RUNS", 20)
-    low, high = bypoint._left_open(network, network.state({"monomer": 12}), "quadmer", CAP, draws, seed=2)
+    monkeypatch.setattr(by_point, "RUNS", 20)
+    low, high = by_point._left_open(network, network.state({"monomer": 12}), "quadmer", CAP, draws, seed=2)
     exact_low, exact_high = np.quantile(means, (0.025, 0.975))
     middle = np.mean(means)
     assert abs(low - exact_low) < 0.5 * (middle - exact_low)
     assert abs(high - exact_high) < 0.5 * (exact_high - middle)
 
 
-def test_figures_show_what_the_tables_say():
+def test_figures_show_what_the_tables_say(monkeypatch):
+    monkeypatch.setattr(by_point, "GROUPS", 39)
     found = rates_by_point(points_of(runs=12), "quadmer", CAP)
     ax = found.plot(Figure().add_subplot(), "1+1->2")
     assert [label.get_text() for label in ax.get_yticklabels()] == [f"number={n}" for n in SIZES]
@@ -121,7 +129,7 @@ def test_figures_show_what_the_tables_say():
 
 STUDY = """name = "own"
 title = "own"
-scene = "t5"
+scene = "line4"
 cubes = 10
 runs = 2
 cap = 1.0
