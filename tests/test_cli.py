@@ -181,16 +181,17 @@ def test_calibrate_again_writes_the_same_rates(wellmixed_here, place, demonstrat
 
 
 def test_validate(wellmixed, wellmixed_here, place, demonstrated, calibrated):
-    done = wellmixed(*VALIDATE, "--rates", "rates.toml", "--report", "validation.html", "--json", cwd=place)
+    options = ["--cubes", 60, 80, "--report", "validation.html", "--json"]
+    done = wellmixed(*VALIDATE, "--rates", "rates.toml", *options, cwd=place)
     assert done.err == ""
     data = done.json
-    assert [each["summary"]["label"] for each in data["comparisons"]] == ["60 cubes", "80 cubes", "120 cubes"]
+    assert [each["summary"]["label"] for each in data["comparisons"]] == ["60 cubes", "80 cubes"]
     for each in data["comparisons"]:
         assert {"coverage", "crps", "first_predicted", "cpu_mechanics_s", "cpu_ssa_s"} <= set(each["summary"])
         assert each["species"] == SPECIES
         assert len(each["table"]) == 41 * 4
     assert "Predicted against simulated" in (place / "validation.html").read_text(encoding="utf-8")
-    for each, shown in zip(data["comparisons"], demonstrated.json["summary"], strict=True):
+    for each, shown in zip(data["comparisons"], demonstrated.json["summary"][:2], strict=True):
         assert {"crps": shown["crps"], "coverage": shown["coverage"]}.items() <= each["summary"].items()
     again = wellmixed_here(*VALIDATE, "--rates", "rates.toml", "--cubes", 60, cwd=place)
     assert (again.code, again.err) == (0, "")
