@@ -57,6 +57,13 @@ class KernelCache(FunctionCache):
         self._cache_path = str(Path(self._cache_path) / f"{PREFIX}{sources}")
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, sources)
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled code, or None; a folder that cannot be read is an empty one."""
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError:
+            return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code; without it all runs as well, so a full disk or a folder just removed is no error."""
         try:
