@@ -3,8 +3,6 @@
 So the runs of all of them agree to the last bit, and the walk to the channel that fires is short.
 """
 
-import numpy as np
-
 from kinetics.kernels.compiled import compiled
 
 BLOCK = 8
@@ -26,12 +24,10 @@ def block_at(upto, target, total):
 
     upto : (B,) running sums over the blocks
     """
-    block = np.int64(0)
+    block = 0
     while upto[block] <= target and upto[block] < total:
         block += 1
-    if block > 0:
-        target -= upto[block - 1]
-    return block, target
+    return block, (target - upto[block - 1] if block > 0 else target)
 
 
 @compiled

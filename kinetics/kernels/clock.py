@@ -6,7 +6,7 @@ from kinetics.kernels.compiled import compiled
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
 
 
-@compiled
+@compiled(inline="always")
 def next_time(t, wait, total):
     """When the next event comes: the time, inf where none does, and the outcome.
 
@@ -18,7 +18,7 @@ def next_time(t, wait, total):
     return later, STALLED_CLOCK if later == t else UNFINISHED
 
 
-@compiled
+@compiled(inline="always")
 def record(counts, until, grid, passed, out):
     """Write the counts at all times of the grid before `until`; how many times the run has passed by then.
 
@@ -31,7 +31,7 @@ def record(counts, until, grid, passed, out):
     return passed
 
 
-@compiled
+@compiled(inline="always")
 def move_on(t, wait, total, counts, grid, passed, out):
     """Go on to the next event, and write what the grid asks for on the way: the time, times passed, and the outcome.
 

@@ -25,16 +25,21 @@ KEPT = (
 
 
 def compiled(
-    function: Callable[..., Any] | None = None, *, nogil: bool = True, error_model: Literal["numpy", "python"] = "numpy"
+    function: Callable[..., Any] | None = None,
+    *,
+    nogil: bool = True,
+    error_model: Literal["numpy", "python"] = "numpy",
+    inline: Literal["never", "always"] = "never",
 ) -> Callable[..., Any]:
     """Compile a function at its first call, or take it from the cache.
 
     nogil : other threads run on meanwhile
     error_model : "numpy", where a division by zero gives inf or nan; "python", where it raises ZeroDivisionError
+    inline : "always" for a step that kernels share, where a call with arrays would cost more than the step
     """
     if function is None:
-        return functools.partial(compiled, nogil=nogil, error_model=error_model)
-    dispatcher: Any = njit(nogil=nogil, error_model=error_model)(function)
+        return functools.partial(compiled, nogil=nogil, error_model=error_model, inline=inline)
+    dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         dispatcher._cache = KernelCache(function)  # as Numba's `enable_caching`, which knows its own cache only
     return dispatcher
@@ -51,6 +56,13 @@ class KernelCache(FunctionCache):
         sources = sources_hash(Path(function.__code__.co_filename).parent)
         self._cache_path = str(Path(self._cache_path) / f"{PREFIX}{sources}")
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, sources)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled code, or None; a folder that cannot be read is an empty one."""
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError:
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code; without it all runs as well, so a full disk or a folder just removed is no error."""

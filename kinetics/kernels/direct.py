@@ -59,10 +59,11 @@ def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
         later, outcome = next_time(t, exponential(word), total)
         if outcome != UNFINISHED:
             break
-        t = min(later, end)
         if later > end:
+            t = end
             outcome = REACHED_END
             break
+        t = later
 
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         block, target = block_at(upto, uniform(word) * total, total)

@@ -13,6 +13,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
@@ -169,8 +170,6 @@ def stream_key(seed: int) -> NDArray[np.uint64]:
 
 def check_outcome(outcome: int, run: int) -> None:
     """Raise where a run could not reach its end."""
-    from kinetics.kernels import outcomes
-
     if outcome == outcomes.STALLED_CLOCK:
         raise StalledClockError(
             f"run {run}: events came so quickly that the clock stood still; the rate constants are too large for "

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels.outcomes import UNFINISHED
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
@@ -66,7 +67,6 @@ class RecomputingSampler:
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
         """The outcome, and times and channels of all events until `end`."""
         from kinetics.kernels import direct, streams
-        from kinetics.kernels.outcomes import UNFINISHED
 
         stream = np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)

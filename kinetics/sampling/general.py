@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.network.laws.program import Code, Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
@@ -48,7 +49,10 @@ class GeneralSampler(StepwiseSampler):
     """Runs of `kernels.general`; what goes wrong is told with channel or event, counts and time."""
 
     def __init__(self, network: Network) -> None:
+        from kinetics.kernels.blocks import BLOCK
+
         self.network = network
+        self.n_blocks = -(-len(network.channels) // BLOCK)
         self.events = sorted(network.events, key=lambda event: -event.priority)
         self.model, self.deepest = self._model()
         super().__init__(lambda _: self._begin(), self._advance, np.arange(len(network.channels)))
@@ -64,12 +68,11 @@ class GeneralSampler(StepwiseSampler):
 
     def _begin(self) -> general.GeneralWork:
         from kinetics.kernels import general
-        from kinetics.kernels.blocks import BLOCK
 
-        n_programs, n_channels = self.model.programs.starts.size - 1, len(self.network.channels)
-        n_blocks, n_events = -(-n_channels // BLOCK), len(self.events)
+        n_programs = self.model.programs.starts.size - 1
+        n_events = len(self.events)
         results, lows, highs = np.zeros((3, n_programs))
-        sums, caps, upto = np.zeros((3, n_blocks))
+        sums, caps, upto = np.zeros((3, self.n_blocks))
         return general.GeneralWork(
             results,
             lows,
@@ -86,7 +89,7 @@ class GeneralSampler(StepwiseSampler):
         )
 
     def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
-        from kinetics.kernels import general, outcomes
+        from kinetics.kernels import general
 
         outcome = general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels import outcomes
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
@@ -28,8 +29,6 @@ class StepwiseSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
         """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import outcomes
-
         for i in range(len(out)):
             outcome, _ = self._run(initial, grid, key, first_run + i, out[i], keep_events=False)
             if outcome != outcomes.REACHED_END:
@@ -46,7 +45,7 @@ class StepwiseSampler:
     def _run(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], run: int, out: Ints, keep_events: bool
     ) -> tuple[int, list[tuple[Floats, Ints]]]:
-        from kinetics.kernels import outcomes, streams
+        from kinetics.kernels import streams
 
         stream = np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)

@@ -14,7 +14,7 @@ from functools import partial
 import click
 import numpy as np
 
-from kinetics.sampling.base import Candidate, Sampler, stream_key
+from kinetics.sampling.base import Sampler, stream_key
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, polymer, ring, tanks_in_a_row
 
@@ -43,14 +43,14 @@ def main() -> None:
 
 def row(name: str, workload: Workload, many: bool) -> float:
     """Print what one network costs; how many times more than the best the choice costs."""
-    from kinetics.sampling import Auto, CompositionRejection, Direct, Lockstep, PartialPropensities
+    from kinetics.sampling import EXACT_METHODS, Auto, CompositionRejection
 
     network, start, end = workload
     probe = CompositionRejection()
     events = probe.sample_path(network, start, end / 10, 1).times.size * 10
     end *= EVENTS / max(events, 1) / (RUNS if many else 1)
-    methods: list[Candidate] = [Direct(), PartialPropensities(), CompositionRejection()]
-    methods += [Lockstep()] if many and len(network.channels) <= MOST_CHANNELS else []
+    methods = [kind() for kind in EXACT_METHODS if many or not kind.is_for_ensembles]
+    methods = [method for method in methods if len(network.channels) <= MOST_CHANNELS or not method.is_for_ensembles]
     samplers = {}
     for method in methods:
         try:

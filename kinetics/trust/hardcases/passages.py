@@ -139,8 +139,8 @@ def _schloegl() -> Iterator[Attempt]:
     yield attempt("fsp, modes and valley", off, 1e-8)
     for kind in SAMPLING_METHODS:
         sampled = partial(kind().simulate, net, [between], [time], runs=300, seed=22)
-        if kind.name == "partial":
-            yield refusal("partial, modes and valley", sampled, "at most 2")
+        if not kind().takes(net):
+            yield refusal(f"{kind.name}, modes and valley", sampled, "takes")
             continue
         yield attempt(
             f"{kind.name}, modes and valley", lambda sampled=sampled: departure(sampled().counts[:, 0, 0], shares), 1.0

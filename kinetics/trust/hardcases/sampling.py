@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.sampling import SAMPLING_METHODS, General
+from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.solving import SOLVING_METHODS, FiniteStateProjection, Transient
 from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
 
@@ -104,8 +104,8 @@ def _nothing() -> Iterator[Attempt]:
         for kind in methods:
             method = kind()
             what = f"{method.name}, {name}"
-            if method.name == "partial" and net.reactants.sum(axis=1).max(initial=0) > 2:
-                yield refusal(what, partial(method.simulate, net, start, times), "at most 2")
+            if isinstance(method, SamplingMethod) and not method.takes(net):
+                yield refusal(what, partial(method.simulate, net, start, times), "takes")
                 continue
             yield attempt(what, partial(_away, method, net, start, times, end), 1e-13)
 
@@ -117,9 +117,13 @@ def _consumption() -> Iterator[Attempt]:
     reactions: Any = {"eat": ({"X": 1}, {})}
     net = Network.from_reactions(reactions, ["2.0"])
     strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
-    counts = partial(General().simulate, net, [3], [1.0], runs=4000, seed=8)
-    yield attempt("general, blocked at 0", lambda: departure(counts().counts[:, 0, 0], probabilities), 1.0)
-    yield refusal("general, refused at 0", partial(General().simulate, strict, [3], [9.0], runs=50, seed=8), "'eat'")
+    for method in _samplers():
+        if method.takes(net):
+            counts = partial(method.simulate, net, [3], [1.0], runs=4000, seed=8)
+            what = f"{method.name}, blocked at 0"
+            yield attempt(what, lambda counts=counts: departure(counts().counts[:, 0, 0], probabilities), 1.0)
+            late = partial(method.simulate, strict, [3], [9.0], runs=50, seed=8)
+            yield refusal(f"{method.name}, refused at 0", late, "'eat'")
     for kind in SOLVING_METHODS:
         solved = partial(kind().solve, net, [3], [1.0])
         yield attempt(

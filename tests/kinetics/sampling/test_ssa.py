@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 from known_systems import (
     assert_follows_cdf,
-    assert_follows_table,
-    bare_line,
     decay,
     line,
     network,
@@ -14,50 +12,13 @@ from known_systems import (
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import binom, expon, nbinom
 
-from kinetics import Transient, sample_path, simulate
-from kinetics.kernels import ssa
-from kinetics.network import Network
-from kinetics.sampling import SAMPLING_METHODS, Direct
-from kinetics.sampling.base import StalledClockError, stream_key
+from kinetics import sample_path
+from kinetics.kernels import direct, streams
+from kinetics.sampling import Direct
+from kinetics.sampling.base import stream_key
 from kinetics.sampling.mass_action import mass_action
 
 TIMES = [0.0, 50.0, 500.0, 2000.0]
-
-
-@pytest.mark.parametrize("method", [method() for method in SAMPLING_METHODS])
-def test_decay_is_binomial(method):
-    counts = simulate(decay(1.0), method, [100], [1.0], runs=10_000, seed=1).counts[:, 0, 0]
-    assert_follows_cdf(counts, binom(100, exp(-1.00)).cdf)
-    with pytest.raises(AssertionError):  # a 3 % error in the rate is seen
-        assert_follows_cdf(counts, binom(100, exp(-1.03)).cdf)
-
-
-@pytest.mark.parametrize("combinations", ["distinct", "ordered", "product"])
-@pytest.mark.parametrize("method", [method() for method in SAMPLING_METHODS])
-def test_joint_law_of_the_line(method, combinations):
-    def model(how):
-        net = line()
-        return Network(
-            net.species, net.channels, net.reactants, net.stoichiometry, net.ways, 50 * net.rate_constants, how
-        )
-
-    counts = simulate(model(combinations), method, [8, 0, 0, 0], [20.0], runs=20_000, seed=3).counts[:, 0]
-    for how in ("distinct", "ordered", "product"):
-        exact = Transient().solve(model(how), [8, 0, 0, 0], [20.0])
-        observed = np.bincount(exact.space.index_of(counts), minlength=len(exact.space))
-        if how == combinations:
-            assert_follows_table(observed, exact.probabilities[0])
-        else:  # any other way to count the combinations is seen
-            with pytest.raises(AssertionError):
-                assert_follows_table(observed, exact.probabilities[0])
-
-
-def test_third_order():
-    net = network(("A", "B"), {"three": ((3, 0), (0, 1)), "back": ((0, 1), (3, 0))}, [0.02, 0.5])
-    exact = Transient().solve(net, [12, 0], [2.0])
-    counts = Direct().simulate(net, [12, 0], [2.0], runs=20_000, seed=4).counts[:, 0]
-    observed = np.bincount(exact.space.index_of(counts), minlength=len(exact.space))
-    assert_follows_table(observed, exact.probabilities[0])
 
 
 def test_yule_process_is_negative_binomial():
@@ -70,10 +31,10 @@ def test_yule_process_is_negative_binomial():
 
 def test_runs_are_independent():
     net = network(("X",), {"decay": ((1,), (0,))}, [1.0])
-    waits = np.array([sample_path(net, [1], 100.0, seed=6, run=run).times[0] for run in range(10_000)])
+    waits = np.array([sample_path(net, [1], 100.0, seed=6, run=run).times[0] for run in range(4000)])
     assert_follows_cdf(waits, expon().cdf)
     assert abs(np.corrcoef(waits[1:], waits[:-1])[0, 1]) < 4.9 / np.sqrt(len(waits))  # 1e-6, both sides
-    other = np.array([sample_path(net, [1], 100.0, seed=7, run=run).times[0] for run in range(10_000)])
+    other = np.array([sample_path(net, [1], 100.0, seed=7, run=run).times[0] for run in range(4000)])
     assert abs(np.corrcoef(waits, other)[0, 1]) < 4.9 / np.sqrt(len(waits))
 
 
@@ -83,27 +44,6 @@ def test_channels_twelve_decades_apart():
     rare_first = network(("A", "B", "C"), {"rare": ((1, 0, 0), (0, 1, 0)), "often": ((1, 0, 0), (0, 0, 1))}, [1e-3, 1])
     turned = Direct().simulate(rare_first, [100_000, 0, 0], [1e3], runs=100, seed=2).counts[:, 0, 1]
     assert_follows_cdf(turned, binom(100_000, 1e-3 / 1.001).cdf)
-
-
-def test_seed_threads_and_grid_do_not_matter():
-    net = line()
-    whole = simulate(net, Direct(), [60, 0, 0, 0], TIMES, runs=300, seed=9, threads=1).counts
-    assert_array_equal(simulate(net, Direct(), [60, 0, 0, 0], TIMES, runs=300, seed=9, threads=3).counts, whole)
-    assert_array_equal(simulate(net, Direct(), [60, 0, 0, 0], TIMES[1:3], runs=300, seed=9).counts, whole[:, 1:3])
-    assert_array_equal(simulate(net, Direct(), [60, 0, 0, 0], TIMES, runs=7, seed=9).counts, whole[:7])
-    later = Direct().simulate(net, [60, 0, 0, 0], TIMES, runs=10, seed=9, first_run=200)
-    assert_array_equal(later.counts, whole[200:210])
-    assert np.any(simulate(net, Direct(), [60, 0, 0, 0], TIMES, runs=300, seed=10).counts != whole)
-
-
-def test_a_path_is_its_run_of_the_ensemble():
-    net = line().with_rates(line().rate_constants * 100)  # more events than one buffer of the kernel holds
-    ensemble = Direct().simulate(net, [6000, 0, 0, 0], TIMES, runs=3, seed=11)
-    for run in range(3):
-        path = sample_path(net, [6000, 0, 0, 0], 2000.0, seed=11, run=run)
-        assert path.times.size > 4096
-        assert np.all(np.diff(path.times) > 0)
-        assert_array_equal(path.at(TIMES), ensemble.counts[run])
 
 
 def xoshiro(words):
@@ -127,7 +67,7 @@ def test_random_words():
     state = [np.uint64(word) for word in (1, 2, 3, 4)]
     reference = xoshiro((1, 2, 3, 4))
     for i in range(1000):
-        word, *state = ssa.next_word(*(np.uint64(word) for word in state))
+        word, *state = streams.next_word(*(np.uint64(word) for word in state))
         assert int(word) == next(reference)
         if i < len(published):
             assert int(word) == published[i]
@@ -156,7 +96,7 @@ def test_kernel_against_the_definition():
     net = line()
     for run in range(5):
         stream = np.empty(4, dtype=np.uint64)
-        ssa.start_stream(stream_key(12), run, stream)
+        streams.start_stream(stream_key(12), run, stream)
         events = slow_direct(net, [60, 0, 0, 0], 2000.0, xoshiro([int(word) for word in stream]))
         path = sample_path(net, [60, 0, 0, 0], 2000.0, seed=12, run=run)
         assert_array_equal(path.channels, [channel for _, channel in events])
@@ -170,30 +110,20 @@ def test_kernels_equal_their_python(monkeypatch):
     def everything():
         stream, clock, counts = np.empty(4, dtype=np.uint64), np.zeros(1), np.append(initial, 1)
         times, channels = np.zeros(30), np.zeros(30, dtype=np.int64)
-        ssa.start_stream(key, 5, stream)
-        first = ssa.advance(*model, counts, clock, 2000.0, stream, times, channels)
+        streams.start_stream(key, 5, stream)
+        first = direct.advance(*model, counts, clock, 2000.0, stream, times, channels)
         out = np.zeros((3, 4, 4), dtype=np.int64)
-        last = ssa.ensemble(*model, initial, np.array(TIMES), key, 2, out)
+        last = direct.ensemble(*model, initial, np.array(TIMES), key, 2, out)
         return (*first, *last, stream, clock, counts, times, channels, out)
 
     compiled = everything()
-    for name in ("start_stream", "next_word", "exponential", "advance", "ensemble"):
-        monkeypatch.setattr(ssa, name, getattr(ssa, name).py_func)
+    for name, function in vars(direct).items():
+        if hasattr(function, "py_func"):
+            monkeypatch.setattr(direct, name, function.py_func)
     with np.errstate(over="ignore"):  # plain numpy warns where 64-bit words wrap around
         python = everything()
     for one, other in zip(compiled, python, strict=True):
         assert_array_equal(one, other)
-
-
-def test_nothing_left_to_happen():
-    ensemble = Direct().simulate(decay(1.0), [3], [0.0, 1e3, 1e18], runs=50, seed=1)
-    assert_array_equal(ensemble.counts[:, 0], np.full((50, 1), 3))
-    assert_array_equal(ensemble.counts[:, 1:], np.zeros((50, 2, 1)))
-    path = sample_path(decay(1.0), [3], 1e18)
-    assert path.times.size == 3
-    assert path.end == 1e18
-    empty = Network(("A",), (), [], [], [], [])
-    assert_array_equal(Direct().simulate(empty, [4], [1.0], runs=2).counts, [[[4]], [[4]]])
 
 
 @pytest.mark.parametrize("combinations", ["distinct", "ordered", "product"])
@@ -225,14 +155,6 @@ def test_huge_counts_stay_exact():
         assert path.states[-1, 0] == copies - path.times.size
 
 
-def test_a_clock_that_stands_still_is_named():
-    blow_up = network(("A",), {"burst": ((2,), (10**9,))}, [1.0])
-    with pytest.raises(StalledClockError, match=r"run 0: events came so quickly that the clock stood still"):
-        Direct().simulate(blow_up, [2], [100.0], runs=3, seed=1)
-    with pytest.raises(StalledClockError, match="run 4"):
-        sample_path(blow_up, [2], 100.0, seed=1, run=4)
-
-
 def test_overflow_is_named():
     growing = network(("A", "B"), {"jump": ((1, 0), (1, 2**62))}, [1.0])
     with pytest.raises(ValueError, match="run 0: a count went beyond"):
@@ -240,37 +162,3 @@ def test_overflow_is_named():
     steep = network(("A",), {"many": ((30,), (0,))}, [1.0], combinations="product")
     with pytest.raises(ValueError, match="or a propensity beyond 1e308"):
         sample_path(steep, [10**15], 1.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"runs": 0}, "runs = 0; expected a whole number of at least 1"),
-        ({"runs": 2.5}, "runs = 2.5"),
-        ({"runs": True}, "runs = True"),
-        ({"runs": 10**10}, "at 1 times would take .* GB of memory.*simulate_statistics"),
-        ({"threads": 0}, "threads = 0"),
-        ({"seed": -1}, "seed = -1"),
-        ({"seed": "one"}, "seed = 'one'"),
-        ({"first_run": -1}, "first_run = -1"),
-        ({"times": []}, "times is empty"),
-        ({"times": [2.0, 1.0]}, "times must rise"),
-        ({"times": [-1.0]}, "times holds -1.0"),
-        ({"times": [np.nan]}, "times holds nan"),
-        ({"times": [np.inf]}, "times holds inf"),
-        ({"initial": [1, 0, 0]}, "state has shape"),
-        ({"initial": [1.5, 0, 0, 0]}, "whole numbers"),
-        ({"initial": [-1, 0, 0, 0]}, "at least 0"),
-        ({"network": bare_line()}, "no rate constants"),
-    ],
-)
-def test_bad_input(change, message):
-    good = {"network": line(), "initial": [60, 0, 0, 0], "times": [1.0]}
-    with pytest.raises(ValueError, match=message):
-        Direct().simulate(**(good | change))
-
-
-@pytest.mark.parametrize("end", [-1.0, np.nan, np.inf])
-def test_bad_end(end):
-    with pytest.raises(ValueError, match="times holds"):
-        sample_path(line(), [60, 0, 0, 0], end)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from known_systems import assert_follows_cdf, assert_follows_table, line
 from numpy.testing import assert_array_equal
+from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.stats import binom, nbinom, poisson
-from test_ssa_methods import MIXED, PRODUCTS, THIRD_ORDER, plain_python, ring
+from test_ssa_methods import plain_python
 
 from kinetics import Direct, Transient, sample_path, verify
-from kinetics.kernels import general
+from kinetics.kernels import general, outcomes
 from kinetics.network import Network
 from kinetics.network.laws import hill, hill_repression, michaelis_menten, periodic, steps_in_count, steps_in_time
 from kinetics.sampling import General
@@ -132,17 +133,6 @@ BOTH = Network.from_reactions(
 )
 
 
-def test_path_grid_threads_and_number_of_runs_agree():
-    times = np.linspace(0, 6.0, 7)
-    whole = General().simulate(BOTH, [9, 2], times, runs=40, seed=47, threads=1).counts
-    assert_array_equal(General().simulate(BOTH, [9, 2], times, runs=40, seed=47, threads=3).counts, whole)
-    assert_array_equal(General().simulate(BOTH, [9, 2], times[2:5:2], runs=40, seed=47).counts, whole[:, 2:5:2])
-    assert_array_equal(General().simulate(BOTH, [9, 2], times, runs=5, seed=47, first_run=30).counts, whole[30:35])
-    path = General().sample_path(BOTH, [9, 2], 6.0, seed=47, run=39)
-    assert path.times.size > 256
-    assert_array_equal(path.at(times), whole[39])
-
-
 def test_long_quiet_times_cost_nothing_and_are_not_slept_through():
     """A pulse of 0.1 tu at a million tu, and none before: windows grow, and the bound sees it."""
     net = Network.from_reactions(DECAY, ["piecewise(0, t < 1e6, 5, t < 1e6 + 0.1, 0) * X"])
@@ -200,7 +190,7 @@ def mutant_counts(net, changes, initial, end, runs):
     sampler.advance = lambda work, *rest: kernel.advance(sampler.model, work, *rest)
     out = np.empty((runs, 1, len(net.species)), dtype=np.int64)
     outcome, _ = sampler.ensemble(net.state(initial), np.array([end]), stream_key(49), 0, out)
-    assert outcome == general.REACHED_END, f"the laws differ: outcome {outcome}"
+    assert outcome == outcomes.REACHED_END, f"the laws differ: outcome {outcome}"
     return out[:, 0, 0]
 
 
@@ -229,5 +219,5 @@ def test_without_a_mutation_all_is_well():
 
 
 def test_a_broken_bound_is_told():
-    with pytest.raises(AssertionError, match=f"outcome {general.BROKEN_BOUND}"):
+    with pytest.raises(AssertionError, match=f"outcome {outcomes.BROKEN_BOUND}"):
         all_laws(MUTANTS[0][1][:1])

@@ -1,0 +1,98 @@
+"""Adding a sampling method is one file and one line: a scratch copy gains one and runs the contract on it."""
+
+import shutil
+from pathlib import Path
+
+from known_systems import decay
+from scratch import add_line, run_contract, scratch_copy
+
+from kinetics import Transient
+from kinetics.kernels import markov
+
+FIRST_REACTION = '''
+"""Gillespie's first-reaction method, in plain Python."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK
+from kinetics.sampling.base import SamplingMethod
+
+
+@dataclass(frozen=True)
+class FirstReaction(SamplingMethod):
+    """Every channel draws its wait, and the shortest fires (Gillespie 1976, doi:10.1016/0021-9991(76)90041-3)."""
+
+    name: ClassVar[str] = "firstreaction"
+
+    def prepared(self, network):
+        return FirstReactionSampler(network)
+
+
+class FirstReactionSampler:
+    def __init__(self, network):
+        self.network, self.changes = network, network.stoichiometry.tolist()
+
+    def ensemble(self, initial, grid, key, first_run, out):
+        for i in range(len(out)):
+            outcome, times, channels = self.path(initial, grid[-1], key, first_run + i)
+            if outcome != REACHED_END:
+                return outcome, first_run + i
+            steps = np.vstack([initial, self.network.stoichiometry[channels]])
+            out[i] = np.cumsum(steps, axis=0)[np.searchsorted(times, grid, side="right")]
+        return REACHED_END, first_run + len(out) - 1
+
+    def path(self, initial, end, key, run):
+        rng = np.random.default_rng([*key.tolist(), run])
+        state, t, times, channels, outcome = initial.tolist(), 0.0, [], [], REACHED_END
+        while self.changes:
+            rates = RATES * self.network.propensities(np.array(state))
+            if not rates.sum() < np.inf:
+                outcome = OVERFLOW
+                break
+            with np.errstate(divide="ignore", over="ignore"):
+                waits = rng.exponential(size=rates.size) / rates
+            r = int(waits.argmin())
+            if t + waits[r] == t:
+                outcome = STALLED_CLOCK
+                break
+            t += waits[r]
+            if t > end:
+                break
+            state = [count + change for count, change in zip(state, self.changes[r], strict=True)]
+            if max(state) >= 2**63:
+                outcome = OVERFLOW
+                break
+            times.append(t)
+            channels.append(r)
+        return outcome, np.array(times), np.array(channels, dtype=np.int64)
+'''
+
+
+def contract_with(folder, rates, cases):
+    copy = scratch_copy(folder)
+    # The kernels are the same, and so what they compile to.
+    Transient().solve(decay(), [1], [1.0])
+    compiled = Path(markov.advance._cache.cache_path)
+    shutil.copytree(compiled, copy / "kinetics" / "kernels" / "__pycache__" / compiled.name)
+    room = copy / "kinetics" / "sampling"
+    (room / "first_reaction.py").write_text(FIRST_REACTION.replace("RATES", rates).lstrip(), encoding="utf-8")
+    line = "    __import__('kinetics.sampling.first_reaction', fromlist=['FirstReaction']).FirstReaction,"
+    add_line(room / "exact_methods.py", "    General,", line)
+    return run_contract(copy, "test_sampling.py", "-k", cases)
+
+
+def test_a_sampler_is_one_file_and_one_line(tmp_path):
+    done = contract_with(tmp_path, "1.0", "firstreaction")
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "passed" in done.stdout
+
+
+def test_a_sampler_with_rates_a_tenth_too_large_fails_the_contract(tmp_path):
+    """A control that must fail."""
+    done = contract_with(tmp_path, "1.1", "firstreaction and (decay or poisson or multinomial)")
+    assert done.returncode == 1, done.stdout[-3000:]
+    for name in ("test_a_decay_is_binomial", "test_walkers_on_a_ring_are_multinomial"):
+        assert f"FAILED tests/contracts/test_sampling.py::{name}[firstreaction]" in done.stdout

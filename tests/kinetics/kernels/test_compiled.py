@@ -1,0 +1,126 @@
+"""The cache of compiled kernels: an edit of any kernel of the room is seen, and old code does not pile up."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import kinetics
+from kinetics.kernels import compiled
+
+KERNELS = Path(compiled.__file__).parent
+CALLEE = (
+    '"""A step."""\n\nfrom kinetics.kernels.compiled import compiled\n\n\n@compiled\ndef step(x):\n    return x + 1\n'
+)
+CALLER = (
+    '"""A kernel that calls it."""\n\nfrom kinetics.kernels.callee import step\n'
+    "from kinetics.kernels.compiled import compiled\n\n\n@compiled\ndef twice(x):\n    return step(step(x))\n"
+)
+CALL = "from kinetics.kernels.caller import twice; print(twice(0), sum(twice.stats.cache_hits.values()))"
+PLAIN = "from numba import njit\n\n\ndef compiled(function):\n    return njit(cache=True)(function)\n"
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A scratch copy of the kernels with one that calls another across files."""
+    folder = tmp_path / "kinetics" / "kernels"
+    shutil.copytree(KERNELS, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "kinetics" / "__init__.py").touch()
+    (folder / "callee.py").write_text(CALLEE, encoding="utf-8")
+    (folder / "caller.py").write_text(CALLER, encoding="utf-8")
+    return folder
+
+
+def begun(room, code=CALL):
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=room.parents[1],
+        env=environment | {"PYTHONPATH": str(room.parents[1])},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def output(process):
+    text, _ = process.communicate()
+    assert process.returncode == 0
+    return text.split()
+
+
+def edit(file, old, new):
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def folders(room):
+    return sorted((room / "__pycache__").glob(f"{compiled.PREFIX}*"))
+
+
+def test_an_edit_of_a_callee_in_another_file_is_seen(room):
+    assert output(begun(room)) == ["2", "0"]
+    assert output(begun(room)) == ["2", "1"]  # from the cache
+    edit(room / "callee.py", "x + 1", "x + 10")
+    assert output(begun(room)) == ["20", "0"]
+    assert output(begun(room)) == ["20", "1"]
+    edit(room / "callee.py", "x + 10", "x + 1")  # back to sources that were compiled before
+    assert output(begun(room)) == ["2", "1"]
+
+
+def test_with_plain_numba_the_stale_code_runs(room):
+    """A control that must fail: what the cache is for."""
+    (room / "compiled.py").write_text(PLAIN, encoding="utf-8")
+    assert output(begun(room)) == ["2", "0"]
+    edit(room / "callee.py", "x + 1", "x + 10")
+    assert output(begun(room)) == ["2", "1"]
+
+
+def test_old_code_does_not_pile_up_and_processes_may_race(room):
+    """Several processes at once, and a process with older sources that finds its folder gone."""
+    old = begun(room, f"import kinetics.kernels.caller, time\nopen('ready', 'w').close()\n{waiting('go')}\n{CALL}")
+    while not (room.parents[1] / "ready").exists():
+        assert old.poll() is None
+        time.sleep(0.01)
+    for value in range(2, 6):
+        edit(room / "callee.py", f"x + {value - 1}\n", f"x + {value}\n")
+        for process in [begun(room) for _ in range(1 + (value == 5))]:
+            assert output(process)[0] == str(2 * value)
+    assert len(folders(room)) == compiled.KEPT
+    (room.parents[1] / "go").touch()
+    assert output(old)[0] == "2"
+    assert len(folders(room)) <= compiled.KEPT
+    assert list(room.glob("__pycache__/**/*.nbi"))
+
+
+def waiting(name):
+    """Code that waits until a file is there; the test goes on whenever it comes."""
+    return f"import os\nwhile not os.path.exists('{name}'): time.sleep(0.01)"
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(room):
+    code = (
+        "from kinetics.kernels.caller import twice\nimport shutil, pathlib\n"
+        "folder = pathlib.Path(twice._cache._cache_path)\nfolder.parent.mkdir(exist_ok=True)\n"
+        "folder.write_text('in the way')\nprint(twice(0))"
+    )
+    assert output(begun(room, code)) == ["2"]
+
+
+def test_the_hash_is_of_all_sources_of_the_room(room):
+    seen = {compiled.sources_hash.__wrapped__(room)}
+    edit(room / "callee.py", "A step", "One step")
+    seen.add(compiled.sources_hash.__wrapped__(room))
+    (room / "callee.py").rename(room / "called.py")
+    seen.add(compiled.sources_hash.__wrapped__(room))
+    assert len(seen) == 3
+
+
+@pytest.mark.parametrize("package", ["kinetics", "mechsim"])
+def test_every_kernel_is_compiled_by_the_one_decorator(package):
+    for path in (Path(kinetics.__file__).parents[1] / package / "kernels").glob("*.py"):
+        assert path.name == "compiled.py" or "njit" not in path.read_text(encoding="utf-8"), path
