@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 REFERENCE = Transient(tolerance=1e-16)
 FIRST_RUNS, MOST_RUNS = 16.0, 5000.0  # of a pilot, which stops after about so many CPU s
 PILOT_SECONDS = 0.2
+COMPILING = 10.0  # s; what takes less at first is tried again, in case it compiled
 PILOT_TIMES = 6  # of those asked for; their cost foretells that of all
 
 Timed = Callable[[Callable[[], Any]], tuple[Any, float]]
@@ -263,8 +264,10 @@ def _sampled_price(task: Task, curve: Curve, timed: Timed) -> float:
 def _solved_price(task: Task, curve: Curve, timed: Timed) -> float:
     """CPU s of a solution, from one that goes to a few of the times."""
     short = task._replace(times=task.times[:PILOT_TIMES])
-    curve.make(short, curve.settings[-1], 0)
-    _, cost = timed(partial(curve.make, short, curve.settings[-1], 0))
+    make = partial(curve.make, short, curve.settings[-1], 0)
+    _, cost = timed(make)
+    if cost < COMPILING:
+        _, cost = timed(make)
     return cost * (task.times.size - 1) / (PILOT_TIMES - 1)
 
 

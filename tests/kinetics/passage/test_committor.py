@@ -84,7 +84,7 @@ def test_one_target_is_a_first_passage():
 def test_conditioned_paths_take_as_long_as_selected_ones():
     net, ends = ruin(4, 2.0, 3.0)
     found = committor(net, [2], ends)
-    drawn = [found.sample_path("rich", seed=1, run=run) for run in range(2000)]
+    drawn = [found.sample_path("rich", seed=1, run=run) for run in range(1000)]
     assert all(path.states[-1, 0] == 4 for path in drawn)
     times = np.array([path.end for path in drawn])
     # From 2 of 0, ..., 4 coins, both ends kept: who is at 4 by then, over who ever is.
