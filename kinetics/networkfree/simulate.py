@@ -42,7 +42,7 @@ def grow(
 
     rates : class rates, or a function of a rate class; constants in 1/tu, like structures counted as s (s - 1) / 2
     initial : so many free cubes, and the seed besides where the book needs one; or copies of any structures
-    progress : called with the runs finished and the time that the present one has come to
+    progress : called with the number of runs finished and the time reached in the current one, tu
     One seed gives one result; runs of different numbers are independent. Ctrl-C ends the work once a run is finished:
     those that are, are returned.
     """

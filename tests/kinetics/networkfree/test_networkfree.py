@@ -77,11 +77,11 @@ def cells(growths, derivation, space, time):
 @pytest.mark.parametrize(
     ("book", "cubes", "times", "runs", "mistake"),
     [
-        (LINE4, 8, (4.0, 40.0), 1500, with_like_pairs_twice),
-        (T5, 8, (5.0, 60.0), 1500, with_like_pairs_twice),
+        (LINE4, 8, (4.0, 40.0), 1000, with_like_pairs_twice),
+        (T5, 8, (5.0, 60.0), 1000, with_like_pairs_twice),
         (TWIST, 6, (4.0, 40.0), 1500, with_twists_alike),
-        (STICKY, 5, (0.5, 5.0), 2000, with_like_pairs_twice),  # loops hold; twelve squares, plates and lines
-        (SEQUENTIAL, 5, (5.0, 30.0), 1500, with_like_pairs_twice),
+        (STICKY, 5, (0.5, 5.0), 1200, with_like_pairs_twice),  # loops hold; twelve squares, plates and lines
+        (SEQUENTIAL, 5, (5.0, 30.0), 1200, with_like_pairs_twice),
     ],
     ids=lambda value: getattr(value, "name", None),
 )

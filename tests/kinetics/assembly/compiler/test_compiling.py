@@ -53,7 +53,7 @@ def test_the_book_makes_the_target_and_parts_of_it_only(compiled, name):
 
 
 @pytest.mark.parametrize("name", FEWEST)
-@pytest.mark.parametrize("growths", [30, pytest.param(500, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("growths", [12, pytest.param(500, marks=pytest.mark.validate)])
 def test_random_growth_makes_nothing_else(compiled, name, growths):
     book = compiled[name].book
     allowed = set(derive(book).structures.values())
