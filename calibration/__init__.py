@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     )
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
     from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
-    from calibration.estimating.models import RATE_MODELS, Crowded, MassAction, Weibull, rate_model
+    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
     from calibration.estimating.paper import paper_estimate
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel, ShapeParameter
@@ -36,7 +36,7 @@ _HOMES = {
     ),
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
     "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
-    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassAction", "Weibull", "rate_model"),
+    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
     "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel", "ShapeParameter"),
@@ -59,7 +59,7 @@ __all__ = [
     "Homogeneity",
     "HtmlReport",
     "LikelihoodRatio",
-    "MassAction",
+    "MassActionRates",
     "RateEstimate",
     "RateFit",
     "RateModel",

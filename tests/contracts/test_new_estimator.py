@@ -40,9 +40,11 @@ MODELS = "calibration/estimating/models"
 def copy(tmp_path):
     found = scratch_copy(tmp_path)
     add_line(
-        found / MODELS / "__init__.py", "import MassAction", f"from {MODELS.replace('/', '.')}.powered import Powered"
+        found / MODELS / "__init__.py",
+        "import MassActionRates",
+        f"from {MODELS.replace('/', '.')}.powered import Powered",
     )
-    add_line(found / MODELS / "__init__.py", "    MassAction(),", "    Powered(),")
+    add_line(found / MODELS / "__init__.py", "    MassActionRates(),", "    Powered(),")
     return found
 
 

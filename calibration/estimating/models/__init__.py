@@ -1,12 +1,12 @@
 """Models of rates, one file each; a line in `RATE_MODELS` makes one known."""
 
 from calibration.estimating.models.crowded import Crowded
-from calibration.estimating.models.mass_action import MassAction
+from calibration.estimating.models.mass_action_rates import MassActionRates
 from calibration.estimating.models.weibull import Weibull
 from calibration.estimating.rate_model import RateModel
 
 RATE_MODELS: tuple[RateModel, ...] = (
-    MassAction(),
+    MassActionRates(),
     Weibull(),
     Crowded(),
 )

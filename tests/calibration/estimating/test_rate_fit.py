@@ -10,7 +10,7 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 
 from calibration import (
     Crowded,
-    MassAction,
+    MassActionRates,
     RateModel,
     ShapeParameter,
     Weibull,
@@ -69,10 +69,10 @@ class TwoPowers(RateModel):
 
 def test_mass_action_is_the_closed_form_to_the_last_bit():
     runs = line_runs()
-    closed, fit = estimate(runs), fit_rates(MassAction(), runs)
+    closed, fit = estimate(runs), fit_rates(MassActionRates(), runs)
     np.testing.assert_allclose(fit.best.coefficients[0], [e.rate for e in closed.estimates], rtol=1e-15)
     total = closed.total
-    one = fit_rates(MassAction(), runs[:1])
+    one = fit_rates(MassActionRates(), runs[:1])
     np.testing.assert_array_equal([e.exposure[0] for e in one.likelihood.evidence(one.model)], count(runs[0]).exposure)
     assert [row["events"] for row in fit.table()] == total.events.tolist()
 
@@ -98,7 +98,7 @@ def test_several_terms_find_their_closed_forms():
 
 def test_profile_limits_without_events_are_known():
     """exp(-k E): twice the loss is 3.841 at k = 1.9207 / E."""
-    fit = fit_rates(MassAction(), [standing(pair_network(), [2, 3], 2.0)])
+    fit = fit_rates(MassActionRates(), [standing(pair_network(), [2, 3], 2.0)])
     assert fit.interval("k break") == (0.0, pytest.approx(1.920729 / 6.0, rel=1e-6))
     assert fit.log_likelihood == 0.0
 
@@ -112,7 +112,7 @@ def test_two_shapes_are_found_together():
     fit = fit_rates(TwoPowers(), runs)
     held = fit_rates(TwoPowers(), runs, fixed={"a": 0.5, "b": -1.0})
     assert fit.test_against(held).p_value > 1e-6
-    assert fit.test_against(fit_rates(MassAction(), runs)).p_value < 1e-6
+    assert fit.test_against(fit_rates(MassActionRates(), runs)).p_value < 1e-6
     low, high = fit.interval("b")
     assert low < fit.parameters["b"] < high < 0
 
@@ -120,12 +120,12 @@ def test_two_shapes_are_found_together():
 def test_ratio_test_has_its_size_and_sees_waits_that_are_not_exponential():
     """100 mass-action data sets: p-values uniform (false alarm 1e-6). kappa = 1.4: the median p is below 1e-3."""
     rng = np.random.default_rng(5)
-    _, k = known_parameters(MassAction(), pair_network(), STATES[0])
+    _, k = known_parameters(MassActionRates(), pair_network(), STATES[0])
     p_values = {1.0: [], 1.4: []}
     for kappa, n in ((1.0, 100), (1.4, 20)):
         for _ in range(n):
             runs = pair_runs(Weibull(kappa), k, rng)
-            test = fit_rates(Weibull(), runs).test_against(fit_rates(MassAction(), runs))
+            test = fit_rates(Weibull(), runs).test_against(fit_rates(MassActionRates(), runs))
             assert test.freedom == 1
             p_values[kappa].append(test.p_value)
     assert kstest(p_values[1.0], "uniform").pvalue > 1e-6
@@ -137,26 +137,26 @@ def test_the_right_model_has_the_least_aic_and_the_best_held_out_score():
     true, coefficients = known_parameters(Crowded(), pair_network(), STATES[0])
     runs = [drawn_path(true, coefficients, pair_network(), s, 40.0, rng) for s in ([8, 2], [2, 9], [10, 40])]
     held_out = [drawn_path(true, coefficients, pair_network(), [20, 30], 5.0, rng) for _ in range(4)]
-    fits = [fit_rates(model, runs) for model in (MassAction(), Weibull(), Crowded())]
+    fits = [fit_rates(model, runs) for model in (MassActionRates(), Weibull(), Crowded())]
     rows = compare_fits(fits)
     assert [row["aic_above_least"] == 0 for row in rows] == [False, False, True]
     assert np.argmax([fit.score(held_out) for fit in fits]) == 2
     with pytest.raises(ValueError, match="no fits"):
         compare_fits([])
     with pytest.raises(ValueError, match="other paths"):
-        fits[2].test_against(fit_rates(MassAction(), runs[:1]))
+        fits[2].test_against(fit_rates(MassActionRates(), runs[:1]))
 
 
 def test_waits_are_rescaled_by_any_model():
     """Weibull waits on the clock of their own model are exponential, on that of mass action they are not."""
     rng = np.random.default_rng(7)
-    _, k = known_parameters(MassAction(), pair_network(), STATES[0])
+    _, k = known_parameters(MassActionRates(), pair_network(), STATES[0])
     runs = pair_runs(Weibull(2.0), k, rng, n=20, end=20.0)
     fit = fit_rates(Weibull(), runs)
     for channel in ("join", None):
         assert waiting_times(runs, channel, fit).shape_test()[1] > 1e-3  # a fixed seed
         assert waiting_times(runs, channel).shape_test()[1] < 1e-3
-    constant = fit_rates(MassAction(), runs)
+    constant = fit_rates(MassActionRates(), runs)
     for channel in ("join", None):
         np.testing.assert_allclose(
             waiting_times(runs, channel, constant).residuals, waiting_times(runs, channel).residuals, rtol=1e-12
@@ -167,8 +167,8 @@ def test_waits_are_rescaled_by_any_model():
 
 def test_one_crowd_alone_leaves_both_terms_open():
     """With one number of bodies only k + c * others is known: either alone may explain all."""
-    _, k = known_parameters(MassAction(), pair_network(), STATES[0])
-    runs = [drawn_path(MassAction(), k, pair_network(), STATES[0], 20.0, np.random.default_rng(8))]
+    _, k = known_parameters(MassActionRates(), pair_network(), STATES[0])
+    runs = [drawn_path(MassActionRates(), k, pair_network(), STATES[0], 20.0, np.random.default_rng(8))]
     fit = fit_rates(Crowded(), runs)
     assert fit.interval("k break")[0] == fit.interval("c break")[0] == 0.0
     together = fit.parameters["k break"] + 9 * fit.parameters["c break"]

@@ -11,7 +11,7 @@ from kinetics.support.arrays import Floats
 
 
 @dataclass(frozen=True)
-class MassAction(RateModel):
+class MassActionRates(RateModel):
     """Propensity k N h(s), h the combinations of reactants by the network's convention (Gillespie 1977).
 
     The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates file.
