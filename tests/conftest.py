@@ -6,7 +6,9 @@ import signal
 import pytest
 from command_line import run, run_here
 
-os.environ["MPLBACKEND"] = "Agg"  # before anything imports matplotlib, here and in subprocesses
+# Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["MPLBACKEND"] = "Agg"
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a shell; some tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

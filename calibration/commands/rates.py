@@ -27,7 +27,13 @@ SHOWN = 3  # channels drawn, those with the most events
     metavar="FACTOR=LEVEL,...",
     help="Only the points with these levels; may be repeated, once for each factor.",
 )
-@click.option("--runs-folder", default="runs", show_default=True, type=click.Path(exists=True, file_okay=False))
+@click.option(
+    "--runs-folder",
+    default="runs",
+    show_default=True,
+    type=click.Path(exists=True, file_okay=False),
+    help="Folder where the runs of the study are kept.",
+)
 @click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and figures (SVG).")
 @seed_option(1)
 @json_option

@@ -6,7 +6,7 @@ import click
 
 from kinetics.commands.start import is_network_file, network_of_book, start
 from kinetics.formats import SUFFIXES
-from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option, starting_options
+from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options
 
 
 @click.command()
@@ -18,7 +18,6 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
     callback=in_a_folder,
     help=f"Write the network to this file, in the format of its suffix: {', '.join(SUFFIXES)}.",
 )
-@seed_option
 @json_option
 def derive(
     book: str,
@@ -26,13 +25,12 @@ def derive(
     cubes: int | None,
     initial: str | None,
     out_file: str | None,
-    seed: int,
     as_json: bool,
 ) -> None:
     """Derive the reaction network of a rule book, its numbers of ways counted from geometry, or read a network file.
 
     NETWORK is a rule book or a network file; --out converts it to another format, for which a book needs --rates, and
-    --cubes or --initial. Nothing here is random; --seed is accepted for uniformity and has no effect.
+    --cubes or --initial. Nothing here is random.
     """
     if out_file or is_network_file(book):
         begin = start(book, rates_name, cubes, initial)
@@ -61,6 +59,5 @@ def derive(
             "conserved": dict(network.conserved),
             "out": out_file,
             "fingerprint": network.fingerprint,
-            "seed": seed,
         }
     )

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import click
 
-from kinetics.support.cli.options import echo_json, json_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option
 
 
 @click.command()
 @click.option("--only", metavar="TEXT", default="", help="Run only the cases whose name contains this text.")
-@seed_option
 @json_option
-def hardcases(only: str, seed: int, as_json: bool) -> None:
+def hardcases(only: str, as_json: bool) -> None:
     """Test every numerical method on hard cases: its error against an independent answer, or its clear refusal.
 
-    The cases fix their own seeds; --seed is accepted for uniformity and has no effect. Exit code 1 if a case fails.
+    The cases fix their own seeds. Exit code 1 if a case fails.
     """
     from kinetics.trust.hardcases import CASES
 
@@ -47,7 +46,7 @@ def hardcases(only: str, seed: int, as_json: bool) -> None:
                 }
             )
     if as_json:
-        echo_json({"attempts": attempts, "failed": failed, "seed": seed})
+        echo_json({"attempts": attempts, "failed": failed})
     else:
         click.echo(f"{len(attempts)} attempts at {len(chosen)} cases; {failed} failed")
     if failed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.support.cli.options import echo_json, json_option, seed_option
+from kinetics.support.cli.options import echo_json, json_option
 
 
 @click.command()
@@ -18,18 +18,17 @@ from kinetics.support.cli.options import echo_json, json_option, seed_option
     default=("parquet", "csv"),
     help="May be repeated.  [default: both]",
 )
-@seed_option
 @json_option
-def export(folder: str, out: str, formats: tuple[str, ...], seed: int, as_json: bool) -> None:
+def export(folder: str, out: str, formats: tuple[str, ...], as_json: bool) -> None:
     """Write the runs kept in FOLDER as tables: one of runs, one of events.
 
-    Nothing here is random; --seed is taken because every command takes it.
+    Nothing here is random.
     """
     from mechsim.runs.store import RunStore
 
     written = RunStore.found(folder).export(out, formats)
     if as_json:
-        echo_json({"folder": folder, "written": [str(path) for path in written], "seed": seed})
+        echo_json({"folder": folder, "written": [str(path) for path in written]})
     else:
         for path in written:
             click.echo(str(path))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
+from kinetics.support.cli.options import echo_json, json_option, picture_of
 
 DIFFERENT = 4  # exit code: not the same happened
 
@@ -16,20 +16,17 @@ DIFFERENT = 4  # exit code: not the same happened
 )
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
 @click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end.")
-@seed_option
 @json_option
-def replay(file: str, last: int, poses: str | None, picture: str | None, seed: int, as_json: bool) -> None:
+def replay(file: str, last: int, poses: str | None, picture: str | None, as_json: bool) -> None:
     """Replay the run in FILE (KEY.run of a runs folder) and look at its last steps.
 
     A run that the guard stopped holds all that decides what happened, so its end can be seen from here: the table is of
-    the cube whose body moves and turns most. Nothing here is drawn anew; --seed is taken because every command takes
-    it. Exit code 4: not the same happened.
+    the cube whose body moves and turns most. Exit code 4: not the same happened.
     """
     from pathlib import Path
 
     from mechsim.inspection.replay import replay as make_again
 
-    del seed
     if poses is not None and Path(poses).suffix != ".npz":
         raise ValueError(f"--poses {poses}; expected a file name that ends in .npz")
     again = make_again(file, last)

@@ -1,4 +1,4 @@
-"""DrawnReaction networks as graphs: structures in columns by size, a small disc for each reaction between them."""
+"""Reaction networks as graphs: structures in columns by size, a small disc for each reaction between them."""
 
 from __future__ import annotations
 
