@@ -19,6 +19,7 @@ import numpy as np
 
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK
 from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.mass_action import mass_action
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class FirstReaction(SamplingMethod):
 
 class FirstReactionSampler:
     def __init__(self, network):
-        self.network, self.changes = network, network.stoichiometry.tolist()
+        self.network, self.model = network, mass_action(network)
 
     def ensemble(self, initial, grid, key, first_run, out):
         for i in range(len(out)):
@@ -46,14 +47,16 @@ class FirstReactionSampler:
 
     def path(self, initial, end, key, run):
         rng = np.random.default_rng([*key.tolist(), run])
-        state, t, times, channels, outcome = initial.tolist(), 0.0, [], [], REACHED_END
-        while self.changes:
-            rates = RATES * self.network.propensities(np.array(state))
+        species, taken, needed = np.moveaxis(self.model.factors, 2, 0)
+        state, t, times, channels, outcome = np.append(initial, 1), 0.0, [], [], REACHED_END
+        while self.network.channels:
+            copies = state[species]
+            with np.errstate(divide="ignore", over="ignore"):
+                rates = RATES * self.model.coefficients * ((copies - taken) * (copies >= needed)).prod(1, dtype=float)
+                waits = rng.exponential(size=rates.size) / rates
             if not rates.sum() < np.inf:
                 outcome = OVERFLOW
                 break
-            with np.errstate(divide="ignore", over="ignore"):
-                waits = rng.exponential(size=rates.size) / rates
             r = int(waits.argmin())
             if t + waits[r] == t:
                 outcome = STALLED_CLOCK
@@ -61,8 +64,8 @@ class FirstReactionSampler:
             t += waits[r]
             if t > end:
                 break
-            state = [count + change for count, change in zip(state, self.changes[r], strict=True)]
-            if max(state) >= 2**63:
+            state[:-1] += self.network.stoichiometry[r]
+            if state.min() < 0:
                 outcome = OVERFLOW
                 break
             times.append(t)

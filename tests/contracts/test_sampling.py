@@ -32,12 +32,12 @@ ORDERED = network(("A", "B"), {"pair": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0)
 QUICK_LINE = line().with_rates(50 * line().rate_constants)
 SMALL = {
     "enzyme": (ENZYME, [3, 9, 0, 0], 1.5),
-    "mixed": (MIXED, [9, 1, 2], 1.5),
+    "mixed": (MIXED.with_rates([0.2, 0.4, 0.15, 0.3, 0.2, 0.5]), [9, 1, 2], 0.6),
     "line of four": (QUICK_LINE, [8, 0, 0, 0], 20.0),
     "third order": (THIRD_ORDER, [11, 2], 2.0),
     "ordered pairs": (ORDERED, [13, 0], 0.25),
     "squares": (PRODUCTS, [13, 0], 0.25),
-    "Hill": (HILL, [14, 0], 1.0),
+    "Hill": (HILL, [14, 0], 0.4),
 }
 
 
@@ -62,7 +62,7 @@ def assert_joint_distribution(net, initial, end, states):
 
 @named
 def test_a_decay_is_binomial(method):
-    counts = final_states(decay(1.0), method, [40], 1.0, 3000, seed=1)[:, 0]
+    counts = final_states(decay(1.0), method, [40], 1.0, 2000, seed=1)[:, 0]
     assert_follows_cdf(counts, binom(40, exp(-1.00)).cdf)
     with pytest.raises(AssertionError, match="the laws differ"):  # a tenth in the rate is seen
         assert_follows_cdf(counts, binom(40, exp(-1.10)).cdf)
@@ -74,7 +74,7 @@ def test_the_joint_distribution_solves_the_master_equation(method, case):
     net, initial, end = SMALL[case]
     if refused(method, net):
         return
-    states = final_states(net, method, initial, end, 3000, seed=21)
+    states = final_states(net, method, initial, end, 2000, seed=21)
     assert_joint_distribution(net, initial, end, states)
     with pytest.raises(AssertionError, match="chi-square"):  # all rates a third too large is seen
         assert_joint_distribution(net, initial, 4 / 3 * end, states)
@@ -112,7 +112,7 @@ def test_rates_that_depend_on_time_give_their_poisson_distribution(method):
         return
     fade = exp(-0.7 * 2)
     mean = 20 * ((1 - fade) / 0.7 + 0.8 * (0.7 * np.sin(2) - np.cos(2) + fade) / 1.49)
-    counts = final_states(WAVE, method, [0], 2.0, 2000, seed=41)[:, 0]
+    counts = final_states(WAVE, method, [0], 2.0, 1500, seed=41)[:, 0]
     assert_follows_cdf(counts, poisson(mean).cdf)
     with pytest.raises(AssertionError, match="the laws differ"):  # birth at its mean rate
         assert_follows_cdf(counts, poisson(20 * (1 - fade) / 0.7).cdf)
@@ -133,7 +133,7 @@ def test_a_run_is_the_same_however_it_is_asked_for(method, net):
     if refused(method, net):
         return
     initial = np.zeros(len(net.species), dtype=int)
-    initial[0] = 200
+    initial[0] = 100
     times = np.linspace(0, 3.0, 7)
     whole = method.simulate(net, initial, times, runs=40, seed=27, threads=1).counts
     assert_array_equal(method.simulate(net, initial, times, runs=40, seed=27, threads=3).counts, whole)
