@@ -12,7 +12,7 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
-    from mechsim.commands.options import PartialWork
+    from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
 
@@ -51,7 +51,7 @@ def calibrate(
     report: str | None,
     runs_folder: str,
     workers: Executor,
-    part: PartialWork | None,
+    part: ShardWork | None,
     progress: bool | None,
     seed: int,
     as_json: bool,

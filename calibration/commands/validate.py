@@ -11,7 +11,7 @@ from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
-    from mechsim.commands.options import PartialWork
+    from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
 
@@ -42,7 +42,7 @@ def validate(
     report: str | None,
     runs_folder: str,
     workers: Executor,
-    part: PartialWork | None,
+    part: ShardWork | None,
     progress: bool | None,
     seed: int,
     as_json: bool,

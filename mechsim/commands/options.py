@@ -74,7 +74,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
     def chosen(*args: Any, shard: str | None, missing: bool, **values: Any) -> None:
         from mechsim.runs.shards import Shard
 
-        part = PartialWork(Shard.parse(shard) if shard else Shard(1, 1), missing) if shard or missing else None
+        part = ShardWork(Shard.parse(shard) if shard else Shard(1, 1), missing) if shard or missing else None
         command(*args, part=part, **values)
 
     described: Callable[..., None] = chosen
@@ -84,7 +84,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @dataclass(frozen=True)
-class PartialWork:
+class ShardWork:
     """What a command does instead of its whole work: make one shard of its runs, or list what is missing of it."""
 
     shard: Shard

@@ -11,7 +11,7 @@ from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
-    from mechsim.commands.options import PartialWork
+    from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
 
@@ -74,7 +74,7 @@ def simulate(
     plot_file: str | None,
     runs_folder: str,
     workers: Executor,
-    part: PartialWork | None,
+    part: ShardWork | None,
     progress: bool | None,
     seed: int,
     as_json: bool,

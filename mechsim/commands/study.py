@@ -12,7 +12,7 @@ from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
-    from mechsim.commands.options import PartialWork
+    from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
 
@@ -41,7 +41,7 @@ def study(
     out: str | None,
     runs_folder: str,
     workers: Executor,
-    part: PartialWork | None,
+    part: ShardWork | None,
     progress: bool | None,
     seed: int,
     as_json: bool,
