@@ -1,23 +1,24 @@
 """Formats of network files: readers and writers for other programs.
 
-To add one, write its class in a file of its own, after `Format` in `kinetics.formats.model`, and put it into the tuple.
+To add one, write its class in a file of its own, after `Format` in `kinetics.formats.model`, and import it here.
 Commands, messages and the contract in tests/contracts/test_formats.py read the tuple.
 """
+
+# ruff: noqa: F401, I001 - the imports are the list, in this order
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.model import Format, NetworkModel
+from kinetics.support.families import members
+
+from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.sbml import Sbml
 
 __all__ = ["FORMATS", "SUFFIXES", "Format", "NetworkModel", "read", "write"]
 
-FORMATS: tuple[Format, ...] = (
-    BioNetGen(),
-    Sbml(),
-)
+FORMATS: tuple[Format, ...] = tuple(kind() for kind in members(globals(), Format))
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 

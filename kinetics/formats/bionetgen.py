@@ -15,7 +15,7 @@ import numpy as np
 
 from kinetics.formats.blocks import Line, blocks_of
 from kinetics.formats.formulas import NUMBER, number, replaced
-from kinetics.formats.model import NetworkModel, whole_counts
+from kinetics.formats.model import Format, NetworkModel, whole_counts
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
 from kinetics.network import Network
@@ -30,7 +30,7 @@ FACTOR = re.compile(rf"(?:({NUMBER})\*)?([A-Za-z_]\w*)(?:\(\))?")
 
 
 @dataclass(frozen=True)
-class BioNetGen:
+class BioNetGen(Format):
     """Reader and writer of .net files."""
 
     name: ClassVar[str] = "net"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def whole_counts(path: Path, amounts: Mapping[str, float]) -> Ints:
     return np.array(list(counts.values()), dtype=np.int64)
 
 
-class Format(Protocol):
+class Format(ABC):
     """A format of network files.
 
     name : as tests and messages use it, in small letters
@@ -66,8 +67,10 @@ class Format(Protocol):
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
 
+    @abstractmethod
     def read(self, path: Path) -> NetworkModel:
         """The file's model; a ValueError that names the file, and the line if there is one, where it is damaged."""
 
+    @abstractmethod
     def text(self, model: NetworkModel) -> str:
         """The text of a file for a model; a ValueError where the format cannot hold all of it."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from kinetics.formats.massaction import linear_weights, rate_constant
-from kinetics.formats.model import NetworkModel, whole_counts
+from kinetics.formats.model import Format, NetworkModel, whole_counts
 from kinetics.formats.sbmlfile import document_of
 from kinetics.formats.sbmlmath import is_sum, text_of
 from kinetics.formats.sbmlwriting import sbml_text
@@ -24,7 +24,7 @@ MOST_COPIES = 10**6  # in one place of a reaction
 
 
 @dataclass(frozen=True)
-class Sbml:
+class Sbml(Format):
     """Reader and writer of SBML files."""
 
     name: ClassVar[str] = "sbml"

@@ -26,8 +26,8 @@ class SolvingMethod(ABC):
        ValueError that says what to do instead.
     4. Return a `Distribution` whose `error` covers the truncation and every rounding, those of the rates included. Set
        `is_bound=False` unless that is proven.
-    5. Put the class into `SOLVING_METHODS` in `kinetics.solving.methods`. Command line, hard cases, accuracy diagram
-       and the contract in tests/contracts/test_solving.py read that tuple.
+    5. Import it in `kinetics.solving.methods`, which adds it to `SOLVING_METHODS`. Command line, hard cases,
+       accuracy diagram and the contract in tests/contracts/test_solving.py read that tuple.
     """
 
     name: ClassVar[str]

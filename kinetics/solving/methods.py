@@ -1,21 +1,21 @@
 """The tuple of all solving methods, and the master equation solved by any of them."""
 
+# ruff: noqa: F401, I001 - the imports are the list, in this order
+
 from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving.base import SolvingMethod
-from kinetics.solving.dense import Dense
 from kinetics.solving.distribution import Distribution
-from kinetics.solving.projection import FiniteStateProjection
-from kinetics.solving.transient import Transient
+from kinetics.support.families import members
 
-SOLVING_METHODS: tuple[type[SolvingMethod], ...] = (
-    Transient,
-    Dense,
-    FiniteStateProjection,
-)
+from kinetics.solving.transient import Transient
+from kinetics.solving.dense import Dense
+from kinetics.solving.projection import FiniteStateProjection
+
+SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMethod)
 
 
 def solve(network: Network, method: SolvingMethod, initial: ArrayLike, times: ArrayLike) -> Distribution:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from kinetics.support.families import members
 from mechsim.effects.agitation import Agitation
 from mechsim.effects.attraction import Attraction
 from mechsim.effects.base import Effect
@@ -23,10 +24,6 @@ from mechsim.effects.random_field import RandomField
 from mechsim.effects.shear import Shear
 from mechsim.effects.walls import Walls
 
-EFFECTS: tuple[type[Effect], ...] = tuple(
-    kind
-    for kind in tuple(globals().values())
-    if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect
-)
+EFFECTS: tuple[type[Effect], ...] = members(globals(), Effect)
 
 AnyEffect: Any = Annotated[reduce(or_, EFFECTS), Field(discriminator="effect")]

@@ -44,7 +44,6 @@ def copy(tmp_path):
         "import MassActionRates",
         f"from {MODELS.replace('/', '.')}.powered import Powered",
     )
-    add_line(found / MODELS / "__init__.py", "    MassActionRates(),", "    Powered(),")
     return found
 
 

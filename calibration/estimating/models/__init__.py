@@ -1,15 +1,15 @@
-"""Models of rates, one file each; a line in `RATE_MODELS` makes one known."""
+"""Models of rates, one file each. Importing one here makes it known."""
 
-from calibration.estimating.models.crowded import Crowded
+# ruff: noqa: F401, I001 - the imports are the list, in this order
+
+from calibration.estimating.rate_model import RateModel
+from kinetics.support.families import members
+
 from calibration.estimating.models.mass_action_rates import MassActionRates
 from calibration.estimating.models.weibull import Weibull
-from calibration.estimating.rate_model import RateModel
+from calibration.estimating.models.crowded import Crowded
 
-RATE_MODELS: tuple[RateModel, ...] = (
-    MassActionRates(),
-    Weibull(),
-    Crowded(),
-)
+RATE_MODELS: tuple[RateModel, ...] = tuple(kind() for kind in members(globals(), RateModel))
 
 
 def rate_model(name: str) -> RateModel:

@@ -14,13 +14,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.formats.model import NetworkModel
+from kinetics.formats.model import Format, NetworkModel
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 
 
 @dataclass(frozen=True)
-class Sheet:
+class Sheet(Format):
     """Reader and writer of sheets."""
 
     name: ClassVar[str] = "sheet"
@@ -70,7 +70,6 @@ def copy(tmp_path_factory):
     made = scratch_copy(tmp_path_factory.mktemp("scratch"))
     formats = made / "kinetics" / "formats" / "__init__.py"
     add_line(formats, "import Sbml", "from kinetics.formats.sheet import Sheet")
-    add_line(formats, "    Sbml(),", "    Sheet(),")
     return made
 
 

@@ -55,8 +55,7 @@ def run(folder, text, chosen):
     copy = scratch_copy(folder)
     (copy / "kinetics/solving/action.py").write_text(text, encoding="utf-8")
     methods = copy / "kinetics/solving/methods.py"
-    add_line(methods, "from numpy.typing", "from kinetics.solving.action import ExponentialAction")
-    add_line(methods, "    FiniteStateProjection,", "    ExponentialAction,")
+    add_line(methods, "import FiniteStateProjection", "from kinetics.solving.action import ExponentialAction")
     return run_contract(copy, "test_solving.py", "-k", chosen, "-W", "ignore:overflow encountered:RuntimeWarning")
 
 
