@@ -7,8 +7,8 @@ Channels that share a reactant, their owner, form a group (Ramaswamy & Sbalzarin
 n the owner's count and `like` the coefficients of pairs of owners. So a change of the owner costs one product, however
 many channels it has; a change of a partner makes L afresh.
 
-Groups lie in bins by their sum, two to an octave (Slepoy, Thompson & Plimpton 2008). A group of a bin is taken at
-random and kept with probability sum / upper end of the bin. The bins' masses, size times upper end, bound the true
+Groups lie in bins by their sum, two to an octave (Slepoy et al. 2008, doi:10.1063/1.2919546). A group of a bin is taken
+at random and kept with probability sum / upper end of the bin. The bins' masses, size times upper end, bound the true
 total from above, so a rejection is an event at which nothing happens (thinning); upper ends are whole numbers of one
 power of two, so no rounding ever builds up; and the cost does not grow with the number of channels. Within the group,
 the channel is found by a walk over partial propensities made afresh from the counts: nothing can go stale, drift, or

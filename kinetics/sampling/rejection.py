@@ -26,7 +26,9 @@ SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or 
 
 @dataclass(frozen=True)
 class CompositionRejection(SamplingMethod):
-    """Composition and rejection over groups of channels (Slepoy et al. 2008; Ramaswamy & Sbalzarini 2010). Exact.
+    """Composition and rejection over groups of channels. Exact.
+
+    Slepoy et al. (2008), doi:10.1063/1.2919546; groups by Ramaswamy & Sbalzarini (2010).
 
     Choose it for hundreds of channels and more, each event changing a few of them: the cost of an event grows with
     those, not with the number of channels.
