@@ -47,7 +47,8 @@ class SamplingMethod(ABC):
     2. Say what it takes, by the traits below; the base refuses what it does not.
     3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
     4. Give `cost` if `auto` may choose it.
-    5. Put the class into `EXACT_METHODS`: command line, `auto`, hard cases and contract tests read the tuple.
+    5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
+       tuple made there.
     """
 
     name: ClassVar[str]

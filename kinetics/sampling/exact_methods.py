@@ -1,19 +1,17 @@
-"""The exact sampling methods, in one tuple; command line, `auto`, hard cases and contract tests read it."""
+"""The tuple of the exact sampling methods; command line, `auto`, hard cases and contract tests read it."""
+
+# ruff: noqa: F401, I001 - the imports are the list, in this order
 
 from __future__ import annotations
 
 from kinetics.sampling.base import SamplingMethod
+from kinetics.support.families import members
+
+# To add one, see `SamplingMethod`. `sample_path` takes the first that takes the network.
 from kinetics.sampling.direct import Direct
-from kinetics.sampling.general import General
 from kinetics.sampling.lockstep import Lockstep
 from kinetics.sampling.partial import PartialPropensities
 from kinetics.sampling.rejection import CompositionRejection
+from kinetics.sampling.general import General
 
-# To add one, see `SamplingMethod`. `sample_path` takes the first that takes the network.
-EXACT_METHODS: tuple[type[SamplingMethod], ...] = (
-    Direct,
-    Lockstep,
-    PartialPropensities,
-    CompositionRejection,
-    General,
-)
+EXACT_METHODS: tuple[type[SamplingMethod], ...] = members(globals(), SamplingMethod)

@@ -82,8 +82,7 @@ def contract_with(folder, rates, cases):
     shutil.copytree(compiled, copy / "kinetics" / "kernels" / "__pycache__" / compiled.name)
     room = copy / "kinetics" / "sampling"
     (room / "first_reaction.py").write_text(FIRST_REACTION.replace("RATES", rates).lstrip(), encoding="utf-8")
-    line = "    __import__('kinetics.sampling.first_reaction', fromlist=['FirstReaction']).FirstReaction,"
-    add_line(room / "exact_methods.py", "    General,", line)
+    add_line(room / "exact_methods.py", "import General", "from kinetics.sampling.first_reaction import FirstReaction")
     return run_contract(copy, "test_sampling.py", "-k", cases)
 
 
