@@ -167,7 +167,7 @@ class Growth:
     def _grid(self, times: ArrayLike) -> Floats:
         grid = rising_times(times)
         if grid.size and grid[-1] > self.end:
-            raise ValueError(f"the run was watched until {self.end:g}; {grid[-1]:g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {grid[-1]:g} was asked for")
         return grid
 
 

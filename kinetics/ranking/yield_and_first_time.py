@@ -30,7 +30,8 @@ class Figure:
     """A mean over runs, and how well it is known.
 
     value, sd : mean, and spread of a single run
-    low, high : 95 % interval of the mean by Monte Carlo; of an exact figure the bounds of its numerical error
+    low, high : 95 % interval of the mean by Monte Carlo; of an exact figure its numerical error, a bound or,
+        where the chain is stiff and has over 500 states, an estimate
     method : `exact` or `ssa`
     size : states of an exact figure, runs of a sampled one
     cpu_seconds : what it cost; figures from the same runs share their cost
@@ -92,14 +93,15 @@ def yield_and_first_time(
 ) -> YieldAndFirstTime:
     """Exact where the states are few enough, each figure for itself; else from `runs` sampled runs.
 
+    max_states : solved exactly up to these; 0 for sampled figures only
     first_run : number of the first run; with one seed, runs of different numbers are independent
     like : the answers at other rates; what was too large there is not tried again
     """
     load_kernels()
     passage = amount = None
-    if like is None or like.first.method == "exact":
+    if max_states and (like is None or like.first.method == "exact"):
         passage = _exact_passage(question, max_states)
-    if like is None or like.yield_.method == "exact":
+    if max_states and (like is None or like.yield_.method == "exact"):
         amount = _exact_yield(question, max_states)
     if passage is not None and amount is not None:
         return YieldAndFirstTime(*passage, amount)

@@ -161,7 +161,7 @@ def test_refuses_what_are_no_held_out_runs():
     ):
         with pytest.raises(ValueError, match=message):
             crossvalidate(network, rates, paths, TIMES)
-    with pytest.raises(ValueError, match="watched until 25"):
+    with pytest.raises(ValueError, match="observed until 25"):
         crossvalidate(network, rates, runs, [0.0, 26.0])
     with pytest.raises(ValueError, match="cannot bound a band"):
         crossvalidate(network, rates, runs, TIMES, groups=20)

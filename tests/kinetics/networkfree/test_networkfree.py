@@ -378,7 +378,7 @@ def test_records_are_checked():
     for says, change in mistakes.items():
         with pytest.raises(ValueError, match=says):
             Growth(**(fields | change))
-    with pytest.raises(ValueError, match="was watched until 200; 300 was asked for"):
+    with pytest.raises(ValueError, match="was observed until 200; 300 was asked for"):
         run.by_size([300.0])
     with pytest.raises(ValueError, match="no run is there"):
         Growths(())
