@@ -106,7 +106,7 @@ class GeneralSampler(StepwiseSampler):
         if outcome in (outcomes.UNDECIDED, outcomes.ENDLESS):
             event = self.events[about]
             why = (
-                "cannot be told: it touches its limit, or turns too often"
+                "cannot be determined: it touches its limit, or turns too often"
                 if outcome == outcomes.UNDECIDED
                 else "has no end: events of this moment set each other off"
             )

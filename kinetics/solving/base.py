@@ -32,6 +32,7 @@ class SolvingMethod(ABC):
 
     name: ClassVar[str]
     least_tolerance: ClassVar[float] = 0.0
+    tried_up_to: ClassVar[int | None] = None  # states, for a cost that rises steeply: who compares costs tries no more
 
     def __post_init__(self) -> None:
         tolerance = getattr(self, "tolerance", None)

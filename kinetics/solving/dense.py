@@ -45,6 +45,7 @@ class Dense(SolvingMethod):
     """
 
     name: ClassVar[str] = "dense"
+    tried_up_to: ClassVar[int | None] = CERTIFIED
 
     max_states: int = MAX_DENSE
     certified_states: int = CERTIFIED

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from kinetics.network import Network
@@ -86,6 +87,8 @@ def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, i
 def solver_curve(method: type[SolvingMethod]) -> Curve:
     """The curve of a solving method: over its tolerances where it has one, else a single point."""
     kind: Callable[..., SolvingMethod] = method
+    if method.tried_up_to is not None:
+        kind = partial(kind, max_states=method.tried_up_to)
     if not hasattr(method, "tolerance"):
         return Curve(method.name, "", NO_KNOB, solved(lambda _: kind()))
     settings = tuple(each for each in TOLERANCES if each >= method.least_tolerance)

@@ -161,7 +161,7 @@ def test_conditions_that_touch_or_cross_their_limit():
         (Event("debt", "t >= 1", {"A": "A - 4"}), "= -1 at A = 3.*a whole number from 0 to 2"),
         (Event("lost", "t >= 1", {"A": "A / B"}), "= inf at"),
         (Event("much", "t >= 1", {"A": "2 ** 60"}), "= 1.15292e"),
-        (Event("fast", "sin(1e9 * (t + 1)) > 0.5", {"A": 1}), r"event 'fast': when .* turns true cannot be told"),
+        (Event("fast", "sin(1e9 * (t + 1)) > 0.5", {"A": 1}), r"event 'fast': when .* turns true cannot be determined"),
     ],
 )
 def test_impossible_events_are_refused_with_counts_and_time(event, message):
