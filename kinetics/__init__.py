@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from kinetics.solving import Dense, Distribution, FiniteStateProjection, StateSpace, Transient, reachable, solve
     from kinetics.trust import Verification, verify
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 _HOMES = {
     "kinetics.network": ("Network",),
