@@ -43,9 +43,9 @@ class Processes(Executor):
     folder: Path | None = None
 
     option: ClassVar[str] = "--workers"
-    metavar: ClassVar[str | None] = None
+    metavar: ClassVar[str | None] = "N"
     kind: ClassVar[Any] = click.IntRange(min=1)
-    help: ClassVar[str] = "Runs at the same time, as processes on this machine.  [default: 1]"
+    help: ClassVar[str] = "Number of runs made at the same time, as processes on this machine.  [default: 1]"
 
     def __post_init__(self) -> None:
         if self.workers < 1:
