@@ -1,4 +1,4 @@
-"""Options, tables and exit codes that the commands share."""
+"""Options, tables and exit codes shared by the commands of calibration."""
 
 from __future__ import annotations
 

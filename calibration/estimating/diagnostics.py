@@ -1,4 +1,4 @@
-"""Diagnostics of calibration runs: are waits exponential, and is the rate one constant in every run, at every age?
+"""Diagnostics of calibration runs: tests of exponential waits, and of rates that are constant over runs and ages.
 
 All tests condition on the number of events of a channel, so the unknown rate drops out and censored waits need no
 correction: measured in its own exposure, a channel's events are a Poisson process, and n events of one are uniform on

@@ -1,4 +1,4 @@
-"""Rate constants under mass action, in closed form: pooled events over pooled exposure, with exact intervals."""
+"""Mass-action rate constants in closed form: pooled events over pooled exposure, with exact intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events and exposure of every channel: all that a jump path says about rate constants of mass action.
+"""Events and exposure of every channel: the sufficient statistics of a jump path for mass-action rate constants.
 
 Under mass action the likelihood of a fully observed path is prod_j k_j^events_j exp(-k_j exposure_j), so the two
 arrays counted here are sufficient. Competing channels and censored waits enter through the exposure alone.

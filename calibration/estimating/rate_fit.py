@@ -1,4 +1,4 @@
-"""A model of rates fitted to paths: estimates, profile-likelihood intervals, tests, tables and figures."""
+"""The fit of a model of rates to paths: estimates, profile-likelihood intervals, tests, tables and figures."""
 
 from __future__ import annotations
 

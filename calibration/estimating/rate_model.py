@@ -1,4 +1,4 @@
-"""What every model of rates has in common: how the propensity of a channel depends on the state of the tank."""
+"""The base of all models of rates: how the propensity of a channel depends on the state of the tank."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rates at each point of a study, and its first times predicted from the rates of points of the same scene."""
+"""Rates at each point of a study, and first times predicted from the rates of other points of the same scene."""
 
 from __future__ import annotations
 

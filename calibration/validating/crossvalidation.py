@@ -1,4 +1,4 @@
-"""Validation on held-out mechanics runs: their mean, spread and first times beside those predicted.
+"""Validation on held-out mechanics runs: their means, spreads and first times beside the predicted ones.
 
 The measure is the posterior predictive distribution of the experiment itself: rates are drawn from their posterior, and
 with each draw the same number of runs is simulated. What n runs show should look like one more such group of n. The

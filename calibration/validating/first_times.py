@@ -1,4 +1,4 @@
-"""Times to the first copy of a species: those of runs beside the predicted first-passage distribution."""
+"""First-passage times to a species: those of mechanics runs beside the predicted distribution."""
 
 from __future__ import annotations
 

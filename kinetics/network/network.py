@@ -1,4 +1,4 @@
-"""Reaction networks under stochastic mass action, or any other rate law.
+"""Reaction networks under stochastic mass action or any other rate law.
 
 The propensity of a channel in state s is k * N * h(s): its rate constant k, its number of ways N and the number
 h(s) of combinations of its reactants. It is the probability per time unit that the channel fires (Gillespie 1977).

@@ -1,4 +1,4 @@
-"""Committors: which of several targets a chain reaches first, when, by which states, and paths to a given one."""
+"""Committors: which of several targets a chain reaches first, when, through which states, and along which paths."""
 
 from __future__ import annotations
 

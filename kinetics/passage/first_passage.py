@@ -1,4 +1,4 @@
-"""First passage times: until there first are so many copies of a species."""
+"""First-passage times to a number of copies of a species."""
 
 from __future__ import annotations
 

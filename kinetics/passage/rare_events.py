@@ -1,4 +1,4 @@
-"""Probabilities of rare events by importance splitting, where the states cannot be listed."""
+"""Probabilities of rare events by importance splitting, for networks whose states cannot be listed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stationary distributions: the probabilities after infinite time."""
+"""Stationary distributions: the probabilities of the states after infinite time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predictions of counts over time, with the uncertainty that the rates leave."""
+"""Predictions of counts over time, with the uncertainty that comes from the rates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rule book in a ranking: checked, derived, and its yield and first-assembly time computed."""
+"""A rule book in a ranking: checked and derived, with its yield and first-assembly time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ranking of rule books: which assembles the target soonest, and which most of it; ties within the errors."""
+"""The ranking of rule books by yield or first-assembly time, with ties within the errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The yield of a target at a horizon, and the time to its first copy: exact where that is possible, else sampled."""
+"""The yield of a target at a horizon and the time to its first copy: exact where possible, else sampled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistics of ensembles in constant memory: as much for a million runs as for ten.
+"""Statistics of ensembles in constant memory, however many runs there are.
 
 All that is kept are whole numbers: histograms, sums, sums of products, in integers that cannot overflow. So the
 statistics of a set of runs do not depend on the blocks in which they came, on their order, or on who made them.

@@ -1,4 +1,4 @@
-"""The matrix exponential of a generator by scaling and squaring without subtractions, for small and stiff chains."""
+"""The exponential of a generator by scaling and squaring without subtractions, for small and stiff chains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The answer of a solving method: the probability of every state at each time, with a bound on its error."""
+"""The result of a solving method: the probability of every state at each time, with its error."""
 
 from __future__ import annotations
 

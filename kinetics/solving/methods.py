@@ -1,4 +1,4 @@
-"""The tuple of all solving methods, and the master equation solved by any of them."""
+"""The tuple of all solving methods, and `solve`, the master equation by any of them."""
 
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 

@@ -1,4 +1,4 @@
-"""The transient solution of dp/dt = p Q over all reachable states by uniformisation, with a proven bound."""
+"""The transient solution of dp/dt = p Q over all reachable states, by uniformisation, with a bound on its error."""
 
 from __future__ import annotations
 

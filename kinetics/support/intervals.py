@@ -1,4 +1,4 @@
-"""Intervals of rates and of means, and draws of rates: each known in one way, wherever it is asked for."""
+"""Intervals of rates and of means, and random draws of rates, defined once for all modules."""
 
 from __future__ import annotations
 

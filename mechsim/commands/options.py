@@ -39,8 +39,8 @@ runs_option = click.option(
 _shard_option = click.option(
     "--shard",
     metavar="K/N",
-    help="For job arrays: make only the K-th of N shares of the runs; when all shares are done, the same command without it "
-    "finds every run.",
+    help="For job arrays: make only the K-th of N shares of the runs; when all shares are done, the same command "
+    "without it finds every run.",
 )
 _missing_option = click.option(
     "--missing",

@@ -1,4 +1,4 @@
-"""The command `wellmixed simulate`: runs of the mechanics, kept as they are made."""
+"""The command `wellmixed simulate`: mechanics runs, each stored when it is finished."""
 
 from __future__ import annotations
 

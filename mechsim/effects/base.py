@@ -1,4 +1,4 @@
-"""Base classes of effects: the settings a scene lists, and the hooks they become in a running world."""
+"""Base classes of effects: the settings that a scene lists, and their hooks in a running world."""
 
 from __future__ import annotations
 

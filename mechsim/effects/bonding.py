@@ -1,4 +1,4 @@
-"""Bonding of faces that meet and whose rules agree."""
+"""Bonding of faces that meet and whose rules allow it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ensembles of runs: those missing from a store are made, with three tries each."""
+"""Ensembles of runs: those missing from a store are made, each with up to three tries."""
 
 from __future__ import annotations
 

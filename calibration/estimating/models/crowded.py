@@ -1,4 +1,4 @@
-"""Crowded: every other body in the tank adds to the rate."""
+"""The crowded model of rates: every other body in the tank adds to the rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mass action: one rate constant a channel, whatever else is in the tank."""
+"""The mass-action model of rates: one rate constant per channel, whatever else is in the tank."""
 
 from __future__ import annotations
 

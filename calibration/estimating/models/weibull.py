@@ -1,4 +1,4 @@
-"""Weibull waits: rates that rise or fall with the time since the start or the last restart."""
+"""The Weibull model of rates: they rise or fall with the time since the start or the last restart."""
 
 from __future__ import annotations
 

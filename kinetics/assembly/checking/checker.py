@@ -1,4 +1,4 @@
-"""The checker: faults of a rule book, found by exploring all it can do, each with the shortest way that leads there."""
+"""The checker: faults of a rule book, found by exploring all it can do, each with the shortest sequence of events."""
 
 from __future__ import annotations
 

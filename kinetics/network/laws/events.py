@@ -1,4 +1,4 @@
-"""Events: assignments to counts when a condition becomes true, such as a dose at a time or a feed at a low count."""
+"""Events: assignments to counts when a condition becomes true, such as a dose at a given time."""
 
 from __future__ import annotations
 

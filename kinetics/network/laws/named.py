@@ -1,4 +1,4 @@
-"""The usual rate laws by name. Each makes an `Expression`.
+"""The usual rate laws by name, each a function that returns an `Expression`.
 
 To add one, write its function, with an example at the end of its docstring, and put it into `LAWS`: the contract in
 tests/contracts/test_laws.py reads both.

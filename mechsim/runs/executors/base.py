@@ -1,4 +1,4 @@
-"""Base classes of executors: what the driver of an ensemble asks of whoever makes the runs.
+"""Base classes of executors: what the driver of an ensemble requires of whatever makes the runs.
 
 To add an executor: a file with an `Executor` (its settings, and the option of the command line that chooses it) and a
 `Session` (the runs it has in hand), and its line in `EXECUTORS`. Claims, tries, the quarantine and the progress bar

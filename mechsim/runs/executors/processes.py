@@ -1,4 +1,4 @@
-"""Executor on this machine, one process a run, so that a crash in the engine costs a single try."""
+"""Executor on this machine, one process per run, so that a crash in the engine costs a single try."""
 
 from __future__ import annotations
 
