@@ -90,7 +90,7 @@ def target_shape(book: RuleBook) -> Structure:
 
 
 def possible_targets(book: RuleBook, cubes: int) -> int:
-    """How many targets so many free cubes could make."""
+    """Number of targets that a given number of free cubes could make."""
     size = len(_target(book))
     return cubes // size if book.seed_letter is None else int(cubes + 1 >= size)
 

@@ -73,7 +73,7 @@ class ClassRates(Settings):
 
     @classmethod
     def fitting(cls, name_or_path: str | Path, derivations: Iterable[Derivation]) -> ClassRates:
-        """Class rates from a file of them, or from the rates of a network (shipped, or a file) by the classes of its book.
+        """Class rates from a file of them, or from the rates of a network, which are split by the classes of its book.
 
         derivations : candidates for that network; they are made one by one until one fits
         """

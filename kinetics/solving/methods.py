@@ -19,5 +19,5 @@ SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMet
 
 
 def solve(network: Network, method: SolvingMethod, initial: ArrayLike, times: ArrayLike) -> Distribution:
-    """Probability of every state at `times` (T,), tu, without sampling; as `method.solve`."""
+    """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`."""
     return method.solve(network, initial, times)
