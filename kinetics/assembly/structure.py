@@ -233,7 +233,7 @@ class Structure:
 def placements(
     a: Structure, i: int, face_i: int, b: Structure, j: int, face_j: int
 ) -> tuple[Placement, Placement, Placement, Placement]:
-    """The four placements (one per twist) of b in a's lattice in which face_j of b's cube j meets face_i of a's cube i."""
+    """The four placements (one per twist) of b in a's lattice that put face_j of b's cube j on face_i of a's cube i."""
     towards_b = _TURNED[a.rotations[i]][face_i] ^ 1  # j's face looks back at i
     target = a.faced(i, face_i)
     first, second, third, fourth = (

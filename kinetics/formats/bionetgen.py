@@ -31,7 +31,7 @@ FACTOR = re.compile(rf"(?:({NUMBER})\*)?([A-Za-z_]\w*)(?:\(\))?")
 
 @dataclass(frozen=True)
 class BioNetGen(Format):
-    """Reader and writer of .net files."""
+    """The reader and writer of BioNetGen's .net files."""
 
     name: ClassVar[str] = "net"
     suffixes: ClassVar[tuple[str, ...]] = (".net",)

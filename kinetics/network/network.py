@@ -226,7 +226,7 @@ class Network:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over species, channels, reactants, stoichiometry, rate laws and events, but not the rate constants."""
+        """SHA-256 over species, channels, reactants, stoichiometry, rate laws and events, not rate constants."""
         tables = (self.sparse_reactants, self.sparse_stoichiometry)
         return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero)
 
@@ -268,7 +268,7 @@ class Network:
         }
 
     def check_homogeneous(self) -> None:
-        """Raise a ValueError where rates depend on time or events set counts, as there is then no constant generator."""
+        """Raise a ValueError where rates depend on time or events set counts: the generator is then not constant."""
         check_homogeneous(self.laws, [event.name for event in self.events])
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:

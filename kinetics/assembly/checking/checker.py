@@ -50,7 +50,7 @@ class Finding:
         return "\n".join(lines)
 
     def counterexample(self, scheme: str) -> Counterexample:
-        """The finding as it is drawn: the larger side of each change faces the viewer, with the parts as they lie in it."""
+        """The finding as it is drawn: the larger side of each change faces the viewer, its parts as they lie in it."""
         changes = tuple(laid_out(change, scheme, posed) for change in self.changes)
         return Counterexample(f"{self.kind}: {self.text}", self.is_error, self.steps, changes, self.structure)
 

@@ -14,9 +14,9 @@ from kinetics.network.laws.expression import Expression, quoted
 
 
 def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
-    """k times the sets of reactants: k * A * (A - 1) / 2 for two of A.
+    """k times the number of combinations of reactants: k * A * (A - 1) / 2 for two of A.
 
-    As an expression it costs more an event than a rate constant does; it serves as a start for other laws.
+    As an expression it costs more per event than a rate constant; it is a starting point for other rate laws.
     Example: `mass_action(0.3, {"A": 2, "B": 1})`
     """
     return Expression(f"k{_combinations(reactants)}", {"k": _positive("k", k)})

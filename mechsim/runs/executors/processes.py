@@ -31,10 +31,10 @@ _one_at_a_time = threading.RLock()
 
 @dataclass(frozen=True)
 class Processes(Executor):
-    """Runs in processes on this machine.
+    """An executor on this machine, with one process per run.
 
-    workers : runs at the same time
-    timeout : s without progress after which a run counts as hung (leave room for compiling kernels); None: never
+    workers : number of runs made at the same time
+    timeout : time without progress after which a run counts as hung, s (allow for compiling kernels); None: never
     folder : working directory of the runs; None: this process's
     """
 
@@ -54,14 +54,14 @@ class Processes(Executor):
 
     @classmethod
     def from_option(cls, value: Any, timeout: float | None) -> Processes:
-        """`--workers 4`; 1 where it is not given."""
+        """The executor for `--workers 4`; with one worker by default."""
         return cls(1 if value is None else value, timeout)
 
     def check(self) -> None:
-        """Processes can always be used."""
+        """Do nothing: processes can always be used."""
 
     def open(self, store: RunStore, execute: Execute) -> ProcessSession:
-        """Ready to start processes."""
+        """Get ready to start processes."""
         return ProcessSession(self, store, execute)
 
 
