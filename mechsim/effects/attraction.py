@@ -18,7 +18,7 @@ class Attraction(Effect):
     It is the force between two coaxial magnetic dipoles (~ 1 / distance^4) that sit `decay / 2` behind their faces, so
     that it stays finite at contact; potential -strength decay / 3 / (1 + d / decay)^3. The paper's cubes attract each
     other by magnets (section I, after White et al.) but its simulation has no such force: strength and range are the
-    user's. The faces that attract are those that the rules let bond as they are. The two impulses of a pair are equal
+    user's. Faces attract if the rules let them bond as they are. The two impulses of a pair are equal
     and opposite along one line, so linear and angular momentum are kept to rounding; one step never carries two faces
     past each other, and hands over no more energy than the well still holds, at any step and strength.
 

@@ -18,8 +18,8 @@ class OrnsteinUhlenbeck(Effect):
     Phys. Rev. E 54, 2084, 1996, doi:10.1103/PhysRevE.54.2084), so spread and memory do not depend on the step:
     <u(0) u(t)> = sigma^2 exp(-t/T). Held noise of the same sigma, redrawn every `hold`, has memory sigma^2 (1 -
     t/hold), area sigma^2 hold / 2. With correlation_time = hold / 2 both drive slow bodies alike: what moves a body
-    that averages over many redraws is the area alone. Cost: one normal number a component, drag point and step. Choose
-    it where a smooth memory matters.
+    that averages over many redraws is the area alone. Cost: one normal random number per component, drag point and
+    step. Choose it where a smooth memory matters.
 
     sigma : standard deviation of a component, length / tu
     correlation_time : T, tu; at least a step, for within a step the fluid's velocity is taken as constant
