@@ -23,7 +23,7 @@ LOOK_EVERY = 0.2  # s between two looks at what nobody reports: runs claimed by 
 
 @dataclass(kw_only=True)
 class RunAttempt:
-    """One try at a run.
+    """One attempt to make a run.
 
     claim : the right to make it, given back by the driver; None: the worker that makes the run claims it
     simulated : simulated time so far, tu, if known
