@@ -1,4 +1,4 @@
-"""The command line: one command whose subcommands live in the rooms and are imported only when they are used."""
+"""The command line: one command, `wellmixed`, each of whose subcommands is imported only when it is used."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ COMMANDS = {
     "derive": (
         "kinetics.commands.derive",
         "derive",
-        "Derive the reaction network of a rule book, or convert one.",
+        "Derive the reaction network of a rule book, or convert a file.",
     ),
     "hardcases": (
         "kinetics.commands.hardcases",
@@ -57,7 +57,7 @@ COMMANDS = {
     "render": (
         "mechsim.commands.render",
         "render",
-        "Render a mechanics run as pictures, film or interactive view.",
+        "Render a mechanics run as pictures, a film or a 3-D view.",
     ),
     "replay": ("mechsim.commands.replay", "replay", "Repeat a stored mechanics run and inspect its last steps."),
     "export": ("mechsim.commands.export", "export", "Export stored mechanics runs as Parquet and CSV tables."),
@@ -66,11 +66,15 @@ COMMANDS = {
 
 # `wellmixed accuracy ...`, a command a room
 ACCURACY = {
-    "kinetics": ("kinetics.commands.accuracy", "kinetics", "Error of each prediction method against its CPU time."),
+    "kinetics": (
+        "kinetics.commands.accuracy",
+        "kinetics",
+        "Measure each prediction method's error against its CPU time.",
+    ),
     "mechanics": (
         "mechsim.commands.accuracy",
         "mechanics",
-        "Error of the mean speed and encounter rate against CPU time.",
+        "Measure the mechanics' error against its CPU time.",
     ),
 }
 

@@ -1,4 +1,4 @@
-"""Calibration: rates from jump paths with intervals, models of rates, diagnostics, validation, reports.
+"""Calibration: rates with intervals from jump paths, models of rates, diagnostics, validation and reports.
 
 The names are imported when they are first used.
 """

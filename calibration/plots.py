@@ -1,4 +1,4 @@
-"""Figures of calibration and validation. The results call these with arrays and names; nothing here computes."""
+"""Figures of calibration and validation, drawn from arrays and names; nothing here computes."""
 
 from __future__ import annotations
 

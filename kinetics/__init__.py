@@ -1,6 +1,6 @@
 """Chemical kinetics as Markov chains: reaction networks, their rates, and what they predict.
 
-The names below are imported when they are first used, so that `import kinetics` stays light.
+The names below are imported when they are first used, so that `import kinetics` stays fast.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class Guard(Settings):
 
 
 class Scene(Settings):
-    """Everything a mechanics run depends on, except who starts in the tank, for how long, and the seed."""
+    """Everything on which a mechanics run depends, except the initial composition, the duration and the seed."""
 
     name: str = Field(min_length=1, max_length=80)
     rules: str
@@ -105,7 +105,7 @@ class Scene(Settings):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Scene:
-        """A shipped scene by name (`line4`), or the user's own TOML file."""
+        """Load a shipped scene by its name (`line4`), or a TOML file of your own."""
         path = find(name_or_path, SCENES, "scene")
         return validated(cls, read_toml(path), path.name)
 
@@ -114,7 +114,7 @@ class Scene(Settings):
         return next((e for e in self.effects if e.effect == name), None)
 
     def provider(self, what: str) -> Any | None:
-        """Settings of the listed effect that is this or a way of this (`drag`: drag or explicit-drag), or None."""
+        """Settings of the listed effect that has this name or provides it (`drag`: drag or explicit-drag), or None."""
         return next((e for e in self.effects if what in (e.effect, e.provides)), None)
 
     def openers(self, kind: EventKind) -> tuple[str, ...]:
@@ -122,13 +122,13 @@ class Scene(Settings):
         return tuple(e.effect for e in self.effects if kind in e.opens)
 
     def without(self, *names: str) -> Scene:
-        """The same scene without these effects: their physics is absent. ValueError where another effect needs them."""
+        """The same scene without these effects and their physics. ValueError: another effect needs one of them."""
         data = self.model_dump(mode="json")
         data["effects"] = [item for item in data["effects"] if item["effect"] not in names]
         return validated(Scene, data, f"scene {self.name} without {', '.join(names)}")
 
     def changed(self, effect: str, **settings: Any) -> Scene:
-        """The same scene with other settings of one effect, validated anew."""
+        """The same scene with other settings of one effect, validated again."""
         data = self.model_dump(mode="json")
         found = [item for item in data["effects"] if item["effect"] == effect]
         if not found:

@@ -21,22 +21,34 @@ if TYPE_CHECKING:
 @click.option(
     "--out",
     required=True,
+    metavar="FILE",
     type=click.Path(dir_okay=False),
     callback=in_a_folder,
     help="The rates file to write (TOML).",
 )
 @click.option(
-    "--cubes", type=click.IntRange(min=1), default=60, show_default=True, help="Number of cubes in each tank."
+    "--cubes",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=60,
+    show_default=True,
+    help="Number of cubes in each tank.",
 )
 @click.option(
-    "--join-time", type=float, default=1000.0, show_default=True, help="Watching time of each mixture with bonding, tu."
+    "--join-time",
+    metavar="T",
+    type=float,
+    default=1000.0,
+    show_default=True,
+    help="Total simulated time for each starting mixture with bonding, tu.",
 )
 @click.option(
     "--break-time",
+    metavar="T",
     type=float,
     default=4000.0,
     show_default=True,
-    help="Watching time of each tank without bonding, tu.",
+    help="Total simulated time for each mixture without bonding, tu.",
 )
 @report_option
 @run_options
@@ -59,7 +71,7 @@ def calibrate(
     """Estimate the reaction rates of SCENE from mechanics runs, with 95 % intervals.
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
-    full. Runs start from several mixtures and are restarted after every event; breaks, being rare, are watched in
+    full. Runs start from several mixtures and are restarted after every event; breaks, which are rare, are observed in
     tanks without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
     """
     from calibration.pipeline.study import calibration_specs, run_calibration

@@ -20,18 +20,24 @@ if TYPE_CHECKING:
     "--folder",
     default="demo-output",
     show_default=True,
+    metavar="FOLDER",
     type=click.Path(file_okay=False),
-    help="Where results are written.",
+    help="Folder to which the results are written.",
 )
 @click.option(
-    "--scale", type=float, default=1.0, show_default=True, help="Factor on all durations: 2 takes twice the time."
+    "--scale",
+    metavar="FACTOR",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Factor by which all simulated times are multiplied; 2 takes twice as long.",
 )
 @executor_options
 @progress_option
 @seed_option(1)
 @json_option
 def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
-    """Calibrate, predict and validate line4 on a small budget of mechanics runs; writes report.html."""
+    """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
     from calibration.pipeline.study import run_calibration, run_validation, watched_run
     from calibration.reporting.overview import full_report
     from mechsim.inspection.pictures.tank import draw_tank

@@ -19,22 +19,30 @@ SHOWN = 3  # channels drawn, those with the most events
 
 @click.command()
 @click.argument("study")
-@click.option("--runs", type=click.IntRange(min=1), help="At most so many a point.  [default: the study's]")
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Largest number of runs used at each point.  [default: the study's]",
+)
 @click.option(
     "--points",
     "choices",
     multiple=True,
     metavar="FACTOR=LEVEL,...",
-    help="Only the points with these levels; may be repeated, once for each factor.",
+    help="Use only the points with these levels; may be repeated, once for each factor.",
 )
 @click.option(
     "--runs-folder",
     default="runs",
     show_default=True,
+    metavar="FOLDER",
     type=click.Path(exists=True, file_okay=False),
-    help="Folder where the runs of the study are kept.",
+    help="Folder in which the runs of the study are kept.",
 )
-@click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and figures (SVG).")
+@click.option(
+    "--out", metavar="FOLDER", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and figures (SVG)."
+)
 @seed_option(1)
 @json_option
 def rates(
@@ -46,10 +54,10 @@ def rates(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Estimate the rates at each point of STUDY, from the runs that `wellmixed study` with the same --seed has made.
+    """Estimate the rates at each point of STUDY from the runs that `wellmixed study` made with the same --seed.
 
-    Points of one scene should have the same rates, whatever their number of cubes. So the first times of each are
-    compared with the first-passage distribution of the Markov chain under the rates of the others.
+    Points of one scene should have the same rates, whatever their number of cubes. The first times of each point are
+    therefore compared with the first-passage distribution of the Markov chain under the rates of the other points.
     """
     from calibration.pipeline.by_point import PointRuns, rates_by_point
     from mechsim.runs.store import RunStore

@@ -1,4 +1,4 @@
-"""Options, tables and exit codes that the commands share."""
+"""Options, tables and exit codes shared by the commands of calibration."""
 
 from __future__ import annotations
 
@@ -18,15 +18,21 @@ if TYPE_CHECKING:
 def seed_option(default: int) -> Any:
     """--seed, with the command's own default."""
     return click.option(
-        "--seed", type=click.IntRange(min=0), default=default, show_default=True, help="One seed, one result."
+        "--seed",
+        metavar="N",
+        type=click.IntRange(min=0),
+        default=default,
+        show_default=True,
+        help="Random seed; the same seed gives the same result.",
     )
 
 
 report_option = click.option(
     "--report",
+    metavar="FILE",
     type=click.Path(dir_okay=False),
     callback=in_a_folder,
-    help="Write an HTML report to this file, its tables (CSV) and figures (SVG) beside it.",
+    help="Write an HTML report to this file, and its tables (CSV) and figures (SVG) beside it.",
 )
 
 

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 
 @click.command(cls=NumbersCommand)
 @click.argument("scene")
-@click.option("--rates", "rates_name", required=True, metavar="NAME|FILE", help="Rates: a .toml file, or table3.")
+@click.option(
+    "--rates",
+    "rates_name",
+    required=True,
+    metavar="NAME|FILE",
+    help="Rate constants: a shipped table such as table3, or a .toml file.",
+)
 @click.option(
     "--cubes",
     type=click.IntRange(min=1),
@@ -25,10 +31,19 @@ if TYPE_CHECKING:
     default=(60, 80, 120),
     show_default=True,
     metavar="N ...",
-    help="System sizes: numbers of cubes.",
+    help="Numbers of cubes to validate at.",
 )
-@click.option("--runs", type=click.IntRange(min=2), default=10, show_default=True, help="Held-out runs at each size.")
-@click.option("--duration", type=float, default=2000.0, show_default=True, help="Length of a run, tu.")
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=10,
+    show_default=True,
+    help="Number of held-out runs at each number of cubes.",
+)
+@click.option(
+    "--duration", metavar="T", type=float, default=2000.0, show_default=True, help="Simulated time of a run, tu."
+)
 @report_option
 @run_options
 @seed_option(2)
@@ -49,10 +64,9 @@ def validate(
 ) -> None:
     """Compare predictions with mechanics runs of SCENE that the rates never saw.
 
-    Coverage is the share of times and species at which the runs' mean lies in its predicted 95 % band; CRPS is the
-    mean distance of a run from the predicted distribution, in copies, beside what the model scores against runs of its
-    own.
-    Exit code 4: some runs were stopped by the guard or given up.
+    Coverage is the share of times and species at which the runs' mean lies in its predicted 95 % band. CRPS, the
+    continuous ranked probability score, is the mean distance of a run from the predicted distribution, in copies; it is
+    shown beside the model's score against its own runs. Exit code 4: some runs were stopped by the guard or given up.
     """
     from calibration.pipeline.study import check_held_out, run_validation, validation_specs
     from kinetics.rates import Rates

@@ -1,4 +1,4 @@
-"""Diagnostics of calibration runs: are waits exponential, and is the rate one constant in every run, at every age?
+"""Diagnostics of calibration runs: tests of exponential waits, and of rates that are constant over runs and ages.
 
 All tests condition on the number of events of a channel, so the unknown rate drops out and censored waits need no
 correction: measured in its own exposure, a channel's events are a Poisson process, and n events of one are uniform on
@@ -32,14 +32,14 @@ AGES = (0.0, 2.0, 10.0, np.inf)
 
 @dataclass(frozen=True, eq=False)
 class WaitingTimes:
-    """Events on the clock of their own integrated hazard, the runs set end to end.
+    """Waiting times as positions of events on the clock of their integrated hazard, with the runs set end to end.
 
     name : the channel, or `any event`
-    positions : (n,) rising, integrated hazard at each event
+    positions : (n,) integrated hazard at each event, rising
     total : integrated hazard of all runs
 
     Setting runs end to end joins a censored wait to the first wait of the next run: for exponential waits that is one
-    whole wait, so nothing is thrown away.
+    whole wait, so no data are lost.
     """
 
     name: str
@@ -48,7 +48,7 @@ class WaitingTimes:
 
     @property
     def residuals(self) -> Floats:
-        """Waits (n,) in units of their estimated mean: unit exponential if the hazard is right."""
+        """Waits (n,) in units of their estimated mean, which are unit exponential if the hazard is right."""
         return np.diff(self.positions, prepend=0.0) * self.positions.size / self.total
 
     def drift_test(self) -> tuple[float, float]:
@@ -63,9 +63,9 @@ class WaitingTimes:
     def shape_test(self) -> tuple[float, float]:
         """Anderson-Darling statistic of the waits against an exponential of unknown mean, and its p-value.
 
-        The n + 1 gaps that n uniform points leave are exponentials divided by their sum, so the classical test with an
-        estimated mean holds with the last gap in. Statistic modified for size, p-value by the fit of D'Agostino &
-        Stephens (1986, table 4.11), good to a few per cent of p.
+        The n + 1 gaps between n uniform points are exponentials divided by their sum, so the classical test with an
+        estimated mean applies if the last gap is included. The statistic is modified for sample size, and the p-value
+        is the fit of D'Agostino & Stephens (1986, table 4.11), accurate to a few per cent of p.
         """
         gaps = np.sort(np.diff(self.positions, prepend=0.0, append=self.total))
         n = gaps.size
@@ -79,16 +79,16 @@ class WaitingTimes:
         return float(statistic), _anderson_darling_p(float(statistic))
 
     def plot(self, ax: Axes) -> Axes:
-        """Survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
+        """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
         from calibration import plots
 
         return plots.waiting_times(ax, self.name, self.residuals)
 
 
 def waiting_times(paths: Iterable[JumpPath], channel: str | None = None, fit: RateFit | None = None) -> WaitingTimes:
-    """The waits of one channel, or of any event (then on the clock of the estimated total hazard).
+    """The waiting times of one channel, or of any event (then on the clock of the estimated total hazard).
 
-    fit : model of rates whose hazard is the clock, fitted to this channel, or to all of them; None: mass action
+    fit : model of rates whose hazard is the clock, fitted to this channel or to all channels; None: mass action
     """
     runs = list(paths)
     network = runs[0].network
@@ -121,11 +121,12 @@ def waiting_times(paths: Iterable[JumpPath], channel: str | None = None, fit: Ra
 
 @dataclass(frozen=True, eq=False)
 class Homogeneity:
-    """One channel's rate in several groups of runs.
+    """The rate of one channel in several groups of runs, and a test of whether it is the same in all.
 
-    labels : G names; events, exposure : (G,)
+    labels : G names
+    events, exposure : (G,)
     dispersion : Pearson chi-square over its degrees of freedom; about 1 where the rate is one constant
-    p_value : by drawing the same number of events over the groups in proportion to exposure
+    p_value : from draws of the same number of events over the groups in proportion to exposure
     """
 
     channel: str
@@ -145,7 +146,7 @@ class Homogeneity:
         return exact_limits(self.events, self.exposure, level)
 
     def plot(self, ax: Axes) -> Axes:
-        """The groups' rates with intervals; returns `ax`."""
+        """Plot the rates of the groups with their intervals; returns `ax`."""
         from calibration import plots
 
         rates = plots.Limited(self.rates, *self.intervals())
@@ -154,7 +155,7 @@ class Homogeneity:
 
 
 def homogeneity(groups: Mapping[str, Exposure], seed: int = 0) -> list[Homogeneity]:
-    """For every channel: is its rate the same in all groups (runs, ages, initial compositions)?"""
+    """Test, for every channel, whether its rate is the same in all groups (runs, ages or initial compositions)."""
     if not groups:
         raise ValueError("no groups to compare; give at least one")
     rng = np.random.default_rng(seed)
@@ -186,10 +187,10 @@ def _dispersion_test(events: Ints, exposure: Floats, rng: np.random.Generator) -
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """All diagnostics of a set of runs, a row for each channel.
+    """All diagnostics of a set of runs, channel by channel.
 
-    waits : per channel, then of any event
-    between_runs, by_age, by_initial : per channel
+    waits : one entry per channel, then one for any event
+    between_runs, by_age, by_initial : one entry per channel
     """
 
     waits: tuple[WaitingTimes, ...]
@@ -210,7 +211,7 @@ class Diagnosis:
 
     @property
     def doubtful(self) -> list[str]:
-        """Tests that fail at 1 % after Holm's correction for all of them: `channel: test`."""
+        """Tests that fail at 1 % after Holm's correction for their number, as `channel: test`."""
         results = sorted(
             (row[key], f"{row['channel']}: {key[2:]}") for row in self._rows for key in row if key[:2] == "p_"
         )
@@ -222,15 +223,15 @@ class Diagnosis:
         return failed
 
     def table(self) -> list[dict[str, Any]]:
-        """One row a channel: events, dispersion between runs, p-value of each test."""
+        """One row per channel: events, dispersion between runs, p-value of each test."""
         return [dict(row) for row in self._rows]
 
 
 def diagnose(paths: Iterable[JumpPath], ages: Sequence[float] = AGES, seed: int = 0) -> Diagnosis:
-    """Every diagnostic of calibration runs.
+    """All diagnostics of calibration runs.
 
-    ages : where the age of a run since its start or restart is cut, tu; the first ones should span the time that the
-        tank needs to mix
+    ages : edges of the classes of age, the time since the start or last restart of a run, tu; the first classes should
+        span the time that the tank needs to mix
     """
     runs = list(paths)
     single = {f"run {i}": count(path) for i, path in enumerate(runs)}

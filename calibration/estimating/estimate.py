@@ -1,4 +1,4 @@
-"""Rate constants under mass action, in closed form: pooled events over pooled exposure, with exact intervals."""
+"""Mass-action rate constants in closed form: pooled events over pooled exposure, with exact intervals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RateEstimate:
-    """Maximum-likelihood rate constant of one channel.
+    """The maximum-likelihood rate constant of one channel.
 
     events : firings n
     exposure : integral of ways * h(s(t)) dt, tu; censored waits count in full
@@ -49,7 +49,7 @@ class RateEstimate:
         return self.events / self.exposure if self.is_measured else float("nan")
 
     def interval(self, level: float = 0.95, fixed: str = "exposure") -> tuple[float, float]:
-        """Exact limits of k, 1/tu; `fixed` as in `exact_limits`."""
+        """Limits of k, 1/tu, by `exact_limits`, which explains `fixed`."""
         low, high = exact_limits(self.events, self.exposure, level, fixed)
         return float(low), float(high)
 
@@ -80,9 +80,9 @@ class RateEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The rates of a network as runs showed them.
+    """The rates of a network as estimated from runs.
 
-    runs : the exposure of each run; their sum gives the estimates, their spread the diagnostics
+    runs : events and exposure of each run; their sum gives the estimates, their spread the diagnostics
     """
 
     network: Network
@@ -99,7 +99,7 @@ class Calibration:
 
     @cached_property
     def estimates(self) -> tuple[RateEstimate, ...]:
-        """One estimate a channel, in the network's order."""
+        """One estimate per channel, in the network's order."""
         total = self.total
         return tuple(
             RateEstimate(name, int(n), float(exposure), float(ways))
@@ -119,9 +119,9 @@ class Calibration:
         return tuple(e.channel for e in self.estimates if not e.is_measured)
 
     def rates(self, evidence: Mapping[str, Any] | None = None) -> Rates:
-        """The estimates as a rates file with 95 % intervals; `evidence` says where they come from.
+        """The estimates as a rates table with 95 % intervals; `evidence` says where they come from.
 
-        Refused while a channel is not measured: a prediction needs every rate.
+        ValueError: a channel is not measured, and a prediction needs every rate.
         """
         from kinetics.rates import ChannelRate, Rates
 
@@ -141,7 +141,7 @@ class Calibration:
         )
 
     def table(self, level: float = 0.95) -> list[dict[str, Any]]:
-        """One row a channel: events, exposure (tu), ways, rate and limits (1/tu)."""
+        """One row per channel: events, exposure (tu), ways, rate and limits (1/tu)."""
         rows = []
         for estimate in self.estimates:
             low, high = estimate.interval(level)
@@ -162,8 +162,8 @@ class Calibration:
     def plot(self, ax: Axes, level: float = 0.95, references: Mapping[str, Rates] | None = None) -> Axes:
         """Forest plot of k N per distinct combination of reactants, beside other rates (label -> Rates); returns `ax`.
 
-        Between unlike reactants the conventions agree; the factor 2 of like pairs is taken out (for the literal product
-        s * s up to one part in s), so that tables of any convention can stand beside.
+        For unlike reactants the conventions agree; the factor 2 of like pairs is taken out (for the literal product
+        s * s up to one part in s), so that tables of any convention can be compared.
         """
         from calibration import plots
 
@@ -182,9 +182,9 @@ class Calibration:
 
 
 def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
-    """Rates from runs of one network: pooled events over pooled exposure.
+    """Estimate rates from runs of one network, as pooled events over pooled exposure.
 
-    measured : paths or exposures, one a run, from any initial states, restarted or not, with any channels closed
+    measured : paths or exposures, one per run, from any initial states, restarted or not, with any channels closed
     """
     runs = tuple(run if isinstance(run, Exposure) else count(run) for run in measured)
     if not runs:

@@ -1,4 +1,4 @@
-"""Events and exposure of every channel: all that a jump path says about rate constants of mass action.
+"""Events and exposure of every channel: the sufficient statistics of a jump path for mass-action rate constants.
 
 Under mass action the likelihood of a fully observed path is prod_j k_j^events_j exp(-k_j exposure_j), so the two
 arrays counted here are sufficient. Competing channels and censored waits enter through the exposure alone.
@@ -20,7 +20,7 @@ from kinetics.support.arrays import Floats, Ints, integers, reals
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """What one run, or several pooled, says about the rates of a network.
+    """Events and exposure of every channel, in one run or in several that are pooled.
 
     events : (R,) firings of each channel
     exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
@@ -84,9 +84,9 @@ def sojourns(path: JumpPath) -> Sojourns:
 
 
 def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure:
-    """Events and exposure of one path; waits that the end cut short count in full.
+    """Count events and exposure of one path; waits that the end cut short count in full.
 
-    ages : only what happened at ages a <= t < b, the age being the time since the start or the last restart, in tu
+    ages : limits (a, b), tu; count only ages a <= t < b, the age being the time since the start or the last restart
 
     A restart puts the state back to the initial one and is no event. Channels that were not open (`open_channels`)
     gather no exposure.
@@ -105,7 +105,7 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
 
 
 def pooled(exposures: Iterable[Exposure]) -> Exposure:
-    """Sum of the exposures of several runs."""
+    """Events and exposures of several runs, summed."""
     runs = list(exposures)
     if not runs:
         raise ValueError("no runs to count; give at least one path")
@@ -113,13 +113,13 @@ def pooled(exposures: Iterable[Exposure]) -> Exposure:
 
 
 def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:
-    """The runs cut by age at `edges` (tu, rising): does the rate change after a (re)start?"""
+    """Events and exposure by age, cut at `edges` (tu, rising), to see whether rates change after a start or restart."""
     runs = list(paths)
     return {f"{a:g}-{b:g} tu": pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
 
 
 def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:
-    """The runs grouped by their initial composition: is the rate constant one constant?"""
+    """Events and exposure by initial composition, to see whether rate constants depend on it."""
     groups: dict[str, list[Exposure]] = {}
     for path in paths:
         groups.setdefault(composition(path), []).append(count(path))

@@ -16,11 +16,11 @@ from kinetics.support.arrays import Floats
 def paper_estimate(paths: Sequence[JumpPath]) -> dict[str, float]:
     """The paper's own estimator (eqs 12-15), in our convention (per docking way): for comparison only.
 
-    Per initial state the clock runs while the system is in that state, on through restarts and runs of the same kind.
-    The waits between the firings of a channel have a mean; 1 / (mean wait * ways * h) is the rate there, and the rates
-    are averaged over the initial states. The last, censored wait is dropped, so the mean of n waits comes out too
-    short: the rate is too high by n / (n - 1) on average, and averaging over initial states does not cure that.
-    nan for a channel that never fired first.
+    For each initial state a clock runs while the system is in that state, on through restarts and runs of the same
+    kind. From the mean wait between the firings of a channel, the rate in that state is 1 / (mean wait * ways * h), and
+    these rates are averaged over the initial states. The last, censored wait is dropped, so the mean of n waits is too
+    short: the rate is too high by n / (n - 1) on average, which averaging over initial states does not cure. The rate
+    is nan for a channel that never fired first.
     """
     if not paths:
         raise ValueError("no runs to estimate from; give at least one path")

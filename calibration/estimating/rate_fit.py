@@ -1,4 +1,4 @@
-"""A model of rates fitted to paths: estimates, profile-likelihood intervals, tests, tables and figures."""
+"""The fit of a model of rates to paths: estimates, profile-likelihood intervals, tests, tables and figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class LikelihoodRatio(NamedTuple):
-    """Twice the log-likelihood that `freedom` more parameters gain; p-value: the chance of as much without them."""
+    """A likelihood-ratio test: twice the gain in log-likelihood by `freedom` more parameters, and its p-value."""
 
     statistic: float
     freedom: int
@@ -29,9 +29,10 @@ class LikelihoodRatio(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RateFit:
-    """A model of rates at its largest likelihood.
+    """A model of rates fitted by maximum likelihood.
 
-    likelihood : of the paths it was fitted to; fixed : shape parameters that were held, by name
+    likelihood : likelihood of the paths to which it was fitted
+    fixed : shape parameters that were held, by name
     """
 
     likelihood: PathLikelihood
@@ -65,18 +66,21 @@ class RateFit:
 
     @property
     def log_likelihood(self) -> float:
-        """Natural logarithm, of densities in events per tu."""
+        """Natural logarithm of the likelihood, with densities in events per tu."""
         return self.best.log_likelihood
 
     @property
     def free_parameters(self) -> int:
-        """Coefficients that were measured, and shape parameters that were not held."""
+        """Number of coefficients that were measured and of shape parameters that were not held."""
         shape = [parameter for parameter in self.model.shape if parameter.name not in self.fixed]
         return int(np.isfinite(self.best.coefficients).sum()) + len(shape)
 
     @property
     def aic(self) -> float:
-        """Akaike's (1974) criterion; the smaller is the better, and differences below 2 say little."""
+        """Akaike's information criterion (1974, doi:10.1109/TAC.1974.1100705).
+
+        The smaller is the better; differences below 2 mean little.
+        """
         return 2 * self.free_parameters - 2 * self.log_likelihood
 
     def profile(self, parameter: str, value: float) -> float:
@@ -89,9 +93,9 @@ class RateFit:
     def interval(self, parameter: str, level: float = 0.95) -> tuple[float, float]:
         """Profile-likelihood limits: where twice the loss of log-likelihood is the quantile of chi-square (1 df).
 
-        Approximate, with an error of order 1 / events; unlike a standard error it knows that parameters are not
-        negative. (0, inf) where not measured; an end of a shape parameter's range where the limit lies beyond it.
-        Where a channel has one term and no shape is fitted, `exact_limits` holds without approximation.
+        The level is approximate, with an error of order 1 / events; unlike a standard error the limits respect that
+        parameters are not negative. They are (0, inf) for a parameter that was not measured, and end with the range of
+        a shape parameter. Where a channel has one term and no shape is fitted, `exact_limits` is the better choice.
         """
         from scipy.special import chdtri
 
@@ -119,10 +123,10 @@ class RateFit:
         return _crossing(spare, best, low, -step), _crossing(spare, best, high, step)
 
     def test_against(self, smaller: RateFit) -> LikelihoodRatio:
-        """Likelihood-ratio test of a model that is this one with fewer parameters, fitted to the same paths.
+        """Likelihood-ratio test of a special case of this model with fewer parameters, fitted to the same paths.
 
-        By the chi-square distribution (Wilks 1938); too large a p-value, at most twice, where the smaller model lies on
-        the edge of what the larger one allows, such as a coefficient of 0.
+        The p-value is by the chi-square distribution (Wilks 1938, doi:10.1214/aoms/1177732360). For one parameter on
+        the boundary of its range, such as a coefficient of 0, it is up to twice too large.
         """
         from scipy.special import chdtrc
 
@@ -153,7 +157,7 @@ class RateFit:
         return waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True))
 
     def table(self, level: float = 0.95) -> list[dict[str, Any]]:
-        """One row a parameter: estimate with profile-likelihood limits; of a coefficient, its channel's events too."""
+        """One row per parameter: estimate, profile-likelihood limits, and the events of a coefficient's channel."""
         evidence = self.likelihood.evidence(self.model)
         rows = []
         for name, value in self.parameters.items():
@@ -192,8 +196,8 @@ def fit_rates(
 ) -> RateFit:
     """Fit a model of rates by maximum likelihood to runs of one network.
 
-    paths : one a run, from any initial states, restarted or not, with any channels closed
-    channels : fit these alone, such as the breaks, so that they have a shape of their own; None: all
+    paths : one per run, from any initial states, restarted or not, with any channels closed
+    channels : channels to fit, such as the breaks, so that they have a shape of their own; None: all
     fixed : shape parameters to hold, by name
     """
     runs = tuple(paths)
@@ -220,7 +224,7 @@ def fit_rates(
 
 
 def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
-    """One row a fit to the same paths: its size, likelihood and AIC, and how far that is from the least one."""
+    """One row per fit to the same paths: parameters, likelihood, AIC, and its excess over the smallest AIC."""
     if not fits:
         raise ValueError("no fits to compare; give at least one")
     least = min(fit.aic for fit in fits)

@@ -1,4 +1,4 @@
-"""What every model of rates has in common: how the propensity of a channel depends on the state of the tank."""
+"""The base of all models of rates: how the propensity of a channel depends on the state of the tank."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class RateModel(ABC):
     `fit_rates`.
 
     To add a model:
-    1. write a frozen dataclass with a `name` and `combinations`, whose docstring says what it claims and its source;
+    1. write a frozen dataclass with a `name` and `combinations`, whose docstring states its assumption and its source;
     2. name its `terms` if they are more than one, and the fields that are `shape` parameters if it has any;
     3. where rates depend on the age, give `speed` and its integral, `elapsed`;
     4. import it in `calibration.estimating.models`: tests/contracts/test_estimators.py then tests it.

@@ -1,4 +1,4 @@
-"""Rates at each point of a study, and its first times predicted from the rates of points of the same scene."""
+"""Rates at each point of a study, and first times predicted from the rates of other points of the same scene."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class RatesByPoint:
     seed: int
 
     def rates_table(self) -> list[dict[str, Any]]:
-        """One row a point and channel that a run could have fired: events, exposure (tu), rate and limits (1/tu)."""
+        """One row per point and channel that could have fired: events, exposure (tu), rate and limits (1/tu)."""
         return [
             {"point": point.title} | {key: row[key] for key in row if key != "note"}
             for point in self.points
@@ -75,7 +75,7 @@ class RatesByPoint:
         ]
 
     def first_table(self) -> list[dict[str, Any]]:
-        """One row a point with kin: means of min(first time, cap) in tu, seen with 95 % limits and predicted."""
+        """One row per point that others predict: means of min(first time, cap), tu, observed and predicted."""
         rows = []
         for point in self.points:
             if (first := point.first) is not None:

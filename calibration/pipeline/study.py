@@ -1,4 +1,4 @@
-"""The calibration study: the mechanics runs it plans, the rates they give, the held-out runs that test these.
+"""The calibration study: planned mechanics runs, the rates they give, and the held-out runs that test these rates.
 
 The one module (with its commands) that knows all three rooms.
 """

@@ -32,7 +32,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 @dataclass(frozen=True)
 class Heading:
-    """A heading within the report."""
+    """A heading of a report."""
 
     text: str
 
@@ -43,7 +43,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Text:
-    """Plain text; an empty line begins a new paragraph."""
+    """Plain text of a report; an empty line begins a new paragraph."""
 
     text: str
 
@@ -55,7 +55,7 @@ class Text:
 
 @dataclass(frozen=True)
 class ReportTable:
-    """Rows of one kind. Named ones are written as CSV too where that is asked for.
+    """A table of a report. A named one is also written as CSV if files are requested.
 
     rows : mappings from column to number or text; the columns are those of the first row
     """
@@ -71,10 +71,10 @@ class ReportTable:
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure and the data behind it.
+    """A figure of a report with its data.
 
     draw : called with the axes, or with a list of `panels` axes where there are several
-    rows, name : the data; picture and data are written under this name where that is asked for
+    rows, name : the data, and the name under which picture and data are written if files are requested
     """
 
     caption: str
@@ -114,9 +114,9 @@ Part = Heading | Text | ReportTable | Chart
 
 @dataclass(frozen=True)
 class HtmlReport:
-    """What was done, found and made of it, in one file.
+    """A report in one HTML file.
 
-    provenance : seeds, hashes, versions, costs: names to numbers, text, lists or nested mappings
+    provenance : seeds, hashes, versions, costs: name -> number, text, list or nested mapping
     """
 
     title: str
@@ -146,9 +146,9 @@ class HtmlReport:
         )
 
     def write(self, path: str | Path, data: bool = False) -> list[Path]:
-        """Write the page; with `data` beside it, named parts as `<page>_<name>.csv`, and charts as `.svg` too.
+        """Write the page and, with `data`, its named tables as `<page>_<name>.csv` and its charts as `.svg` too.
 
-        Returns the paths written, the page last: every picture is drawn before anything is written.
+        Returns the paths written, the page last. Every picture is drawn before anything is written.
         """
         page = Path(path)
         contents = {page: self.html().encode()}

@@ -1,4 +1,4 @@
-"""Validation on held-out mechanics runs: their mean, spread and first times beside those predicted.
+"""Validation on held-out mechanics runs: their means, spreads and first times beside the predicted ones.
 
 The measure is the posterior predictive distribution of the experiment itself: rates are drawn from their posterior, and
 with each draw the same number of runs is simulated. What n runs show should look like one more such group of n. The
@@ -51,19 +51,20 @@ class Cost:
 class CrossValidation:
     """Held-out runs from one initial state beside their prediction. Arrays (T, S) over times (tu) and all species.
 
-    label : which experiment, such as `80 cubes`
+    label : name of the experiment, such as `80 cubes`
     runs : number n of held-out runs
     observed_mean, observed_low, observed_high : their mean with a Student t interval over the runs
-    ssa_mean : at the point rates
-    predicted_mean, predicted_sd : at the point rates; sd of a single run. Exact where the state space allows, else
-        those of the SSA runs
+    ssa_mean : mean of SSA runs at the point rates
+    predicted_mean, predicted_sd : mean, and sd of a single run, at the point rates; solved where the state space is
+        small enough, otherwise those of the SSA runs
     predicted_error : standard error of `predicted_mean` by sampling; 0 where that is exact
-    low, high : band of the mean of n runs: intrinsic noise and rate uncertainty
+    low, high : predicted band of the mean of n runs, from intrinsic noise and the uncertainty of the rates
     z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
-    misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups as far off
+    misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups with at
+        least this misfit
     run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
-    scores : per species, then of all species summed
-    first : time to the first copy of the target, where one was named
+    scores : one per species, then one of all species together
+    first : first-passage times to the target, if one was named
     """
 
     label: str
@@ -97,19 +98,19 @@ class CrossValidation:
     def coverage(self) -> float:
         """Share of times (after time 0) and species at which the observed mean lies inside the predicted band.
 
-        Neighbouring times move together, so the share itself scatters widely around the level.
+        Counts at neighbouring times are correlated, so the share itself scatters widely around the level.
         """
         inside = (self.low <= self.observed_mean) & (self.observed_mean <= self.high)
         return float(inside[self.times > 0].mean())
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the held-out runs look like the model's own at 1 %: their mean, their scores, their first times."""
+        """Whether mean, scores and first times of the held-out runs pass their tests against the model at 1 %."""
         results = [self.p_misfit, self.scores[-1].p_value] + ([self.first.p_value] if self.first else [])
         return min(results) * len(results) > 0.01
 
     def table(self) -> list[dict[str, Any]]:
-        """One row a time and species."""
+        """One row per time and species."""
         columns = {
             "observed": self.observed_mean,
             "observed_low": self.observed_low,
@@ -163,7 +164,7 @@ class CrossValidation:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything for JSON: arrays as lists, what is not a number as None."""
+        """Everything in types that JSON can hold: arrays as lists, nan as None."""
         return _plain(
             {
                 "summary": self.summary(),
@@ -178,7 +179,7 @@ class CrossValidation:
         )
 
     def plot(self, axes: Sequence[Axes], species: Sequence[str] | None = None) -> Sequence[Axes]:
-        """Mean trajectories with bands on both sides, one species an axes; all species unless some are named."""
+        """Plot observed and predicted means with bands, one species per axes; all species unless some are named."""
         from calibration import plots
 
         percent, sampled = f"{100 * self.level:g} %", f"SSA, {self.cost.ssa_runs} runs"
@@ -213,14 +214,15 @@ def crossvalidate(
     mechanics_cpu: float = float("nan"),
     exact_states: int = EXACT_STATES,
 ) -> CrossValidation:
-    """Held-out `paths` (one initial state, not restarted, all channels open) against the prediction with `rates`.
+    """Compare held-out `paths` (one initial state, not restarted, all channels open) with the prediction by `rates`.
 
     times : (T,) tu, rising, none after the end of a path
-    target : species whose first copy is waited for
-    runs : SSA runs at the point rates
-    groups : draws of the rates, each with as many runs as there are paths; the smallest p-value is 1 / (groups + 1)
-    mechanics_cpu : CPU seconds that the held-out runs took
-    exact_states : with more reachable states than these, mean and first times are predicted by SSA, and say how well
+    target : species whose first-passage times are compared
+    runs : number of SSA runs at the point rates
+    groups : number of draws of the rates, each with as many runs as there are paths; the smallest p-value is
+        1 / (groups + 1)
+    mechanics_cpu : CPU time of the held-out runs, s
+    exact_states : with more reachable states than this, mean and first times are predicted by SSA, with its error
 
     Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
     """

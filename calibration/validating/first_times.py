@@ -1,4 +1,4 @@
-"""Times to the first copy of a species: those of runs beside the predicted first-passage distribution."""
+"""First-passage times to a species: those of mechanics runs beside the predicted distribution."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ PIECE = 1000  # of them at a time, so that they do not fill the memory
 
 @dataclass(frozen=True, eq=False)
 class FirstTimes:
-    """First times seen in runs beside those predicted; all times in tu.
+    """First-passage times observed in runs beside the predicted distribution; all times in tu.
 
-    observed : (n,) first times, nan where none was seen by the horizon (censored)
-    horizon : every run was watched at least so long; later first times count as censored
+    observed : (n,) first times, nan where there was none by the horizon (censored)
+    horizon : time until which every run was observed; later first times count as censored
     observed_mean, low, high : mean of min(time, horizon) with its Student t interval over the runs
-    predicted_mean : mean of min(time, horizon), to stand beside it; predicted_error : its standard error by sampling, 0
-        where it is exact
-    mean, sd : exact, without a horizon; nan where the distribution is sampled
-    curve_times, curve : distribution function
-    samples : number of SSA runs that stand in for the exact distribution; 0 where it is exact
-    distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the chance of one as large
+    predicted_mean : predicted mean of min(time, horizon)
+    predicted_error : its standard error by sampling; 0 where the distribution is solved for
+    mean, sd : of the predicted distribution without a horizon; nan where it is sampled
+    curve_times, curve : predicted distribution function
+    samples : number of SSA runs that replace the solution; 0 where the distribution is solved for
+    distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the probability of one at least as large
     """
 
     species: str
@@ -67,11 +67,11 @@ class FirstTimes:
 
     @property
     def censored(self) -> int:
-        """Runs without a copy by the horizon."""
+        """Number of runs without a copy by the horizon."""
         return int(np.isnan(self.observed).sum())
 
     def plot(self, ax: Axes) -> Axes:
-        """Share of runs with a copy, with its 95 % band, beside the predicted curve; returns `ax`."""
+        """Plot the share of runs with a copy, with its 95 % band, and the predicted curve; returns `ax`."""
         from calibration import plots
 
         # with a rate of 0 the chain may end elsewhere, and the mean is infinite
@@ -92,17 +92,17 @@ def compare_first_times(
     max_states: int = MAX_STATES,
     horizon: float | None = None,
 ) -> FirstTimes:
-    """First times of `paths` against the first-passage distribution of `network` from the same initial state.
+    """Compare first times of `paths` with the first-passage distribution of `network` from the same initial state.
 
-    network : with rate constants
-    rate_draws : (groups, R) rate constants; the test then allows for their uncertainty. None: the rates are exact.
+    network : a network with rate constants
+    rate_draws : (groups, R) rate constants, for whose uncertainty the test allows; None: the rates are taken as exact
     first_run : number of the first simulated run, see `Direct.simulate`
-    max_states : with more states on the way than these, it is that of 10,000 SSA runs
-    horizon : tu until which all runs would have been watched, had they not ended with their first copy. None: they did
-        not, and all were watched as long as the shortest
+    max_states : with more states before the target than this, the distribution is that of 10,000 SSA runs
+    horizon : time, tu, until which all runs would have been observed had they not ended with their first copy; None:
+        runs did not end so, and the horizon is the end of the shortest
 
-    Runs still waiting at the horizon are not thrown away: they enter both means as `horizon`, and the test compares the
-    curves only up to there, with the null distribution drawn under the same censoring.
+    Runs without a copy by the horizon are kept: they enter both means as `horizon`, and the test compares the curves
+    only up to there, with the null distribution drawn under the same censoring.
     """
     if paths[0].initial[network.index(species)]:
         raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")

@@ -1,6 +1,6 @@
 """Self-assembly of cubes: faces, structures, rule books, and the reaction networks that they give.
 
-The names below are imported when they are first used, so that a room at the bottom does not bring those above it.
+The names below are imported when they are first used, so that importing one package here does not import all others.
 """
 
 from __future__ import annotations

@@ -53,10 +53,10 @@ turned = _fixed(np.argmax((ROTATIONS @ FACE_NORMALS.T).transpose(0, 2, 1) @ FACE
 
 @dataclass(frozen=True)
 class FaceScheme:
-    """Which faces of a cube are told apart.
+    """A face scheme: which faces of a cube can be distinguished.
 
     types : name of the type of each of the six faces, in the order of FACE_NORMALS
-    rolls : what cubes that meet can tell of the twist between them, where they sense it (see `roll`)
+    rolls : the twists that cubes can distinguish as they meet, if they sense the twist (see `roll`)
     """
 
     name: str
@@ -79,7 +79,7 @@ class FaceScheme:
 
     @property
     def reduced(self) -> IntArray:
-        """(24,): the smallest of the cube rotations that look the same as each rotation.
+        """For each of the 24 rotations, the smallest rotation of a cube that looks the same (24,).
 
         A cube's rotation leads from its own frame to the structure's, so an unseen turn acts first.
         """

@@ -23,13 +23,13 @@ _TURNING = [
 
 
 class Placement(NamedTuple):
-    """A lattice put into another: position -> rotation @ position + translation."""
+    """A placement of one lattice in another: position -> rotation @ position + translation."""
 
     rotation: int
     translation: Position
 
     def of(self, position: Position) -> Position:
-        """Where a position comes to lie."""
+        """The position to which a position is moved."""
         a, b, c, d, e, f, g, h, k = _MATRICES[self.rotation]
         (x, y, z), (u, v, w) = position, self.translation
         return a * x + b * y + c * z + u, d * x + e * y + f * z + v, g * x + h * y + k * z + w
@@ -37,7 +37,7 @@ class Placement(NamedTuple):
 
 @dataclass(frozen=True)
 class Structure:
-    """Cubes that hold together; cubes that touch are bonded.
+    """A rigid group of bonded cubes with letters; all cubes that touch are bonded.
 
     positions : lattice places, all different, connected through faces
     rotations : index into ROTATIONS, from the cube's own frame to the structure's
@@ -105,7 +105,7 @@ class Structure:
         return self._beside(cube, _TURNED[self.rotations[cube]][face])
 
     def face_towards(self, cube: int, position: Position) -> int:
-        """The cube's own face that looks at the lattice place beside it."""
+        """The cube's own face towards a neighbouring lattice place."""
         x, y, z = self.positions[cube]
         step = (position[0] - x, position[1] - y, position[2] - z)
         if step not in NORMALS:
@@ -119,7 +119,7 @@ class Structure:
         ]
 
     def sides(self, i: int, j: int) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-        """The cubes on i's and on j's side of their bond; None where a loop holds the two together."""
+        """The cubes on i's and on j's side of their bond; None where a loop holds the sides together."""
         if j not in self._adjacent[i]:
             raise ValueError(f"cubes {i} and {j} do not touch; bonds are {self.bonds}")
         near = self._reach(i, without=j)
@@ -128,7 +128,7 @@ class Structure:
         return tuple(sorted(near)), tuple(cube for cube in range(len(self)) if cube not in near)
 
     def part(self, members: Sequence[int]) -> Structure:
-        """Some of the cubes, where they are."""
+        """The structure of some of the cubes, in place."""
         return Structure(
             tuple(self.positions[cube] for cube in members),
             tuple(self.rotations[cube] for cube in members),
@@ -136,7 +136,7 @@ class Structure:
         )
 
     def moved(self, placement: Placement) -> Structure:
-        """The same structure in the lattice it is placed into."""
+        """The same structure, placed in another lattice."""
         turn = _COMPOSE[placement.rotation]
         places = tuple(placement.of(position) for position in self.positions)
         return Structure.unchecked(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
@@ -146,7 +146,7 @@ class Structure:
         return self.moved(Placement(rotation, (0, 0, 0)))
 
     def with_letters(self, letters: Sequence[str]) -> Structure:
-        """The same cubes in other states."""
+        """The same cubes with other letters."""
         changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
         for cached in ("places", "_adjacent"):  # the same as before
             if cached in self.__dict__:
@@ -154,7 +154,7 @@ class Structure:
         return changed
 
     def joined(self, other: Structure) -> Structure:
-        """This one's cubes and then the other's, which must lie beside it without overlap."""
+        """This structure's cubes, then those of the other, which must lie beside it without overlap."""
         return Structure.unchecked(
             self.positions + other.positions, self.rotations + other.rotations, self.letters + other.letters
         )
@@ -163,7 +163,7 @@ class Structure:
     def unchecked(
         cls, positions: tuple[Position, ...], rotations: tuple[int, ...], letters: tuple[str, ...]
     ) -> Structure:
-        """A structure that is right by its making; the checks cost as much as all the rest of a join."""
+        """Make a structure that is known to be valid without the checks, which would double the cost of a join."""
         made = object.__new__(cls)
         made.__dict__.update(positions=positions, rotations=rotations, letters=letters)
         return made
@@ -194,7 +194,7 @@ class Structure:
         return tuple(found)
 
     def drawn(self) -> str:
-        """The letters in layers from the lowest z up, y growing upwards and x to the right; a dot is no cube."""
+        """The letters in layers from the lowest z up, with y upwards and x to the right; a dot is an empty place."""
         (x0, x1), (y0, y1), (z0, z1) = ((min(c), max(c)) for c in zip(*self.positions, strict=True))
         width = max(map(len, self.letters))
 
@@ -209,7 +209,7 @@ class Structure:
         return "\n".join(rows)
 
     def plot(self, ax: Any, scheme: str = "two", **options: Any) -> Any:
-        """Draw onto axes, faces coloured by type; options as of `pictures.structure_drawing`. Returns `ax`."""
+        """Draw onto axes, faces coloured by type; options as in `pictures.structure_drawing`. Returns `ax`."""
         from kinetics.assembly.drawing.pictures import structure_drawing
 
         return structure_drawing(self, scheme, **options).onto(ax)
@@ -233,7 +233,7 @@ class Structure:
 def placements(
     a: Structure, i: int, face_i: int, b: Structure, j: int, face_j: int
 ) -> tuple[Placement, Placement, Placement, Placement]:
-    """The four ways (one a twist) to put b into a's lattice so that face_j of b's cube j meets face_i of a's cube i."""
+    """The four placements (one per twist) of b in a's lattice that put face_j of b's cube j on face_i of a's cube i."""
     towards_b = _TURNED[a.rotations[i]][face_i] ^ 1  # j's face looks back at i
     target = a.faced(i, face_i)
     first, second, third, fourth = (

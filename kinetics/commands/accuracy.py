@@ -24,6 +24,7 @@ TIMES = 101  # at which distributions are compared
 @starting_options
 @click.option(
     "--duration",
+    metavar="T",
     type=float,
     default=DURATION,
     show_default=True,
@@ -31,6 +32,7 @@ TIMES = 101  # at which distributions are compared
 )
 @click.option(
     "--budget",
+    metavar="MINUTES",
     type=click.FloatRange(min=0, min_open=True),
     default=20.0,
     show_default=True,
@@ -55,9 +57,9 @@ def kinetics(
     """Measure every prediction method's error against its CPU time.
 
     NETWORK, --rates and --cubes are as for `predict`. The error is the largest Wasserstein distance, in copies, between
-    the distribution of a species' count and the exact one, over 101 times and all species. Compared are sampling with
-    10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, SciPy's solvers, and the rate equation,
-    each in a single thread. Ctrl-C ends the comparison and reports what was finished.
+    the distribution of a species' count and the exact one, over 101 times and all species. The comparison covers
+    sampling with 10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, SciPy's solvers, and the rate
+    equation, each in a single thread. Ctrl-C ends the comparison and reports what was finished.
     """
     from kinetics.trust.accuracy.diagram import measure
 

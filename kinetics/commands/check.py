@@ -15,11 +15,17 @@ NOT_CORRECT = 1  # exit code
 @click.argument("book")
 @click.option(
     "--max-cubes",
+    metavar="N",
     type=click.IntRange(min=1),
-    help="Largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+    help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]",
 )
 @click.option(
-    "--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most structures explored."
+    "--max-species",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=2000,
+    show_default=True,
+    help="Largest number of structures explored.",
 )
 @click.option(
     "--slow-waves/--no-slow-waves",
@@ -34,7 +40,7 @@ def check(
 ) -> None:
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
-    Reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
+    It reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
     with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors.
     """
     from kinetics.assembly import RuleBook

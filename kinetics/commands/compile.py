@@ -21,16 +21,20 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
 @click.option("--across", is_flag=True, help="Cubes sense the letter at the face opposite the docking face.")
 @click.option("--touched", is_flag=True, help="Cubes sense the letters of all cubes they touch on docking.")
 @click.option(
-    "--joins", help="Joins to allow, such as 1+1,1+2 or 2.a+1->3.b.  [default: as many as cubes can distinguish]"
+    "--joins",
+    metavar="JOIN,...",
+    help="Joins to allow, such as 1+1,1+2 or 2.a+1->3.b.  [default: as many as cubes can distinguish]",
 )
 @click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
 @click.option(
     "--max-letters",
+    metavar="N",
     type=click.IntRange(min=2),
     help="Largest number of letters (states of a cube).  [default: as the target says, or 8]",
 )
 @click.option(
     "--time-limit",
+    metavar="SECONDS",
     type=click.FloatRange(min=0, min_open=True),
     default=120,
     show_default=True,

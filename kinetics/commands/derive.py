@@ -27,10 +27,10 @@ def derive(
     out_file: str | None,
     as_json: bool,
 ) -> None:
-    """Derive the reaction network of a rule book, its numbers of ways counted from geometry, or read a network file.
+    """Derive the reaction network of a rule book, with ways counted from geometry, or read a network file.
 
-    NETWORK is a rule book or a network file; --out converts it to another format, for which a book needs --rates, and
-    --cubes or --initial. Nothing here is random.
+    NETWORK is a rule book or a network file; --out writes it in another format, for which a book needs --rates, and
+    --cubes or --initial. The command draws no random numbers.
     """
     if out_file or is_network_file(book):
         begin = start(book, rates_name, cubes, initial)

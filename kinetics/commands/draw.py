@@ -34,15 +34,26 @@ PLACEHOLDER = "#"  # of cubes that have no letter yet
     "--out", "out", metavar="FILE", required=True, callback=picture_of, help="The PNG, PDF or SVG file to write."
 )
 @click.option(
-    "--frames", type=click.IntRange(min=2), default=FRAMES, show_default=True, help="Pictures in a growth sequence."
+    "--frames",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=FRAMES,
+    show_default=True,
+    help="Number of pictures in a growth sequence.",
 )
 @click.option(
     "--max-cubes",
+    metavar="N",
     type=click.IntRange(min=1),
-    help="Largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+    help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]",
 )
 @click.option(
-    "--max-species", type=click.IntRange(min=1), default=2000, show_default=True, help="Most species explored."
+    "--max-species",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=2000,
+    show_default=True,
+    help="Largest number of species explored.",
 )
 @seed_option
 @json_option

@@ -38,21 +38,31 @@ INTERRUPTED = 130  # exit code
 @click.command(cls=NumbersCommand)
 @click.argument("book")
 @click.option(
-    "--cubes", type=click.IntRange(min=1), required=True, help="Number of free cubes at time 0, not counting the seed."
+    "--cubes",
+    metavar="N",
+    type=click.IntRange(min=1),
+    required=True,
+    help="Number of free cubes at time 0, not counting the seed.",
 )
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
 @click.option(
-    "--join", type=float, help="Instead of --rates: one rate constant for every pair of faces that may bond, 1/tu."
+    "--join",
+    metavar="K",
+    type=float,
+    help="Instead of --rates: one rate constant for every pair of faces that may bond, 1/tu.",
 )
 @click.option(
     "--break",
     "break_",
+    metavar="K",
     type=float,
     help="With --join: one rate constant for the breaking of every bond, 1/tu.  [default: 0]",
 )
-@click.option("--duration", type=float, help="Simulated time, tu.  [default: 2000]")
+@click.option("--duration", metavar="T", type=float, help="Simulated time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Report at these times instead, tu.")
-@click.option("--runs", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs.")
+@click.option(
+    "--runs", metavar="N", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs."
+)
 @click.option(
     "--strip",
     metavar="FILE",
@@ -80,8 +90,8 @@ def grow(
 ) -> None:
     """Simulate assembly event by event, directly from the rules of BOOK, without deriving its reaction network.
 
-    Statistically exact, like `predict`, and possible for books that can assemble any number of structures. Reports mean
-    and standard deviation over the runs. Ctrl-C keeps the runs that are finished.
+    The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
+    of structures. It reports mean and standard deviation over the runs. Ctrl-C keeps the runs that are finished.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make

@@ -1,4 +1,4 @@
-"""`wellmixed hardcases`: problems on which numerical methods are known to fail, and how ours fare."""
+"""`wellmixed hardcases`: problems on which numerical methods are known to fail, and how ours do on them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kinetics.support.cli.options import echo_json, json_option
 @click.option("--only", metavar="TEXT", default="", help="Run only the cases whose name contains this text.")
 @json_option
 def hardcases(only: str, as_json: bool) -> None:
-    """Test every numerical method on hard cases: its error against an independent answer, or its clear refusal.
+    """Test every numerical method on hard cases: each must agree with an independent answer or refuse with a reason.
 
     The cases fix their own seeds. Exit code 1 if a case fails.
     """

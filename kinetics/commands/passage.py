@@ -15,14 +15,22 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 @click.command()
 @starting_options
-@click.option("--species", required=True, help="The species waited for.")
-@click.option("--copies", type=click.IntRange(min=1), default=1, show_default=True, help="How many copies of it.")
+@click.option("--species", metavar="SPECIES", required=True, help="The species to wait for.")
+@click.option(
+    "--copies",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Number of its copies to wait for.",
+)
 @click.option(
     "--draws",
+    metavar="N",
     type=click.IntRange(min=2),
     default=100,
     show_default=True,
-    help="Draws of the rates behind the interval.",
+    help="Number of draws of the rates from which the interval is made.",
 )
 @plot_option
 @seed_option
@@ -39,10 +47,10 @@ def passage(
     seed: int,
     as_json: bool,
 ) -> None:
-    """First-passage time until there are so many copies of a species: mean, sd, quantiles and distribution function.
+    """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for, not sampled; where the rates carry their evidence, the mean has a 95 % interval from it.
+    for, not sampled; if the rates come with their events and exposure, the mean has a 95 % interval from these.
     """
     from kinetics.predicting.prediction import evidence_notes, predict_passage
 

@@ -34,7 +34,7 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 @click.command(cls=NumbersCommand)
 @starting_options
-@click.option("--duration", type=float, help="Predict from time 0 to this time, tu.  [default: 2000]")
+@click.option("--duration", metavar="T", type=float, help="Predict from time 0 to this time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
@@ -42,14 +42,27 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 @click.option(
     "--method", type=click.Choice(list(METHODS)), default="auto", show_default=True, help="Sampling or solving method."
 )
-@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True, help="Runs of a sampling method.")
-@click.option("--threads", type=click.IntRange(min=1), help="Most threads used.  [default: one per core]")
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="Number of runs, for a sampling method.",
+)
+@click.option(
+    "--threads",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Largest number of threads used.  [default: one per core]",
+)
 @click.option(
     "--draws",
+    metavar="N",
     type=click.IntRange(min=2),
     default=200,
     show_default=True,
-    help="Draws of the rates behind the interval.",
+    help="Number of draws of the rates from which the interval is made.",
 )
 @csv_option
 @plot_option
@@ -75,9 +88,10 @@ def predict(
     """Predict the counts of all species over time, for a rule book or a network file, by a Markov chain.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
-    and others). Reports mean and standard deviation of every species, and a 95 % interval of the mean where the rates
-    carry their evidence. The method `auto` samples runs by the cheapest exact algorithm; `exact` solves the master
-    equation. Runs are not stored, so there may be millions; Ctrl-C reports those made so far.
+    and others). The report gives mean and standard deviation of every species, and a 95 % interval of the mean if the
+    rates come with their events and exposure. The method `auto` samples runs by the exact method expected to be
+    cheapest; `exact` solves the master equation. Runs are not stored, so there may be millions; Ctrl-C reports those
+    made so far.
     """
     from kinetics.predicting import predict as make
 

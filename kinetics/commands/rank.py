@@ -51,11 +51,24 @@ INTERRUPTED = 130  # exit code
     help="Rank by yield or by first-assembly time.",
 )
 @click.option(
-    "--cubes", type=click.IntRange(min=1), default=60, show_default=True, help="Number of free cubes at time 0."
+    "--cubes",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=60,
+    show_default=True,
+    help="Number of free cubes at time 0.",
 )
-@click.option("--horizon", type=float, default=2000.0, show_default=True, help="Time at which the yield is taken, tu.")
+@click.option(
+    "--horizon",
+    metavar="T",
+    type=float,
+    default=2000.0,
+    show_default=True,
+    help="Time at which the yield is taken, tu.",
+)
 @click.option(
     "--runs",
+    metavar="N",
     type=click.IntRange(min=2),
     default=1000,
     show_default=True,
@@ -63,6 +76,7 @@ INTERRUPTED = 130  # exit code
 )
 @click.option(
     "--draws",
+    metavar="N",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
@@ -70,6 +84,7 @@ INTERRUPTED = 130  # exit code
 )
 @click.option(
     "--max-states",
+    metavar="N",
     type=click.IntRange(min=0),
     default=100_000,
     show_default=True,
@@ -77,6 +92,7 @@ INTERRUPTED = 130  # exit code
 )
 @click.option(
     "--time-limit",
+    metavar="SECONDS",
     type=float,
     default=20.0,
     show_default=True,
@@ -113,8 +129,9 @@ def rank(
     For a TARGET.toml, as read by `rules compile`, the books are compiled first: one for each choice of joins that leads
     to the target, fewest joins first, until the time limit.
 
-    Reports the expected yield at the horizon and the mean time to the first target, each with its error: solved exactly
-    where the states are few enough, sampled otherwise. Books whose difference lies within the errors share a place.
+    The report gives the expected yield at the horizon and the mean time to the first target, each with its error:
+    solved exactly where the states are few enough, sampled otherwise. Books whose difference lies within the errors
+    share a place.
     """
     from kinetics.assembly.rules.writing import written
     from kinetics.ranking import ranking

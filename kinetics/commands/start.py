@@ -1,4 +1,4 @@
-"""The start that a command line describes: a network, its rates, and the counts at time 0."""
+"""The network, rates and initial counts that the options of a command describe."""
 
 from __future__ import annotations
 

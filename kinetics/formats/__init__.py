@@ -23,7 +23,7 @@ SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 
 def read(path: str | Path) -> NetworkModel:
-    """The model in a network file, whose suffix gives the format."""
+    """Read the model in a network file, whose suffix gives the format."""
     file = Path(path)
     kind = _kind_of(file)
     if not file.is_file():

@@ -1,4 +1,4 @@
-"""The format of BioNetGen's network files, .net: parameters, species, reactions and groups, in plain text.
+"""The format of BioNetGen network files, .net: parameters, species, reactions and groups, in plain text.
 
 A reaction's rate is a constant times a number of ways; like reactants are counted n (n - 1), so a reaction of two
 copies of one species carries a factor of one half in the file. Faeder, Blinov & Hlavacek (2009).
@@ -31,7 +31,7 @@ FACTOR = re.compile(rf"(?:({NUMBER})\*)?([A-Za-z_]\w*)(?:\(\))?")
 
 @dataclass(frozen=True)
 class BioNetGen(Format):
-    """Reader and writer of .net files."""
+    """The reader and writer of BioNetGen's .net files."""
 
     name: ClassVar[str] = "net"
     suffixes: ClassVar[tuple[str, ...]] = (".net",)

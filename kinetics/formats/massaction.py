@@ -1,4 +1,4 @@
-"""Recognition of mass action, and of weighted sums of counts, in formulas."""
+"""Recognition of mass action and of weighted sums of counts in formulas."""
 
 from __future__ import annotations
 

@@ -21,12 +21,12 @@ CLOSE = 1e-9  # an amount this near, relatively, to a whole number is meant to b
 
 @dataclass(frozen=True, eq=False)
 class NetworkModel:
-    """A network with its rates, its initial counts and its observables.
+    """The contents of a network file: a network with its rates, its initial counts and its observables.
 
-    network : with its rate constants
+    network : the network, with its rate constants
     initial : (S,) counts at time 0
     observables : name -> weight of each species in the sum
-    notes : what the file contains and the network does not
+    notes : remarks on contents of the file that the network does not hold
     """
 
     network: Network
@@ -60,8 +60,8 @@ def whole_counts(path: Path, amounts: Mapping[str, float]) -> Ints:
 class Format(ABC):
     """A format of network files.
 
-    name : as tests and messages use it, in small letters
-    suffixes : of its files, in small letters, with the dot
+    name : name of the format in tests and messages, in lower case
+    suffixes : suffixes of its files, in lower case, with the dot
     """
 
     name: ClassVar[str]

@@ -1,4 +1,4 @@
-"""Writing of .net files."""
+"""The writer of .net files."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ MOST_COPIES = 10**6  # in one place of a reaction
 
 @dataclass(frozen=True)
 class Sbml(Format):
-    """Reader and writer of SBML files."""
+    """The reader and writer of SBML files."""
 
     name: ClassVar[str] = "sbml"
     suffixes: ClassVar[tuple[str, ...]] = (".xml", ".sbml")

@@ -1,4 +1,4 @@
-"""Writing of SBML files."""
+"""The writer of SBML files."""
 
 from __future__ import annotations
 

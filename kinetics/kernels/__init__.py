@@ -1,1 +1,1 @@
-"""Numba kernels: arrays in, arrays out; of ours they import each other only."""
+"""Numba kernels: arrays in, arrays out; the only project modules they import are other kernels."""

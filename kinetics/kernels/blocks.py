@@ -1,6 +1,6 @@
-"""Propensities summed in blocks of channels: every kernel of the direct method does the same sums in the same order.
+"""Propensities summed in blocks of channels, in the same order by every kernel of the direct method.
 
-So the runs of all of them agree to the last bit, and the walk to the channel that fires is short.
+The runs of all these kernels therefore agree to the last bit, and the walk to the channel that fires is short.
 """
 
 from kinetics.kernels.compiled import compiled

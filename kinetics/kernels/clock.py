@@ -1,4 +1,4 @@
-"""The clock and the grid: the step from one event to the next, the same in every exact method."""
+"""The clock and the output grid: the step from one event to the next, shared by all exact methods."""
 
 import numpy as np
 

@@ -1,8 +1,8 @@
 """The decorator of every kernel: Numba's compiler, with a cache that sees an edit of any kernel.
 
 Numba's own `cache=True` watches the file of a function alone: where a function that it calls lies in another file and
-is edited, the old machine code runs on, without a word. Here compiled code lies in a folder named by a hash of all
-sources of the room, so kernels may call each other across files and a shared step is written once.
+is edited, the old machine code silently stays in use. Here compiled code lies in a folder named by a hash of all
+kernel sources, so kernels may call each other across files and a shared step is written once.
 """
 
 from __future__ import annotations

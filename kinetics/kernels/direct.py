@@ -1,4 +1,4 @@
-"""Gillespie's direct method over mass action, every propensity made afresh at every event.
+"""Gillespie's direct method under mass action, with every propensity recomputed at every event.
 
 Gillespie (1977), doi:10.1021/j100540a008: a wait by eq. 21a, a channel by eq. 21b. A channel's
 propensity is its coefficient times a product of factors, see `sampling.mass_action`. So s(s-1)/2 is the coefficient

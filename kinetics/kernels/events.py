@@ -1,4 +1,4 @@
-"""Events: when a condition turns true, and what happens then. Model and work are those of `general`."""
+"""Events: when their conditions turn true, and what they then do. The arguments are those of `general`."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""States in a hash table: finding new ones, and where each channel leads.
+"""States in a hash table: the discovery of new ones, and the state that each channel leads to.
 
 A state's key is the product of its counts with random odd numbers, wrapping at 2**64; a channel adds a constant to it.
 Equal keys are never trusted: the counts themselves are compared.

@@ -1,14 +1,14 @@
-"""Runs under any rate law, by thinning, with events.
+"""Runs under any rate law, with thinning where rates depend on time, and with events.
 
 Rate laws, conditions and new counts are programs of one stack machine: `programs` runs them at a moment, `intervals`
 over a stretch of time, which bounds them.
 
 Where rate laws depend on the time, candidates come at the rate of an upper bound that holds until the end of a window,
 and each is kept with the probability that the propensity at its moment has of that bound (Lewis & Shedler 1979,
-doi:10.1002/nav.3800260304; Ogata 1981 for bounds that depend on the past). This is exact for any bound. A window is as
-long as wastes about one candidate; it depends on the run's past alone. Without such rate laws all is the direct method,
-with the sums of `blocks`: the runs are the same to the last bit. A step uses one of `waits` (unit exponentials) and one
-of `uniforms`, see `streams.draw`.
+doi:10.1002/nav.3800260304; Ogata 1981 for bounds that depend on the past). This is exact for any bound. A window is so
+long that about one candidate is wasted in it; its length depends on the run's past alone. Without such rate laws this
+is the direct method with the sums of `blocks`, and its runs are the same to the last bit. A step uses one of `waits`
+(unit exponentials) and one of `uniforms`, see `streams.draw`.
 """
 
 from typing import NamedTuple

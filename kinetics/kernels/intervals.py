@@ -1,4 +1,4 @@
-"""The stack machine over a stretch of time with the counts fixed: interval arithmetic, rounded outwards.
+"""Interval arithmetic for the stack machine: bounds over a stretch of time with the counts fixed, rounded outwards.
 
 What a bound encloses is enclosed for certain; single numbers stay single. Moore (1966), Interval Analysis.
 """

@@ -1,4 +1,4 @@
-"""Outcomes of a run, or of a part of one: the codes that kernels return."""
+"""Outcome codes that kernels return for a run or a part of one."""
 
 REACHED_END = 0  # also where nothing can happen any more
 UNFINISHED = 1  # all is well, but draws or buffers are used up: call again with fresh ones

@@ -1,4 +1,4 @@
-"""Partial propensities (Ramaswamy et al. 2009, doi:10.1063/1.3154624): many channels among few species.
+"""The partial-propensity method (Ramaswamy et al. 2009, doi:10.1063/1.3154624): many channels among few species.
 
 Each channel of at most two reactants is owned by one of them. Its propensity is the owner's count times a partial
 propensity, which depends on the partner only, so that an event changes one row of a table for each species whose count

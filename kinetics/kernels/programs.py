@@ -1,4 +1,4 @@
-"""A stack machine for rate laws, conditions and new counts: the programs of `network.laws.program`, run at a moment."""
+"""A stack machine for rate laws, conditions and new counts: it runs the programs of `network.laws.program`."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Composition and rejection over groups of channels with partial propensities: very many channels, weakly coupled.
+"""Composition-rejection over groups of channels with partial propensities: very many channels, weakly coupled.
 
 Channels that share a reactant, their owner, form a group (Ramaswamy & Sbalzarini 2010). Its propensities sum to
 

@@ -1,4 +1,4 @@
-"""Tallies over many runs: ranges, histograms in bins that widen, sums and sums of products."""
+"""Tallies over many runs: ranges, histograms whose bins widen, sums and sums of products."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Random streams: xoshiro256++ (Blackman & Vigna 2021, doi:10.1145/3460772), one stream a run.
+"""Random streams: xoshiro256++ (Blackman & Vigna 2021, doi:10.1145/3460772), one stream per run.
 
 A stream is keyed by the seed and the number of its run, so it does not matter which thread makes the run, or when. An
 event uses two words of 64 random bits: one for the wait and one for the choice of the channel, 53 bits a double.

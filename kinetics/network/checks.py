@@ -1,4 +1,4 @@
-"""Checks of a network: names that differ, tables that fit, counts that stay at or above 0, conserved quantities."""
+"""Checks of a network: unique names, tables of matching shapes, non-negative counts, conserved quantities."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from kinetics.support.tables import text_table
 
 @dataclass(frozen=True)
 class NetworkTable:
-    """Headline, titles and rows of text, one a channel, and a line an event."""
+    """Headline, titles and rows of text, with one row per channel and one line per event."""
 
     headline: str
     titles: Sequence[str]

@@ -1,4 +1,4 @@
-"""The fingerprint of a network: a SHA-256 by which rates recognise the network that they were measured for."""
+"""The fingerprint of a network: a SHA-256 that ties rates to the network for which they were measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reaction networks under stochastic mass action, or any other rate law.
+"""Reaction networks under stochastic mass action or any other rate law.
 
 The propensity of a channel in state s is k * N * h(s): its rate constant k, its number of ways N and the number
 h(s) of combinations of its reactants. It is the probability per time unit that the channel fires (Gillespie 1977).
@@ -46,22 +46,22 @@ SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometr
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Network:
-    """Reactions among species.
+    """A reaction network: species, the channels through which they react, and their rate constants where known.
 
     species : S names
-    channels : R names, one a reaction
+    channels : R names, one per reaction
     reactants : (R, S) int, copies that a firing needs
-    stoichiometry : (R, S) int, net change by a firing; never takes more than the reactants
+    stoichiometry : (R, S) int, net change by a firing, which takes no more than the reactants
     ways : (R,) number N of ways in which one combination of reactants can react
     rate_constants : (R,) k per way and combination, 1/tu; None before the rates are known
     combinations : how h counts like reactants, one of `COMBINATIONS`
-    conserved : name of a quantity -> its amount in one copy of each species, (S,); every channel keeps it
+    conserved : name of a quantity -> its amount (S,) in one copy of each species; no channel changes the total
     laws : channel -> rate law that takes the place of h; the other channels follow mass action
-    events : each sets counts when its condition becomes true
-    at_zero : what becomes of a law that is above 0 although reactants are missing, one of `AT_ZERO`
+    events : assignments to counts, made when their conditions become true
+    at_zero : what is done where a rate law is above 0 although reactants are missing, one of `AT_ZERO`
 
-    Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`,
-    and makes the dense tables when they are first asked for: tens of thousands of channels then cost milliseconds.
+    Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`
+    and makes the dense tables only when they are first used, so that tens of thousands of channels cost milliseconds.
     """
 
     species: tuple[str, ...]
@@ -151,13 +151,14 @@ class Network:
         events: Sequence[Event] = (),
         at_zero: str = "block",
     ) -> Network:
-        """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: what each channel needs, and what it makes.
+        """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: the reactants and products of each channel.
 
-        rate_constants : (R,); an expression in the place of one is the whole propensity, its k and N are 1
+        rate_constants : (R,); an expression in the place of one is the whole propensity, and k and N are then 1
         species : their order; by default that in which the reactions name them
         ways : (R,); by default 1 each
-        parameters : name -> value, for expressions given as text; a parsed one brings its own
-        A channel that changes nothing is most likely a slip, and warned of.
+        parameters : name -> value, for expressions given as text; a parsed expression has its own
+
+        A channel that changes nothing is most likely a mistake, so there is a warning.
         """
         constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         named, needed, change = reaction_tables(reactions, species)
@@ -184,7 +185,7 @@ class Network:
     ) -> Network:
         """The same network with rate constants (R,) in 1/tu, and with other ways (R,) or combinations where given.
 
-        Nothing else is made or checked anew, so that it costs as much as the arrays are long.
+        Nothing else is rebuilt or checked again, so the cost is linear in the length of the arrays.
         """
         counted = (
             self.combinations if combinations is None else checked_choice("combinations", combinations, COMBINATIONS)
@@ -225,7 +226,7 @@ class Network:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over species, channels, reactants, stoichiometry, laws and events: which network, whatever its k."""
+        """SHA-256 over species, channels, reactants, stoichiometry, rate laws and events, not rate constants."""
         tables = (self.sparse_reactants, self.sparse_stoichiometry)
         return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero)
 
@@ -254,12 +255,12 @@ class Network:
 
     @property
     def is_mass_action(self) -> bool:
-        """Whether there are neither other rate laws nor events."""
+        """Whether every channel follows mass action and there are no events."""
         return not self.laws and not self.events
 
     @cached_property
     def channel_laws(self) -> dict[str, ChannelLaw]:
-        """Channel -> its rate law with its reactants, without which it is blocked or refused."""
+        """Channel -> its rate law with the reactants without which it is blocked or refused."""
         rows = {name: self.sparse_reactants.row(self.channel_places[name]) for name in self.laws}
         return {
             name: ChannelLaw(name, law, self.species_places, rows[name], self.at_zero)
@@ -267,11 +268,11 @@ class Network:
         }
 
     def check_homogeneous(self) -> None:
-        """A ValueError where rates depend on the time or events set counts: no chain with a constant generator."""
+        """Raise a ValueError where rates depend on time or events set counts: the generator is then not constant."""
         check_homogeneous(self.laws, [event.name for event in self.events])
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
-        """h (..., R): combinations of each channel's reactants in states (..., S), or its law at a time, tu."""
+        """The factor h (..., R) in states (..., S): combinations of reactants, or the rate law at a time, tu."""
         counts = np.asarray(states)
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
@@ -288,7 +289,7 @@ class Network:
         return h
 
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
-        """Firing rates k * N * h (..., R) in 1/tu at states (..., S); a time in tu where laws depend on it."""
+        """Propensities k * N * h (..., R), 1/tu, in states (..., S); give the time, tu, if rate laws depend on it."""
         if time is None:
             self.check_homogeneous()
         return self.known_rates * self.ways * self.combinations_of(states, time)

@@ -1,4 +1,4 @@
-"""Reactions as two sides, `({"A": 1, "B": 1}, {"AB": 1})`, and as sparse tables; from either to the other."""
+"""Reactions as two sides, `({"A": 1, "B": 1}, {"AB": 1})`, and as sparse tables, with conversion both ways."""
 
 from __future__ import annotations
 

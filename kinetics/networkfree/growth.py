@@ -25,14 +25,14 @@ MOST_CLASSES = 7  # of sizes; with the target as many as there are colours
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Every event of one run.
+    """Every event of one network-free run.
 
-    structures : (S,) canonical, first those at time 0, then as they were met
+    structures : (S,) canonical, first those at time 0, then in the order in which they first formed
     initial : (S,) counts at time 0
     times : (E,) tu, rising
-    before, after : (E, 2) indices of the structures that an event took and made, or NOTHING
-    end : time in tu until which was watched
-    draws : pairs of faces and bonds that were drawn; those that made no event are what thinning costs
+    before, after : (E, 2) indices of the structures that an event consumed and produced, or NOTHING
+    end : time in tu at which observation stopped
+    draws : pairs of faces and bonds that were drawn; those that led to no event are the cost of thinning
     """
 
     book: RuleBook
@@ -93,7 +93,7 @@ class Growth:
         return int(self.initial @ self.sizes)
 
     def index(self, structure: Structure) -> int | None:
-        """Index of a structure, turned and placed in any way; None where it was never met."""
+        """Index of a structure in any placement and orientation; None where it never occurred."""
         return self._index.get(structure.canonical(self.book.scheme))
 
     @cached_property
@@ -111,7 +111,7 @@ class Growth:
         return copies[np.searchsorted(self.times[events[mine]], grid, side="right")]
 
     def by_size(self, times: ArrayLike, most: int | None = None) -> Ints:
-        """Structures (T, most + 1) of 0, 1, 2, ... cubes at times (T,), tu; `most` is by default the largest met."""
+        """Structures (T, most + 1) of 0, 1, 2, ... cubes at times (T,), tu; `most` is by default the largest size."""
         grid = self._grid(times)
         table = np.zeros((grid.size + 1, max(int(self.sizes.max()), most or 0) + 1), dtype=np.int64)
         np.add.at(table[0], self.sizes, self.initial)
@@ -120,7 +120,7 @@ class Growth:
         return np.cumsum(table, axis=0)[: grid.size]
 
     def at(self, time: float) -> dict[Structure, int]:
-        """What the tank holds at a time, tu: structure -> copies, the smallest first."""
+        """Contents of the tank at a time, tu: structure -> copies, the smallest first."""
         (asked,) = self._grid([time])
         events, sides, changes = self._changes
         until = sides[: np.searchsorted(self.times[events], asked, side="right")]
@@ -130,7 +130,7 @@ class Growth:
         return {self.structures[s]: int(counts[s]) for s in held}
 
     def first_time(self, structure: Structure) -> float:
-        """Time in tu at which there first was such a structure; nan if not by `end`."""
+        """Time in tu at which such a structure first formed; nan if none did by `end`."""
         index = self.index(structure)
         if index is None:
             return float("nan")
@@ -139,14 +139,14 @@ class Growth:
         return float(self.times[np.flatnonzero((self.after == index).any(axis=1))[0]])
 
     def milestones(self, n: int) -> Floats:
-        """At most n times, tu, at which the largest structure outgrew all before, the start and the last among them."""
+        """At most n times, tu, at which the largest structure grew beyond all before, the first and last included."""
         made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
         record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
         outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
         return outgrown[np.unique(np.linspace(0, outgrown.size - 1, n).round().astype(int))]
 
     def frames(self, times: ArrayLike) -> list[Structure]:
-        """The largest structure at each of the times, tu, turned so that what stays keeps its place."""
+        """The largest structure at each of the times, tu, oriented so that the cubes it keeps stay in place."""
         shown: list[Structure] = []
         for time in self._grid(times):
             largest = list(self.at(float(time)))[-1]
@@ -154,7 +154,7 @@ class Growth:
         return shown
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row an event: time in tu, the structures it took and those it made, in words."""
+        """One row per event: time in tu, the structures consumed and those produced, in words."""
         import pandas as pd
 
         names = [*map(str, self.structures), ""]  # NOTHING picks the last
@@ -189,9 +189,9 @@ def aligned(structure: Structure, to: Structure, scheme: str) -> Structure:
 
 @dataclass(frozen=True, eq=False)
 class Growths:
-    """Independent runs of one tank.
+    """Independent network-free runs of one tank.
 
-    interrupted : whether more runs were asked for
+    interrupted : whether more runs were requested
     """
 
     runs: tuple[Growth, ...]
@@ -216,11 +216,11 @@ class Growths:
 
     @property
     def most(self) -> int:
-        """Cubes of the largest structure that was met."""
+        """Number of cubes in the largest structure that occurred."""
         return max(int(run.sizes.max()) for run in self.runs)
 
     def by_size(self, times: ArrayLike) -> Ints:
-        """Structures (runs, T, M + 1) of 0, 1, 2, ..., M cubes at times (T,), tu; M is the largest met in any run."""
+        """Structures (runs, T, M + 1) of 0, 1, 2, ..., M cubes at times (T,), tu; M is the largest size in any run."""
         return np.stack([run.by_size(times, self.most) for run in self.runs])
 
     def count(self, structure: Structure, times: ArrayLike) -> Ints:
@@ -233,11 +233,11 @@ class Growths:
         return self.most - np.argmax(present, axis=-1)
 
     def first_times(self, structure: Structure) -> Floats:
-        """Times (runs,) in tu at which there first was such a structure; nan where not by the end."""
+        """Times (runs,) in tu at which such a structure first formed; nan where none did by the end."""
         return np.array([run.first_time(structure) for run in self.runs])
 
     def final(self) -> dict[Structure, float]:
-        """What the runs end with: structure -> mean copies a run, those that hold most cubes first."""
+        """Contents of the tank at the end: structure -> mean copies per run, those that hold most cubes first."""
         totals: dict[Structure, int] = {}
         for run in self.runs:
             for structure, copies in run.at(run.end).items():
@@ -246,7 +246,7 @@ class Growths:
         return {structure: totals[structure] / len(self.runs) for structure in order}
 
     def classes(self) -> list[tuple[int, int]]:
-        """Ranges of sizes, (smallest, largest): each size by itself where they are few, else growing by a factor."""
+        """Classes of sizes, (smallest, largest): single sizes where they are few, else ranges that grow by a factor."""
         most = self.most
         if most <= FEW_SIZES:
             return [(size, size) for size in range(1, most + 1)]
@@ -265,7 +265,7 @@ class Growths:
         return found | {"largest": self.largest(times)}
 
     def to_dataframe(self, times: ArrayLike) -> pd.DataFrame:
-        """One row a run and time: run, time in tu, and the series."""
+        """One row per run and time: run, time in tu, and the series."""
         import pandas as pd
 
         grid = rising_times(times)
@@ -273,9 +273,10 @@ class Growths:
         return pd.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
 
     def plot(self, ax: Any, times: ArrayLike) -> Any:
-        """Mean and the band of the middle 95 % of runs; returns `ax`.
+        """Plot means, with bands of the middle 95 % of the runs; returns `ax`.
 
-        By class of sizes, and the target; where growth starts from one seed, the cubes of the largest structure.
+        Shown are the classes of sizes and the target or, where growth starts from one seed, the size of the largest
+        structure.
         """
         from kinetics.support import plots
 

@@ -38,13 +38,15 @@ def grow(
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Growths:
-    """Grow structures by a book's rules, `runs` times, from time 0 until `end`, tu.
+    """Simulate assembly by the rules of a book, `runs` times, from time 0 until `end`, tu.
 
-    rates : class rates, or a function of a rate class; constants in 1/tu, like structures counted as s (s - 1) / 2
-    initial : so many free cubes, and the seed besides where the book needs one; or copies of any structures
+    rates : class rates, or a function of a rate class; constants in 1/tu, pairs of like structures counted as
+        s (s - 1) / 2
+    initial : the number of free cubes, to which the seed is added where the book needs one; or copies of structures
     progress : called with the number of runs finished and the time reached in the current one, tu
-    One seed gives one result; runs of different numbers are independent. Ctrl-C ends the work once a run is finished:
-    those that are, are returned.
+
+    The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
+    finished are returned, if any.
     """
     horizon = float(rising_times([end])[0])
     start = _checked(book, initial) if isinstance(initial, Mapping) else free_cubes(book, initial)

@@ -1,4 +1,4 @@
-"""Committors: which of several targets a chain reaches first, when, by which states, and paths to a given one."""
+"""Committors: which of several targets a chain reaches first, when, through which states, and along which paths."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Target = Callable[[Ints], NDArray[np.bool_]]
 
 @dataclass(frozen=True, eq=False)
 class Committor:
-    """Which target is reached first, from every state.
+    """The probabilities that each of several targets is reached first, from every state.
 
     targets : K names
-    committors : (K, N) probability that this target is reached first, from each state
+    committors : (K, N) probability that each target is reached first, from each state
     probabilities : (K,) the same from the initial state
-    never : probability of reaching none: of coming to states from which no target can be reached
-    mean_times : (K,) mean time, tu, of the runs that come to each target; nan where none does
-    occupation : (N,) expected time, tu, in each state until a target is reached or none can be any more
+    never : probability of reaching none, that is, of entering states from which no target can be reached
+    mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
+    occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
     error : relative error of all of these: a bound, or for very many states an estimate
     """
 
@@ -50,7 +50,7 @@ class Committor:
         return self.committors[:, 0]
 
     def sample_path(self, target: str, seed: int = 0, run: int = 0) -> JumpPath:
-        """One run until `target`, drawn from the runs that come to it, however few (Doob's transform).
+        """One run until `target`, drawn from the runs that reach it first, however few (Doob's h-transform).
 
         A channel that leads from x to y fires at its rate times committor(y) / committor(x).
         """
@@ -84,14 +84,14 @@ def committor(
 ) -> Committor:
     """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
 
-    targets : name -> function of states (n, S), which of them belong to it (n,)
-    max_states : more are refused
+    targets : name -> function of states (n, S) that says which of them belong to the target (n,)
+    max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
 
-    The equations of first-step analysis, solved by elimination without subtractions (see `elimination`): every figure
-    is a sum of positive terms, so a probability of 1e-30 has all its digits. Cost: that of the elimination, states
-    times the square of the band's width, and two substitutions a target. Choose it where the states can be listed;
-    `rare_event` goes on where they cannot.
+    The equations of first-step analysis are solved by elimination without subtractions (see `elimination`). Every
+    figure is a sum of positive terms, so that even a probability of 1e-30 keeps its relative accuracy. The cost is that
+    of the elimination, states times the square of the band's width, and two substitutions per target. Choose it where
+    the states can be listed, and `rare_event` where they cannot.
     """
     if not targets:
         raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")

@@ -1,4 +1,4 @@
-"""Linear equations of a Markov chain solved without subtractions: every entry has its own relative accuracy.
+"""Linear equations of a Markov chain, solved without subtractions, so that every entry keeps its relative accuracy.
 
 Grassmann, Taksar & Heyman (1985), doi:10.1287/opre.33.5.1107.
 """

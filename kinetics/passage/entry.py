@@ -1,4 +1,4 @@
-"""The entry to all questions that are solved on the states a network reaches: checks, then the states."""
+"""The checks that precede every solution on the reachable states, and the enumeration of these states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""First passage times: until there first are so many copies of a species."""
+"""First-passage times to a number of copies of a species."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is t
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Distribution of the first passage time from one state, tu.
+    """The distribution of a first-passage time from one state, tu.
 
-    target : what is waited for, in words
-    mean, sd : of the time; mean inf and sd nan where the target may never be reached
-    probability : of ever reaching the target
-    error : relative error of mean and probability: a bound, or where the states are too many to eliminate an estimate
-    sd_error : likewise of sd
-    n_states : states on the way
-    chain : the uniformised chain on the way; its last state is the target
+    target : the target, in words
+    mean, sd : mean and standard deviation of the time; inf and nan where the target may never be reached
+    probability : probability of ever reaching the target
+    error : relative error of mean and probability: a bound, or an estimate where the states are too many to eliminate
+    sd_error : relative error of sd, likewise
+    n_states : number of states before the target
+    chain : the uniformised chain on these states; its last state is the target
     """
 
     target: str
@@ -48,7 +48,7 @@ class Passage:
 
     @property
     def is_certain(self) -> bool:
-        """Whether the target is reached sooner or later from wherever the chain may go."""
+        """Whether the target is reached with probability 1."""
         return bool(np.isfinite(self.mean))
 
     @cached_property
@@ -60,16 +60,16 @@ class Passage:
         return self._at(times)[0]
 
     def survival(self, times: ArrayLike) -> Floats:
-        """Probability (...) that it has not; summed on its own, so right also where it is tiny."""
+        """Probability (...) that it has not been reached; summed separately, so accurate even where it is tiny."""
         return self._at(times)[1]
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Between which the cdf (...) lies: truncation and every rounding, those of the rates included."""
+        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included."""
         value, _, error = self._at(times)
         return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
 
     def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Between which the survival (...) lies."""
+        """Lower and upper limits of the survival (...)."""
         _, value, error = self._at(times)
         return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
 
@@ -96,7 +96,7 @@ class Passage:
         return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
 
     def quantile_bounds(self, q: ArrayLike) -> tuple[Floats, Floats]:
-        """Between which the quantiles (...) lie; above, inf where q is as good as never reached."""
+        """Lower and upper limits of the quantiles (...); the upper one is inf where q may never be reached."""
         asked = _probabilities(q)
         pairs = np.array([self._quantile_bounds(float(one)) for one in asked.ravel()]).reshape(-1, 2)
         return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
@@ -138,7 +138,7 @@ class Passage:
         return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
 
     def plot(self, ax: Any) -> Any:
-        """Distribution function up to the 99 % quantile, with the mean; returns `ax`."""
+        """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
         from kinetics.support import plots
 
         last = self._quantile(0.99 * self.probability) or 1.0
@@ -160,15 +160,16 @@ def first_passage(
     copies: int = 1,
     max_states: int = MAX_STATES,
 ) -> Passage:
-    """Time from `initial` until there first are at least `copies` of a species.
+    """The first-passage time from `initial` to at least `copies` of a species.
 
-    max_states : more are refused
+    max_states : networks with more states before the target are refused
     ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
 
-    Mean and variance from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
-    doi:10.1017/CBO9780511810633), the distribution by uniformisation when it is asked for. Where the chain may miss the
-    target for good, the mean is inf and `probability` below 1. Cost: states times the square of the band's width, and
-    for the distribution a step for each uniformised event. Choose it where the states can be listed, else sample.
+    Mean and variance come from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
+    doi:10.1017/CBO9780511810633), the distribution from uniformisation when it is first used. Where the chain may miss
+    the target for good, the mean is inf and `probability` below 1. Cost: the number of states times the square of the
+    band's width, and for the distribution one step per uniformised event. Choose it where the states can be listed;
+    sample otherwise.
     """
     index = network.index(species)
     wanted = whole_number("copies", copies, 0)

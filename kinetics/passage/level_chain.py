@@ -1,4 +1,4 @@
-"""A Markov chain on levels alone, learnt from runs: the chance of an event from a level and the time left."""
+"""A Markov chain on levels alone, learnt from runs: the chance of an event, given the level and the time left."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Probabilities of rare events by importance splitting, where the states cannot be listed."""
+"""Probabilities of rare events by importance splitting, for networks whose states cannot be listed."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ TRUSTED = 0.1  # relative standard error
 
 @dataclass(frozen=True)
 class RareEvent:
-    """Probability that a level is reached by a time.
+    """An estimate of the probability that a level is reached by a given time.
 
-    probability, standard_error : unbiased estimate, and its error by chance, from independent replicates
-    low, high : 95 % interval: by Student's distribution where the replicates agree (`is_trusted`); else only a lower
-        limit, by Markov's inequality, which holds for any unbiased estimate that is not negative
-    chances : of the event, roughly, at which runs were split; the last one, 1, is the event itself
-    runs : begun at each stage, over all replicates
+    probability, standard_error : unbiased estimate and its sampling error, from independent replicates
+    low, high : 95 % interval: by Student's distribution where the replicates agree (`is_trusted`); otherwise a lower
+        limit alone, by Markov's inequality, which holds for any unbiased estimate that is not negative
+    chances : approximate probabilities of the event at which runs were split; the last, 1, is the event itself
+    runs : number of runs begun at each stage, over all replicates
     """
 
     probability: float
@@ -46,7 +46,7 @@ class RareEvent:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the replicates agree well enough, to a tenth or better, for the interval to hold."""
+        """Whether the replicates agree to a tenth or better, as the two-sided interval requires."""
         return self.probability > 0.0 and self.standard_error <= TRUSTED * self.probability
 
     def __str__(self) -> str:
@@ -66,23 +66,23 @@ def rare_event(
     runs: int = 20_000,
     seed: int = 0,
 ) -> RareEvent:
-    """Probability that `level` reaches `threshold` by `end`, tu.
+    """Estimate the probability that `level` reaches `threshold` by `end`, tu, by importance splitting.
 
-    level : of states (n, S), values (n,) that rise on the way to the event, as in lambda states: states[:, 0]
-    runs : begun at each stage
+    level : function of states (n, S) with values (n,) that rise on the way to the event, as lambda states: states[:, 0]
+    runs : number of runs begun at each stage
     ValueError: no way to the event was found, or wrong input
 
-    Importance splitting (Kahn & Harris 1951): each next stage is reached by a share of the runs that start where
-    earlier ones entered the stage before, and the probability is the product of the shares. Stages are chances of the
-    event given level and time left, from a chain on the levels learnt in a pilot; so a run that is late must be further
-    to enter, and events that have to hurry all the way are found as well as those that come sooner or later. All is
-    fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011), whatever the level.
+    In importance splitting (Kahn & Harris 1951), runs of each stage start where earlier runs entered it, a share of
+    them reaches the next stage, and the probability is the product of the shares. A stage is a chance of the event
+    given level and time left, from a chain on the levels that is learnt in a pilot. A run that is late must therefore
+    have come further to enter a stage, which serves events that leave no time to spare as well as those that do. The
+    stages are fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011), whatever the level.
 
-    The interval holds where the level shows how far a run has come: runs that enter a stage in different states must
-    go on with similar chances. Where the event comes almost only by a way that few enter at first, and that the level
-    does not show (a hidden switch), the replicates may all miss it and agree on too small a number: `low` still holds,
-    `high` does not. Cost: events of all runs at all stages, some log(1 / p) / 1.6 of them. Where the
-    states can be listed, `first_passage` and `committor` are exact: choose those.
+    The interval is valid where the level measures the progress of a run: runs that enter a stage in different states
+    must have similar chances from there on. Where the event comes almost only by a path that few runs take at first and
+    that the level does not show (a hidden switch), all replicates may miss it and agree on too small a number; `low`
+    then still holds, but `high` does not. Cost: the events of all runs at all stages, of which there are about
+    log(1 / p) / 1.6. Where the states can be listed, `first_passage` and `committor` need no sampling: choose those.
     """
     horizon = float(rising_times([end])[0])
     start = network.state(initial)

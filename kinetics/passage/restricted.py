@@ -1,4 +1,4 @@
-"""First passage up to a horizon: the restricted mean of survival analysis, and whether the target was reached."""
+"""First passage up to a horizon: the restricted mean of survival analysis, and the probability of arriving."""
 
 from __future__ import annotations
 

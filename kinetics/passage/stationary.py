@@ -1,4 +1,4 @@
-"""Stationary distributions: the probabilities after infinite time."""
+"""Stationary distributions: the probabilities of the states after infinite time."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from kinetics.support.arrays import Floats, read_only
 
 @dataclass(frozen=True, eq=False)
 class Stationary:
-    """Distribution after infinite time from one state.
+    """The distribution after infinite time, starting from one state.
 
-    probabilities : (N,) of every reachable state; 0 for states that are left for good
-    classes : rows of the states of each closed class, which is never left
-    weights : (C,) probability of ending up in each
-    error : bound on the relative error of every probability down to 1e-290, with that of the rates' last bits;
-        smaller ones may be lost
+    probabilities : (N,) of every reachable state; 0 for transient states
+    classes : for each of the C closed classes, which are never left, the rows of its states
+    weights : (C,) probability of ending up in each closed class
+    error : bound on the relative error of every probability down to 1e-290, rounding of the rates included; smaller
+        probabilities may be lost
     """
 
     space: StateSpace
@@ -57,7 +57,7 @@ class Stationary:
         return float(self.probabilities[row]) if row >= 0 else 0.0
 
     def plot(self, ax: Any, species: str) -> Any:
-        """Probabilities of the copies of one species, as steps; returns `ax`."""
+        """Plot the distribution of the copies of one species, as steps; returns `ax`."""
         from kinetics.support import plots
 
         shares = self.marginal(species)
@@ -68,14 +68,14 @@ class Stationary:
 
 
 def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATES) -> Stationary:
-    """Stationary distribution that the chain comes to from `initial`.
+    """The stationary distribution to which the chain converges from `initial`.
 
-    max_states : more are refused, as is a space without end
+    max_states : networks with more reachable states, or infinitely many, are refused
     ValueError: missing rates, too many states, or a band too wide to eliminate
 
-    By elimination without subtractions (Grassmann, Taksar & Heyman 1985, doi:10.1287/opre.33.5.1107), each class on
-    its own; where the chain may end up in several closed classes, they are weighted by the probability of ending up
-    in each. Cost: states times the square of the band's width.
+    It is solved by elimination without subtractions (Grassmann, Taksar & Heyman 1985, doi:10.1287/opre.33.5.1107), one
+    closed class at a time; where the chain may end up in several, they are weighted by the probability of ending up in
+    each. Cost: the number of states times the square of the band's width.
     """
     from scipy.sparse.csgraph import connected_components
 

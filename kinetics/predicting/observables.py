@@ -1,4 +1,4 @@
-"""Observables: weighted sums of counts that a prediction reports in the place of all counts."""
+"""Observables: weighted sums of counts that a prediction reports instead of all counts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predictions of counts over time, with the uncertainty that the rates leave."""
+"""Predictions of counts over time, with the uncertainty that comes from the rates."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ LIMITS = (0.025, 0.975)
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
+    """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
-    mean, sd : mean, and spread of a single run about it (intrinsic noise), at the rates' point values
-    low, high : 95 % interval of the mean from the rates' own uncertainty; None where the rates carry no evidence
+    mean, sd : mean, and standard deviation of a single run (intrinsic noise), at the point values of the rates
+    low, high : 95 % interval of the mean from the uncertainty of the rates; None where these have no evidence
     standard_error : Monte-Carlo error of the mean; 0 for a method that does not sample
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
-    is_complete : whether all runs and draws were made; fewer were where someone interrupted
-    result : the statistics of the runs, or the Distribution, behind mean and sd
+    is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
+    result : the statistics of the runs, or the Distribution, from which mean and sd come
     """
 
     network: Network
@@ -55,11 +55,11 @@ class Prediction:
 
     @property
     def runs(self) -> int | None:
-        """Runs behind mean and sd; None for a method that does not sample."""
+        """Number of runs from which mean and sd come; None for a method that does not sample."""
         return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a time and species."""
+        """One row per time and species."""
         import pandas as pd
 
         names = self.network.species
@@ -70,7 +70,7 @@ class Prediction:
         return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def plot(self, ax: Any) -> Any:
-        """Means, the band of the middle 95 % of runs, and dashed the interval of the mean; returns `ax`."""
+        """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
         from kinetics.support import plots
 
         self.result.plot(ax)
@@ -92,21 +92,22 @@ def predict(
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
 ) -> Prediction:
-    """Mean and spread of the counts at `times` under `rates`, and a 95 % interval of the mean.
+    """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
-    rates : None for the network's own, taken as known: there is no interval then
-    method : Auto() unless another is given
-    runs : of a sampling method
-    draws : rate sets drawn from `rates.sample` for the interval
-    progress : is called with a line of text on how far the work is; None for silence
-    observables : sums of counts to report in the place of all counts
+    rates : None for the network's own, which are taken as known, so that there is no interval
+    method : a sampling or solving method; Auto() by default
+    runs : number of runs of a sampling method
+    draws : number of rate sets drawn from `rates.sample` for the interval
+    progress : called with a line of text on how far the work is; None for silence
+    observables : sums of counts to report instead of all counts
 
-    Runs are not kept, only their statistics, so memory does not grow with them. After Ctrl-C the prediction is of the
-    runs and draws made so far, if any, and its notes say so.
+    Only the statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction
+    comes from the runs and draws made so far, if any, and its notes say so.
 
-    The interval always comes from sampling, by `Auto`: each draw's mean over `RUNS_PER_DRAW` runs, then the 2.5 % and
-    97.5 % quantiles of these means, drawn together by the share of their variance that is Monte-Carlo noise (known
-    from the runs). So it shows what the rates leave open, and nothing else. Approximate: quantiles of `draws` values.
+    The interval comes from sampling by `Auto`, whatever the method: for each draw the mean of `RUNS_PER_DRAW` runs,
+    and of these means the 2.5 % and 97.5 % quantiles, pulled towards each other by the share of their variance that is
+    Monte-Carlo noise (known from the runs). It thus shows the uncertainty of the rates alone, approximately: it is made
+    of quantiles of `draws` values.
     """
     began = time.process_time()
     report = progress or (lambda _: None)

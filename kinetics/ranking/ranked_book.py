@@ -1,4 +1,4 @@
-"""A rule book in a ranking: checked, derived, and its yield and first-assembly time computed."""
+"""A rule book in a ranking: checked and derived, with its yield and first-assembly time."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def target_shape(book: RuleBook) -> Structure:
 
 
 def possible_targets(book: RuleBook, cubes: int) -> int:
-    """How many targets so many free cubes could make."""
+    """Number of targets that a given number of free cubes could make."""
     size = len(_target(book))
     return cubes // size if book.seed_letter is None else int(cubes + 1 >= size)
 

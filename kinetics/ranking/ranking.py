@@ -1,4 +1,4 @@
-"""The ranking of rule books: which assembles the target soonest, and which most of it; ties within the errors."""
+"""The ranking of rule books by yield or first-assembly time, with ties within the errors."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ MAX_JOINS = 8  # shown to people; the rest is in `pathways`
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Books of one target in order, the best first.
+    """Rule books of one target in order, the best first.
 
-    by : `yield`, the targets at the horizon over those possible, or `first`, the mean time to the first target in which
-        runs without one by the horizon are counted with the horizon
-    cubes, possible, horizon : free cubes at time 0, targets they could make, tu
+    by : `yield`, the targets at the horizon over those possible, or `first`, the mean time to the first target, where
+        runs without one by the horizon count as the horizon
+    cubes, possible, horizon : number of free cubes at time 0, number of targets they could make, and horizon, tu
     notes : what a reader must know about the figures
-    draws : of the rates; 0 where none carries evidence
+    draws : number of draws of the rates; 0 where no rate has evidence
     unfinished : books not reached before Ctrl-C
     """
 
@@ -57,8 +57,9 @@ class Ranking:
     def are_tied(self, a: RankedBook, b: RankedBook) -> bool:
         """Whether the difference of two books lies within its own 95 % interval.
 
-        With draws of the rates, that of the differences draw by draw; else of two independent means, from the sides of
-        their intervals that look at each other (Zou & Donner 2008). The bounds of exact figures add up.
+        With draws of the rates, the interval is that of the differences draw by draw; otherwise it is that of two
+        independent means, from the sides of their intervals that face each other (Zou & Donner 2008). Bounds of exact
+        figures add up.
         """
         if self.draws:
             column = MEASURES.index(self.by)
@@ -71,7 +72,7 @@ class Ranking:
 
     @property
     def places(self) -> tuple[int, ...]:
-        """1, 1, 3, ...: a book shares the place of the first one before it that leads its place and ties with it."""
+        """Places such as 1, 1, 3: a book shares the place of the first place leader before it that it ties with."""
         places: list[int] = []
         for number, candidate in enumerate(self.books):
             leads = places[-1] if places and self.are_tied(self.books[places[-1] - 1], candidate) else number + 1
@@ -87,11 +88,11 @@ class Ranking:
 
     @property
     def pathways(self) -> dict[str, tuple[str, ...]]:
-        """Book -> the sizes that it joins."""
+        """Book -> the pairs of sizes that it joins."""
         return {candidate.name: candidate.pathway for candidate in self.books}
 
     def table(self) -> str:
-        """For people: one line a book, then what the figures are."""
+        """A table for people: one line per book, then what the figures mean."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
         for place, candidate in zip(self.places, self.books, strict=True):
@@ -133,7 +134,7 @@ class Ranking:
         return self.table()
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything, in types that JSON knows."""
+        """The whole ranking in types that JSON can hold."""
         return {
             "by": self.by,
             "cubes": self.cubes,
@@ -161,7 +162,7 @@ class Ranking:
         }
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a book and figure."""
+        """One row per book and figure."""
         import pandas as pd
 
         rows = [
@@ -174,9 +175,9 @@ class Ranking:
         return pd.DataFrame(rows)
 
     def plot(self, ax: Any) -> Any:
-        """Yield against time to the first target, each book a point with its 95 % intervals; returns `ax`.
+        """Plot yield against time to the first target, each book a point with 95 % intervals; returns `ax`.
 
-        The first eight have a colour and a name each, the others are grey.
+        The first eight have a colour and a name each; the others are grey.
         """
         from kinetics.support import plots
 
@@ -224,10 +225,11 @@ def rank(
 ) -> Ranking:
     """Rank correct books of one target, started from free cubes (and the seed, where a book has one).
 
-    runs : of a figure whose chain has more than `max_states` states, or takes too long
-    draws : sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it has to be sampled
-    progress : called with the name of the book at work
-    A book's figures follow from the book and the seed, whatever it is compared with. After Ctrl-C the ranking has the
+    runs : number of runs for a figure whose chain has more than `max_states` states or takes too long to solve
+    draws : number of sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it must be sampled
+    progress : called with the name of the book that is being worked on
+
+    The figures of a book depend on the book and the seed, not on the other books. After Ctrl-C the ranking holds the
     books that were finished, if any.
     """
     _check(books, cubes, horizon, by)

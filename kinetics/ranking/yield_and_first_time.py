@@ -1,4 +1,4 @@
-"""The yield of a target at a horizon, and the time to its first copy: exact where that is possible, else sampled."""
+"""The yield of a target at a horizon and the time to its first copy: exact where possible, else sampled."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class Figure:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of a network.
+    """The question to a network: its yield and first time, from where, of what, and until when.
 
     initial : (S,) counts at time 0
-    target : index of the species waited for
-    possible : copies of it that the tank could hold at most
+    target : index of the target species
+    possible : largest number of its copies that the tank could hold
     horizon : tu
     """
 
@@ -70,7 +70,7 @@ class Question:
 
 @dataclass(frozen=True)
 class YieldAndFirstTime:
-    """The answers.
+    """The yield of a target and the time to its first copy.
 
     first : time to the first target, tu; runs without one by the horizon are counted with the horizon, so that the
         mean exists and both methods estimate the same (the restricted mean of survival analysis)

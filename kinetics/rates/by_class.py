@@ -1,4 +1,4 @@
-"""Rate constants by rate class, so that one measurement serves every book whose ways are of that class.
+"""Rate constants by rate class, so that one measurement serves every book that has ways of that class.
 
 The ways of a channel are sorted by what happens, the face types and the sizes of the two sides (`RateClass`). A file
 gives constants from the particular to the general, and the most particular one that fits counts:
@@ -39,11 +39,11 @@ class ClassRate(MeasuredRate):
 
 
 class ClassRates(Settings):
-    """Rate constants by class, with fallbacks from the particular to the general.
+    """Rate constants by rate class, with fallbacks from the particular to the general.
 
-    classes : key -> ClassRate; a key is a class as it is printed, or that without sizes, or the event alone
-    faces : the face scheme that the face types belong to; None: whichever
-    evidence : free table: where the rates come from
+    classes : key -> ClassRate; a key is a class as it is printed, the same without sizes, or the kind of event alone
+    faces : the face scheme that the face types belong to; None: any
+    evidence : table of free form that says where the rates come from
     """
 
     convention: Convention = DISTINCT
@@ -73,9 +73,9 @@ class ClassRates(Settings):
 
     @classmethod
     def fitting(cls, name_or_path: str | Path, derivations: Iterable[Derivation]) -> ClassRates:
-        """A file of class rates, or the rates of a network, shipped or from a file, by the classes of its book.
+        """Class rates from a file of them, or from the rates of a network, which are split by the classes of its book.
 
-        derivations : among which the network is looked for; they are made one by one until one fits
+        derivations : candidates for that network; they are made one by one until one fits
         """
         path = Path(name_or_path)
         if path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path):
@@ -106,9 +106,9 @@ class ClassRates(Settings):
         """The constants of all classes of a network, from the rates of its channels.
 
         Channels of one class are pooled: events over exposure, or without evidence the mean weighted by their ways.
-        Ways that the file counts in another way than geometry does are put into the constant, so that propensities
-        stay as they are. A channel whose ways are of several classes gives each of them its own rate; it counts
-        only where no other channel is of that class alone.
+        Where the file counts ways differently from geometry, the factor goes into the constant, so that propensities
+        stay as they are. A channel whose ways belong to several classes gives each of them its own rate; it counts
+        only for classes to which no other channel belongs alone.
 
         For every pair of faces an entry without sizes is added. Its evidence is worth no more events than the scatter
         of the sizes' rates allows (as many as a gamma distribution of that relative variance has), so that a draw from
@@ -134,7 +134,7 @@ class ClassRates(Settings):
         )
 
     def key(self, rate_class: RateClass) -> str:
-        """Which entry a class takes its constant from; a ValueError names the class that has none."""
+        """The key of the entry from which a class takes its constant; a ValueError names a class without one."""
         keys = _keys(rate_class)
         for key in keys:
             if key in self.classes:
@@ -149,7 +149,7 @@ class ClassRates(Settings):
         return self.classes[self.key(rate_class)].rate
 
     def apply(self, derivation: Derivation) -> Network:
-        """The derived network with rates: a channel's is the mean over its classes, weighted by their ways."""
+        """The derived network with rates: that of a channel is the mean over its classes, weighted by their ways."""
         if self.faces not in (None, derivation.book.scheme):
             raise ValueError(
                 f"these class rates are for faces = {self.faces!r}; book {derivation.book.name!r} has "
@@ -161,9 +161,10 @@ class ClassRates(Settings):
         return bare.with_rates(np.divide(totals, bare.ways), combinations=self.convention.combinations)
 
     def draws(self, rng: np.random.Generator, n: int) -> list[ClassRates]:
-        """n sets of rates; within a set, all channels that share an entry move together.
+        """n sets of rates; within a set, all channels that share an entry vary together.
 
-        Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
+        They come from Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior, or are the point rate where
+        there is no evidence.
         """
         known = self.classes.values()
         table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
@@ -175,7 +176,7 @@ class ClassRates(Settings):
         ]
 
     def without_evidence(self, classes: Iterable[RateClass]) -> list[str]:
-        """Keys that these classes use and whose rate comes without events and exposure."""
+        """The keys used by these classes whose rates have no events and exposure."""
         used = dict.fromkeys(map(self.key, classes))
         return [key for key in used if self.classes[key].exposure is None]
 

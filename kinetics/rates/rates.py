@@ -1,4 +1,4 @@
-"""Rate constants of a network, with their convention and their evidence, in TOML files."""
+"""Rate constants of a network, with their convention and evidence, in TOML files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIPPED = Path(__file__).parent / "tables"
 
 
 class Convention(Settings):
-    """The formula of a propensity in the numbers of a rates file; no factor is left unsaid."""
+    """The formula by which the numbers of a rates file give a propensity, with every factor stated."""
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
@@ -49,7 +49,7 @@ class MeasuredRate(Settings):
 
 
 class ChannelRate(MeasuredRate):
-    """Rate constant of one channel.
+    """The rate constant of one channel, with its evidence.
 
     ways : number of ways N of one combination of reactants
     """
@@ -59,11 +59,11 @@ class ChannelRate(MeasuredRate):
 
 
 class Rates(Settings):
-    """Rates of all channels of one network.
+    """Rate constants of all channels of one network.
 
     channels : channel name -> ChannelRate
     network : fingerprint of the network they were measured for, where it was recorded
-    evidence : free table: where the rates come from (scene, seeds, cost, versions, notes)
+    evidence : table of free form that says where the rates come from (scene, seeds, cost, versions, notes)
     """
 
     convention: Convention
@@ -82,9 +82,9 @@ class Rates(Settings):
         write_toml(self.model_dump(exclude_none=True), Path(path))
 
     def apply(self, network: Network) -> Network:
-        """`network` with this file's rates, ways and combinations.
+        """`network` with the rates, ways and combinations of this table.
 
-        A ValueError where the channels are not the same ones (in whatever order), or the fingerprints differ.
+        ValueError: the two do not have the same channels (in any order), or the fingerprints differ.
         """
         missing = [name for name in network.channels if name not in self.channels]
         extra = [name for name in self.channels if name not in network.channel_places]
@@ -108,13 +108,14 @@ class Rates(Settings):
         )
 
     def without_evidence(self) -> list[str]:
-        """Channels whose rate comes without events and exposure, so without a known uncertainty."""
+        """Channels whose rate has no events and exposure, and therefore no known uncertainty."""
         return [name for name, channel in self.channels.items() if channel.exposure is None]
 
     def sample(self, rng: np.random.Generator, n: int) -> Floats:
-        """(n, R) rate constants, in the order of `channels`.
+        """Draws (n, R) of the rate constants, in the order of `channels`.
 
-        Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior; the point rate where there is no evidence.
+        They come from Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior, or are the point rate where
+        there is no evidence.
         """
         known = self.channels.values()
         return posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])

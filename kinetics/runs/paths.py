@@ -1,6 +1,6 @@
 """Records of runs: jump paths with every event, and ensembles of counts on a grid of times.
 
-Simulated and mechanical runs give the same records, so that whoever reads one need not know where it came from.
+Simulated and mechanical runs give the same records, so that a reader need not know where one came from.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial stat
 
 @dataclass(frozen=True, eq=False)
 class JumpPath:
-    """Every event of one run, in order.
+    """A jump path: every event of one run, in order.
 
     initial : (S,) counts at time 0, and again after each restart
-    times : (E,) in tu, never falling: what happens within one mechanics step shares its time
+    times : (E,) in tu, never falling; events within one mechanics step share their time
     channels : (E,) index of the channel that fired, or RESTART
-    end : time in tu at which observation stopped; a waiting time that it cuts off is right-censored
+    end : time in tu at which observation stopped; a waiting time cut off by it is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
     """
 
@@ -140,7 +140,7 @@ class JumpPath:
         return counts
 
     def first_time(self, species: str, copies: int = 1) -> float:
-        """Time in tu at which there first were `copies` of a species; nan if not by `end`."""
+        """First-passage time in tu to `copies` of a species; nan if it is not reached by `end`."""
         rows = np.arange(self.channels.size + 1)
         counts = self._counts_before(rows, np.full(rows.size, self.network.index(species)))
         seen = np.flatnonzero(counts >= copies)
@@ -149,7 +149,7 @@ class JumpPath:
         return 0.0 if seen[0] == 0 else float(self.times[seen[0] - 1])
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
+        """One row per moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
         import pandas as pd
 
         names = (*self.network.channels, "restart")  # RESTART = -1 picks the last
@@ -168,7 +168,7 @@ class JumpPath:
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """Counts of many independent runs on one grid of times.
+    """The counts of many independent runs on one grid of times.
 
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
@@ -230,13 +230,13 @@ class Ensemble:
         return np.array([np.bincount(column, minlength=top + 1) for column in columns]) / self.runs
 
     def quantile(self, q: float) -> Floats:
-        """Smallest counts (T, S) with at least a share q of the runs at or below them."""
+        """Quantiles (T, S): the smallest counts with at least a share q of the runs at or below them."""
         if not 0 <= q <= 1:
             raise ValueError(f"q = {q}; expected a probability")
         return np.quantile(self.counts.astype(float), q, axis=0, method="inverted_cdf")
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a run and time: run, time in tu, counts."""
+        """One row per run and time: run, time in tu, counts."""
         import pandas as pd
 
         runs = np.repeat(np.arange(self.runs), self.times.size)
@@ -245,7 +245,7 @@ class Ensemble:
         return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
 
     def plot(self, ax: Any) -> Any:
-        """Means with the band that holds the middle 95 % of runs; returns `ax`."""
+        """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)

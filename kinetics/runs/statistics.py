@@ -1,4 +1,4 @@
-"""Statistics of ensembles in constant memory: as much for a million runs as for ten.
+"""Statistics of ensembles in constant memory, however many runs there are.
 
 All that is kept are whole numbers: histograms, sums, sums of products, in integers that cannot overflow. So the
 statistics of a set of runs do not depend on the blocks in which they came, on their order, or on who made them.
@@ -33,11 +33,11 @@ class EnsembleStatistics:
     """Statistics of the counts of many independent runs on one grid of times; the runs are not kept.
 
     times : (T,) tu, rising
-    runs, asked : made, and asked for; fewer were made where someone interrupted
+    runs, asked : numbers of runs made and requested; fewer are made after Ctrl-C
     low, high : (T, S) smallest and largest counts seen
-    shift, origin, histogram : runs (T, S, bins) in bins of 2**shift counts (T, S); the first is number `origin`. Bins
-        are one count wide where the range allows: then nothing is rounded
-    sums : (T, S), products : (T, P), exact integers: of the counts, and of the counts of each pair of species
+    shift, origin, histogram : numbers of runs (T, S, bins) in bins of 2**shift counts (T, S), the first of which is
+        number `origin`. Bins are one count wide where the range allows, and then nothing is rounded
+    sums, products : exact integers: sums of the counts (T, S), and of the products of each pair of species (T, P)
     pairs : (2, P) the species of the pairs
     """
 
@@ -56,7 +56,7 @@ class EnsembleStatistics:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all runs that were asked for were made."""
+        """Whether all requested runs were made."""
         return self.runs == self.asked
 
     def mean(self) -> Floats:
@@ -107,7 +107,7 @@ class EnsembleStatistics:
         return np.clip(middle, self.low, self.high).astype(float)
 
     def quantile_error(self) -> Ints:
-        """By how many counts (T, S) a quantile may be off: 0 where bins are one count wide, else half their width."""
+        """Largest error of a quantile, counts (T, S): 0 where bins are one count wide, else half their width."""
         return (1 << self.shift) // 2
 
     def marginal(self, species: str) -> Floats:
@@ -147,7 +147,7 @@ class EnsembleStatistics:
         return Marginal(species, float(time), first, width, found / self.runs, low, high, level)
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
-        """Statistics of the runs of both: other runs of the same network at the same times."""
+        """Statistics of the runs of both, which must be different runs of one network at the same times."""
         if self.network.fingerprint != other.network.fingerprint:
             raise ValueError("these are statistics of different networks; merge those of one")
         if not np.array_equal(self.times, other.times):
@@ -160,7 +160,7 @@ class EnsembleStatistics:
         return tally.statistics(self.asked + other.asked)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a time and species."""
+        """One row per time and species."""
         import pandas as pd
 
         names = self.network.species
@@ -171,7 +171,7 @@ class EnsembleStatistics:
         return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
 
     def plot(self, ax: Any) -> Any:
-        """Means with the band that holds the middle 95 % of runs; returns `ax`."""
+        """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)

@@ -1,4 +1,4 @@
-"""Exact stochastic simulation: one file a method."""
+"""Exact stochastic simulation, one file per method."""
 
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod

@@ -1,4 +1,4 @@
-"""The quickest exact method for a network, by costs that were measured."""
+"""Choice of the exact method that costs least on a network, by measured costs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from kinetics.sampling.exact_methods import EXACT_METHODS
 
 @dataclass(frozen=True)
 class Auto(SamplingMethod):
-    """The exact method whose events are expected to cost least, of those that take the network. Exact.
+    """The exact sampling method whose events are expected to cost least, among those that take the network.
 
-    many : expect ensembles, for which runs can be made side by side; False for a few long runs
+    many : expect ensembles, whose runs can be made side by side; False for a few long runs
 
-    Choose it unless you know better: it costs at most 1.2 times what the best method does on a spread of networks (see
+    Choose it unless you know better: it cost at most 1.2 times as much as the best method on a range of networks (see
     `tests/benchmarks/bench_auto_ssa.py`). The choice depends on the network and on `many` alone, so the same seed gives
-    the same runs however many are asked for, at whatever times; they are those of the method chosen, to the last bit.
+    the same runs for any number of runs and any grid of times; they are those of the chosen method, to the last bit.
     """
 
     many: bool = True
@@ -28,7 +28,7 @@ class Auto(SamplingMethod):
     takes_events: ClassVar[bool] = True
 
     def choose(self, network: Network) -> SamplingMethod:
-        """The method for this network; a ValueError where none takes it."""
+        """The method chosen for this network; a ValueError where none takes it."""
         size = NetworkSize.of(network)
         methods = [kind() for kind in EXACT_METHODS if self.many or not kind.is_for_ensembles]
         refusals = [method.refusal(network, size) for method in methods]

@@ -1,4 +1,4 @@
-"""What all sampling methods share: what each takes, the checks of what is asked, random streams, and threads."""
+"""The base of all sampling methods: their traits, checks of arguments, random streams and threads."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Sampler(Protocol):
 
 
 class SamplingMethod(ABC):
-    """A way to draw independent runs: a frozen class that holds its settings only.
+    """A method that draws independent runs: a frozen dataclass that holds nothing but its settings.
 
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
@@ -61,7 +61,7 @@ class SamplingMethod(ABC):
 
     @abstractmethod
     def prepared(self, network: Network) -> Sampler:
-        """The network, which the traits allow, made ready."""
+        """The network made ready for sampling; the traits have been checked."""
 
     def cost(self, size: NetworkSize) -> float:  # noqa: ARG002
         """Processor time of an event, ns, as measured on long runs; inf keeps `auto` from choosing the method."""

@@ -1,4 +1,4 @@
-"""What the cost of an exact sampling method depends on."""
+"""The measures of a network that decide what an exact sampling method costs."""
 
 from __future__ import annotations
 

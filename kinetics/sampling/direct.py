@@ -1,4 +1,4 @@
-"""Gillespie's direct method: exact trajectories, one event after the other."""
+"""Gillespie's direct method: exact trajectories, one event after another."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ BUFFER = 4096  # events a sampled path grows by
 
 @dataclass(frozen=True)
 class Direct(SamplingMethod):
-    """Direct method (Gillespie 1977, doi:10.1021/j100540a008). Exact; an event costs about 25 ns and 2.1 ns a channel.
+    """The direct method (Gillespie 1977, doi:10.1021/j100540a008), an exact sampling method.
 
-    Choose it for networks of up to some tens of channels: no exact method is quicker for single runs. Where that costs
-    less, an event updates only the propensities that it changed, by a dependency graph as of Gibson & Bruck (2000,
-    doi:10.1021/jp993732q); the runs are the same, to the last bit.
+    An event costs about 25 ns plus 2.1 ns per channel. Choose it for single runs of networks with up to some tens of
+    channels, where no other exact method here is faster. Where it is cheaper, an event updates only the propensities
+    that it changed, by a dependency graph like that of Gibson & Bruck (2000, doi:10.1021/jp993732q); the runs are the
+    same, to the last bit.
     """
 
     name: ClassVar[str] = "ssa"

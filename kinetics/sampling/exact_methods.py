@@ -1,4 +1,4 @@
-"""The tuple of the exact sampling methods; command line, `auto`, hard cases and contract tests read it."""
+"""The tuple of the exact sampling methods, read by the command line, `auto`, hard cases and contract tests."""
 
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 

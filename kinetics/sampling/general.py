@@ -1,4 +1,4 @@
-"""Exact runs under any rate law, time-dependent ones by thinning, and with events."""
+"""Exact runs under any rate law, with thinning where rates depend on time, and with events."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class General(SamplingMethod):
-    """The direct method over rate laws of any form, and thinning where they depend on the time. Exact.
+    """The direct method for rate laws of any form, with thinning where they depend on time; an exact sampling method.
 
     Thinning (Lewis & Shedler 1979, doi:10.1002/nav.3800260304) draws candidates at the rate of an upper bound of the
-    propensities and keeps each with the probability that is right. Bounds come from the rate laws themselves, by
-    interval arithmetic over windows of time that adapt: exact, without a bound or a step from the user. Choose it for
-    rate laws and events. A mass-action network gets the runs of `Direct`, to the last bit, at a higher cost.
+    propensities and keeps each with the ratio of the true rate to the bound as its probability. Bounds come from the
+    rate laws themselves, by interval arithmetic over windows of time that adapt, so the user supplies neither a bound
+    nor a step. Choose it for rate laws and events. A mass-action network gets the runs of `Direct`, to the last bit, at
+    a higher cost.
     """
 
     name: ClassVar[str] = "general"

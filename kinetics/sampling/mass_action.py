@@ -1,4 +1,4 @@
-"""The propensities of a network as the kernels of the quick methods read them.
+"""The propensities of a mass-action network, in the form that the fast kernels read.
 
 They evaluate the one form that mass action of any order takes, see `MassAction`. Other laws are programs for the
 kernel of the method `general`.

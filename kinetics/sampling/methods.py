@@ -1,4 +1,4 @@
-"""Runs by any sampling method."""
+"""Runs and paths by any sampling method: `simulate` and `sample_path`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def simulate(
 ) -> Ensemble:
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
-    All counts of all runs, (runs, T, S): where those are too many, `simulate_statistics` keeps what is known of them.
+    The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
+    statistics alone.
     """
     return method.simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
@@ -32,7 +33,8 @@ def simulate(
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
-    By the first of `EXACT_METHODS` that takes the network: the direct method, or thinning under other rate laws.
+    The method is the first of `EXACT_METHODS` that takes the network: the direct method under mass action, `General`
+    under other rate laws.
     """
     method = next(method for kind in EXACT_METHODS if (method := kind()).takes(network))
     return method.sample_path(network, initial, end, seed=seed, run=run)

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartialPropensities(SamplingMethod):
-    """Partial propensities (Ramaswamy et al. 2009, doi:10.1063/1.3154624), with thinning. Exact.
+    """The partial-propensity method (Ramaswamy et al. 2009, doi:10.1063/1.3154624), an exact sampling method.
 
-    Choose it where many channels couple few species, as in polymerisation: the cost of an event grows with the number
-    of species, not of channels. An event costs about 105 ns and 0.4 ns a species. For channels of at most
-    two reactants.
+    It takes channels of at most two reactants. Choose it where many channels couple few species, as in polymerisation:
+    the cost of an event grows with the number of species, not of channels, and is about 105 ns plus 0.4 ns per species.
+    Rounding of the running sums is made harmless by thinning.
     """
 
     name: ClassVar[str] = "partial"

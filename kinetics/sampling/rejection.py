@@ -1,4 +1,4 @@
-"""Composition and rejection: exact trajectories of networks with very many channels."""
+"""Composition-rejection: exact trajectories of networks with very many channels."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or 
 
 @dataclass(frozen=True)
 class CompositionRejection(SamplingMethod):
-    """Composition and rejection over groups of channels. Exact.
+    """Composition-rejection over groups of channels, an exact sampling method.
 
-    Slepoy et al. (2008), doi:10.1063/1.2919546; groups by Ramaswamy & Sbalzarini (2010).
+    Source: Slepoy et al. (2008), doi:10.1063/1.2919546; groups as in Ramaswamy & Sbalzarini (2010),
+    doi:10.1063/1.3297948.
 
-    Choose it for hundreds of channels and more, each event changing a few of them: the cost of an event grows with
-    those, not with the number of channels.
+    Choose it for networks of hundreds of channels and more of which an event affects only a few: the cost of an event
+    grows with these few, not with the number of channels.
     """
 
     name: ClassVar[str] = "rejection"

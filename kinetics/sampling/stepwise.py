@@ -1,4 +1,4 @@
-"""Runs made step by step by a kernel that reads its random numbers from buffers."""
+"""Samplers whose kernel advances a run step by step and reads its random numbers from buffers."""
 
 from __future__ import annotations
 

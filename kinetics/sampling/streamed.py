@@ -1,4 +1,4 @@
-"""Ensembles of any size in memory that does not grow with it."""
+"""Statistics of ensembles of any size, in memory that does not grow with it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def simulate_statistics(
     covariances: bool | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> EnsembleStatistics:
-    """Statistics of the runs that `simulate` would give, made in blocks and let go.
+    """Statistics of the runs that `simulate` would give; runs are made in blocks and not kept.
 
-    first_run : number of the first run, as of the method's own `simulate`
+    first_run : number of the first run, as in the method's own `simulate`
     covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
     progress : called with the number of runs done, after each block
     The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the blocks that were

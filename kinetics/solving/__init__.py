@@ -1,4 +1,4 @@
-"""Solution of the master equation: the probability of every state over time, one file a method."""
+"""Solution of the master equation: the probability of every state over time, one file per method."""
 
 from kinetics.solving.base import SolvingMethod
 from kinetics.solving.dense import Dense

@@ -13,7 +13,7 @@ from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 
 
 class SolvingMethod(ABC):
-    """Computes the probability of every state at given times, without sampling.
+    """A method that computes the probability of every state at given times, without sampling.
 
     To add a method:
 

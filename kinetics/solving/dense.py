@@ -1,4 +1,4 @@
-"""The matrix exponential of a generator by scaling and squaring without subtractions, for small and stiff chains."""
+"""The exponential of a generator by scaling and squaring without subtractions, for small and stiff chains."""
 
 from __future__ import annotations
 
@@ -28,20 +28,22 @@ OTHER_UNIT = 0.7  # makes q smaller, so the step that was short enough still is
 
 @dataclass(frozen=True)
 class Dense(SolvingMethod):
-    """Non-negative scaling and squaring: every probability comes with its own relative accuracy, at any stiffness.
+    """The matrix exponential by non-negative scaling and squaring, for small chains of any stiffness.
 
-    exp(Q h) of a short step by a Taylor series of a positive matrix, then squared. Products of positive numbers lose
-    nothing; after each squaring the diagonal is set to what the row needs to sum to one, as Grassmann, Taksar & Heyman
-    do in elimination, so that mass is kept and the errors of the entries do not double.
+    exp(Q h) for a short step h is the Taylor series of a positive matrix, which is then squared repeatedly. Products
+    and sums of positive numbers do not cancel, so every probability keeps its own relative accuracy. After each
+    squaring the diagonal is set to what its row needs to sum to one, as Grassmann, Taksar & Heyman do in elimination,
+    so that mass is kept and the errors of the entries do not double.
 
-    max_states : more are refused
-    certified_states : up to so many the error is a proven bound, by a second solution in fixed point that takes some
-        twenty times as long; above, an estimate, by a second solution in another unit of time. Of rates that come from
-        rate laws, whose own roundings are not known, it is an estimate as well.
+    max_states : larger chains are refused
+    certified_states : up to this many states the error is a proven bound, from a second solution in fixed-point
+        arithmetic that takes about twenty times as long; above, it is an estimate, from a second solution in another
+        unit of time. It is also an estimate where rates come from rate laws, whose own rounding is not known.
 
     Source: Xue & Ye (2013), doi:10.1090/S0025-5718-2013-02677-4, and Grassmann, Taksar & Heyman (1985),
-    doi:10.1287/opre.33.5.1107. Cost: the cube of the states times log2(fastest rate * last time), for any number of
-    times. Choose it for small chains with rates many decades apart, or for tiny probabilities with all their digits.
+    doi:10.1287/opre.33.5.1107. Cost: the cube of the number of states times log2(fastest rate * last time), for any
+    number of times. Choose it for small chains with rates many decades apart, or for tiny probabilities to full
+    relative accuracy.
     """
 
     name: ClassVar[str] = "dense"

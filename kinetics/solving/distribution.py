@@ -1,4 +1,4 @@
-"""The answer of a solving method: the probability of every state at each time, with a bound on its error."""
+"""The result of a solving method: the probability of every state at each time, with its error."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Probability of every state at each time.
+    """The probability of every state at each time, with its error.
 
     times : (T,) tu
     probabilities : (T, N), none negative
-    error : the summed absolute error at any time is below this: truncation, rounding, and rounding of the rates
-    is_bound : whether that is proven; else `error` is an estimate, as for rates from rate laws
-    is_complete : whether the space holds all reachable states; else what is missing is at most `error`
+    error : limit on the absolute error summed over all states, at any time, from truncation, rounding, and the rounding
+        of the rates
+    is_bound : whether `error` is a proven bound; otherwise it is an estimate, as for rates from rate laws
+    is_complete : whether the space holds all reachable states; otherwise the missing probability is at most `error`
     """
 
     space: StateSpace
@@ -53,7 +54,7 @@ class Distribution:
         return self.probabilities @ self.space.states
 
     def mean_bounds(self) -> tuple[Floats, Floats]:
-        """Between which the mean counts (T, S) lie; no upper bound where the space is not complete."""
+        """Lower and upper limits of the mean counts (T, S); no upper limit (inf) where the space is not complete."""
         mean, top = self.mean(), self.space.states.max(axis=0)
         # At worst all of the error is on the largest count; and a sum of N positive terms rounds.
         slack = (self.error + SLACK * len(self.space)) * top
@@ -71,7 +72,7 @@ class Distribution:
         return np.stack([(away.T * p) @ away for away, p in self._about_the_mean()])
 
     def covariance_bounds(self) -> tuple[Floats, Floats]:
-        """Between which the covariances (T, S, S) lie; without limits where the space is not complete."""
+        """Lower and upper limits of the covariances (T, S, S); no finite limits where the space is not complete."""
         value = self.covariance()
         spans = np.stack([np.abs(away).max(axis=0) for away, _ in self._about_the_mean()])
         # At worst all of the error is on the state farthest out, and it moves the mean.
@@ -98,12 +99,12 @@ class Distribution:
         return self.probabilities[:, row] if row >= 0 else np.zeros(self.times.size)
 
     def probability_bounds(self, state: ArrayLike) -> tuple[Floats, Floats]:
-        """Between which the probability (T,) of one state lies."""
+        """Lower and upper limits of the probability (T,) of one state."""
         value = self.probability(state)
         return np.maximum(value - self.error, 0.0), np.minimum(value + self.error, 1.0)
 
     def quantile(self, q: float) -> Floats:
-        """Smallest counts (T, S) with at least probability q at or below them."""
+        """Quantiles (T, S): the smallest counts with a probability of at least q at or below them."""
         if not 0 <= q <= 1:
             raise ValueError(f"q = {q}; expected a probability")
         columns = []
@@ -113,7 +114,7 @@ class Distribution:
         return np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)).astype(float)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a time and species: mean and standard deviation of the counts."""
+        """One row per time and species: mean and standard deviation of the counts."""
         import pandas as pd
 
         names = self.network.species
@@ -127,7 +128,7 @@ class Distribution:
         )
 
     def plot(self, ax: Any) -> Any:
-        """Means with the band that holds the middle 95 %; returns `ax`."""
+        """Plot the means, with bands of the middle 95 % of the probability; returns `ax`."""
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)

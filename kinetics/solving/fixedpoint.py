@@ -1,4 +1,4 @@
-"""Matrices in fixed point: digits that are whole numbers, multiplied by BLAS without any rounding.
+"""Matrices in fixed-point arithmetic: digits that are whole numbers, multiplied by BLAS without rounding.
 
 A number is the sum over d of digit[d] * 2**(-bits * d). Digits are doubles that hold whole numbers up to half the base,
 so short that sums of their products stay below 2**53: whatever the order in which a library adds them, they are exact

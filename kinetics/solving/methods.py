@@ -1,4 +1,4 @@
-"""The tuple of all solving methods, and the master equation solved by any of them."""
+"""The tuple of all solving methods, and `solve`, the master equation by any of them."""
 
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 
@@ -19,5 +19,5 @@ SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMet
 
 
 def solve(network: Network, method: SolvingMethod, initial: ArrayLike, times: ArrayLike) -> Distribution:
-    """Probability of every state at `times` (T,), tu, without sampling; as `method.solve`."""
+    """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`."""
     return method.solve(network, initial, times)

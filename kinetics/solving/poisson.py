@@ -1,4 +1,4 @@
-"""Poisson probabilities over a window of numbers, with a bound on their error."""
+"""Poisson probabilities over a window of counts, with a bound on their error."""
 
 from __future__ import annotations
 

@@ -33,21 +33,22 @@ WINDOW_SECONDS = 1e-3  # that a window takes however few its states, on a common
 
 @dataclass(frozen=True)
 class FiniteStateProjection(SolvingMethod):
-    """Probabilities on a set of states that follows the probability; the space may be without end.
+    """Finite state projection: the master equation on a finite set of states that moves with the probability.
 
-    In windows of time, mass that leaves the set is lost to a sink; where that is too much, the states from which it
-    flowed are extended and the window is done again. After a window those states are dropped that hold little mass and
-    that little mass went through, so that bottlenecks stay. Once the distribution has settled it is kept as it is.
+    The state space may be infinite. Time is cut into windows. Mass that leaves the set within a window is lost to a
+    sink; where too much is lost, the set is extended around the states from which it flowed and the window is done
+    again. After a window, states are dropped if they hold little mass and little mass went through them, so that
+    bottlenecks stay. Once the distribution has settled it is kept as it is.
 
-    The error is proven, but for rates that come from rate laws, whose own roundings are not known.
+    The error is a proven bound, except for rates that come from rate laws, whose own rounding is not known.
 
     Source: Munsky & Khammash (2006), doi:10.1063/1.2145882, with sets that move. Cost: about (exit rate of the likely
     states) * (last time) steps over their transitions. Choose it where more states can be reached than can be listed,
     or far more than are likely.
 
     tolerance : largest probability that may be lost, or shift after the distribution has settled, until the last time
-    max_states : of the set, and of all sets together; more are refused
-    max_seconds : what would take longer, by a rough estimate, is refused once that can be foretold: after a fiftieth
+    max_states : largest size of one set, and of all sets together; more states are refused
+    max_seconds : work estimated to take longer is refused; the estimate is made after a fiftieth of the work allowed
     """
 
     name: ClassVar[str] = "fsp"
@@ -58,7 +59,7 @@ class FiniteStateProjection(SolvingMethod):
     max_seconds: float = 7200.0
 
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
-        """Probabilities of the states that matter; `error` is all that was lost, the last drift, and rounding."""
+        """Probabilities of the states kept; `error` is the lost probability, the last drift, and rounding."""
         front = _Front(network, start, grid, self)
         while front.time < grid[-1]:
             try:

@@ -43,10 +43,10 @@ class Transitions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """States of a network: all that can be reached from the first one, or those that a projection kept.
+    """The states of a network: all that can be reached from the first one, or those that a projection kept.
 
-    states : (N, S) counts, none twice; row 0 is the initial state
-    is_stopped : (N,) bool, states that the chain never leaves because they are targets
+    states : (N, S) counts, all different; row 0 is the initial state
+    is_stopped : (N,) bool, whether the chain stops in a state because it is a target
     """
 
     network: Network
@@ -84,7 +84,7 @@ class StateSpace:
         return rows.reshape(asked.shape[:-1])
 
     def transitions(self) -> Transitions:
-        """Every channel in every state, one entry each; channels that change nothing are left out."""
+        """All transitions, one entry per state and channel; channels that change nothing are left out."""
         from kinetics.kernels import exploration
 
         network, table = self.network, self._table
@@ -128,11 +128,12 @@ def reachable(
     stop: Callable[[Ints], NDArray[np.bool_]] | None = None,
     max_states: int = MAX_STATES,
 ) -> StateSpace:
-    """State space of `network` from `initial`, breadth first.
+    """The state space of `network` from `initial`, enumerated breadth first.
 
-    stop : function of states (n, S), which of them the chain never leaves (n,), as the targets of a passage
-    max_states : more than that are refused
-    Channels whose rate is known to be 0 lead nowhere.
+    stop : function of states (n, S) that says in which of them (n,) the chain stops, such as the targets of a passage
+    max_states : larger spaces are refused
+
+    Channels whose rate is known to be 0 are ignored.
     """
     search = Search(network, network.state(initial)[None, :], max_states)
     if stop is None:

@@ -1,4 +1,4 @@
-"""The transient solution of dp/dt = p Q over all reachable states by uniformisation, with a proven bound."""
+"""The transient solution of dp/dt = p Q over all reachable states, by uniformisation, with a bound on its error."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays smal
 
 @dataclass(frozen=True)
 class Transient(SolvingMethod):
-    """Transient solution over all reachable states by uniformisation; no sampling, no truncated states.
+    """The transient solution over all reachable states by uniformisation, without sampling or truncation of states.
 
-    tolerance : largest probability that uniformisation may leave out at a time
-    max_states : more reachable states are refused
-    max_seconds : what would take longer, by a rough estimate, is refused before it starts
+    tolerance : largest probability that uniformisation may leave out at any time
+    max_states : networks with more reachable states are refused
+    max_seconds : work roughly estimated to take longer is refused before it starts
 
     Source: Jensen (1953), doi:10.1080/03461238.1953.10419459; weights after Fox & Glynn (1988),
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
     times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
-    of up to 2000 states go to `Dense`, whose error is proven up to 500 states and an estimate above. Where rates come
-    from rate laws, whose own roundings are not known, the error is an estimate.
+    of up to 2000 states are solved by `Dense`, whose error is proven up to 500 states and an estimate above. Where
+    rates come from rate laws, whose own rounding is not known, the error is an estimate.
     """
 
     name: ClassVar[str] = "exact"

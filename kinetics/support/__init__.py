@@ -1,1 +1,1 @@
-"""Support for all rooms: arrays, files, memory, plots, tables and the command line."""
+"""Support used by all packages: arrays, files, memory, plots, tables and the command line."""

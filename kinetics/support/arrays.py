@@ -1,4 +1,4 @@
-"""Checks of arrays from outside, once, for shape, kind and range; the result is read-only."""
+"""Checks of arrays that come from outside: shape, kind and range; the result is read-only."""
 
 from __future__ import annotations
 

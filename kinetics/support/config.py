@@ -1,4 +1,4 @@
-"""TOML files that a person edits: read within limits, validated with messages that say what to do."""
+"""TOML files that a person edits, read within limits and validated, with messages that say what to do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Families: the members of a tuple are the classes that its file imports, so that adding one is one line."""
+"""Families: tuples of the classes that a file imports, so that adding a member takes one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Intervals of rates and of means, and draws of rates: each known in one way, wherever it is asked for."""
+"""Intervals of rates and of means, and random draws of rates, defined once for all modules."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ def exact_limits(
 ) -> tuple[Floats, Floats]:
     """Lower and upper limits of the rates behind counts `events`, in units of 1 / exposure.
 
-    fixed : what was chosen beforehand. `exposure`: runs of a given length (Garwood 1936; finite also for no event).
-        `events`: watching went on until that many events had happened (chi-square with 2 n degrees of freedom).
+    fixed : what was chosen beforehand: `exposure` for runs of a given length (Garwood 1936,
+        doi:10.1093/biomet/28.3-4.437; finite also for no events), or `events` for observation until that many events
+        had happened (chi-square with 2 n degrees of freedom)
 
-    Exact where the exposure itself is fixed; approximate where it follows from the path, with a coverage near the level
-    once there are some ten events. (0, inf) where there is no exposure.
+    The limits are exact where the exposure itself is fixed. They are approximate where it follows from the path, with a
+    coverage near the level once there are about ten events. They are (0, inf) where there is no exposure.
     """
     from scipy.special import gammainccinv, gammaincinv
 

@@ -1,4 +1,4 @@
-"""Lazy imports: names of a package that are imported at their first use."""
+"""Lazy imports: names of a package that are imported when they are first used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plots onto given axes, from arrays and names; nothing here computes."""
+"""Plots of arrays and names onto given axes; nothing here computes."""
 
 from __future__ import annotations
 

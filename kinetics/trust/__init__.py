@@ -1,4 +1,4 @@
-"""Why the numbers can be believed: verification, hard cases, accuracy against cost."""
+"""Evidence that the results are right: verification, hard cases, and accuracy against cost."""
 
 from kinetics.trust.verification import Verification, verify
 

@@ -52,10 +52,10 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """The outcome of all checks.
+    """The outcome of all checks of a sampler.
 
-    false_alarm : probability that a right sampler fails any of them, at most
-    error : of the exact probabilities, allowed for
+    false_alarm : largest probability that a correct sampler fails any check
+    error : error of the exact probabilities, which the checks allow for
     """
 
     method: str
@@ -67,12 +67,12 @@ class Verification:
 
     @property
     def failures(self) -> tuple[Check, ...]:
-        """The checks that failed, worst first."""
+        """The checks that failed, the worst first."""
         return tuple(sorted((c for c in self.checks if c.severity > 1), key=lambda c: -c.severity))
 
     @property
     def passed(self) -> bool:
-        """Whether all went well."""
+        """Whether no check failed."""
         return not self.failures
 
     def __str__(self) -> str:
@@ -98,11 +98,12 @@ def verify(
 ) -> Verification:
     """Check runs of `method` against the exact probabilities at `times` (T,), tu.
 
-    solver : Transient() unless another is given; FiniteStateProjection() where the space is without end
+    solver : Transient() by default; give FiniteStateProjection() where the state space is infinite
 
-    Checked: the probability of every state that is likely enough, the distribution function of every species, means and
-    mean products of all species at each time and of one time with the next, and, where the method shows its events,
-    that waits times exit rates are exponential, down to steps that 32-bit random numbers cannot make.
+    The checks are of the probability of every state that is likely enough, of the distribution function of every
+    species, of means and mean products of all species at each time and from one time to the next, and, where the method
+    gives its events, of waits times exit rates, which must be exponential, down to steps too fine for 32-bit random
+    numbers.
     """
     grid = rising_times(times)
     n = whole_number("runs", runs, 100)

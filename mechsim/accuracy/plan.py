@@ -1,4 +1,4 @@
-"""The settings compared in a work-precision diagram: numerical ones with a reference, the model's with the scene."""
+"""The settings that a work-precision diagram compares: numerical ones with a reference, the model's with the scene."""
 
 from __future__ import annotations
 

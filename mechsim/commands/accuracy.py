@@ -15,28 +15,39 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scene")
-@click.option("--cubes", type=click.IntRange(min=2), default=120, show_default=True, help="Single cubes in the tank.")
-@click.option("--duration", type=float, default=50.0, show_default=True, help="Simulated time of a run, tu.")
+@click.option(
+    "--cubes",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=120,
+    show_default=True,
+    help="Number of single cubes in the tank.",
+)
+@click.option(
+    "--duration", metavar="T", type=float, default=50.0, show_default=True, help="Simulated time of a run, tu."
+)
 @click.option(
     "--rounds",
+    metavar="N",
     type=click.IntRange(min=1),
     default=4,
     show_default=True,
-    help="Runs at each step; other settings get half as many.",
+    help="Number of runs at each time step; other settings get half as many.",
 )
 @click.option(
     "--budget",
+    metavar="MINUTES",
     type=click.FloatRange(min=0, min_open=True),
     default=20.0,
     show_default=True,
-    help="CPU minutes that this call may take.",
+    help="CPU time allowed, minutes; the same command again goes on from there.",
 )
 @click.option(
     "--presets",
     "presets_file",
     metavar="FILE",
     callback=in_a_folder,
-    help="Write the presets that the diagram gives as TOML.",
+    help="Write the presets that follow from the diagram to this TOML file.",
 )
 @runs_option
 @csv_option
@@ -60,11 +71,11 @@ def mechanics(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Work-precision diagram of SCENE: error of mean speed and encounter rate against CPU time, setting by setting.
+    """Measure the error of SCENE's mean speed and encounter rate against CPU time, setting by setting.
 
-    Bonds are not made; encounters of faces are counted instead. Errors are relative to the scene at a quarter of its
-    step and four times its solver iterations. The same call again uses the runs that it finds, and goes on where a
-    budget ended. Exit code 4: some trials were given up.
+    The result is a work-precision diagram. No bonds form; encounters of faces are counted instead. Errors are relative
+    to the scene at a quarter of its step and four times its solver iterations. The same command again reuses the runs
+    that it finds and goes on where the budget ended. Exit code 4: some trials were given up.
     """
     from mechsim.accuracy.diagram import measure
     from mechsim.accuracy.preset import choose

@@ -22,27 +22,30 @@ PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tent
 progress_option = click.option("--progress/--quiet", default=None, help="Show progress.  [default: only on a terminal]")
 _timeout_option = click.option(
     "--timeout",
+    metavar="SECONDS",
     type=click.FloatRange(min=0, min_open=True),
     default=PATIENCE,
     show_default=True,
-    help="Time without progress after which a run is ended, s; it is tried three times.",
+    help="Wall time without progress after which a run is ended, s; a run is tried three times in all.",
 )
 runs_option = click.option(
     "--runs-folder",
     default="runs",
     show_default=True,
+    metavar="FOLDER",
     type=click.Path(file_okay=False),
-    help="Folder where runs are kept; a run that is there is not made again.",
+    help="Folder in which runs are kept; a run that is already there is not made again.",
 )
 _shard_option = click.option(
     "--shard",
     metavar="K/N",
-    help="For job arrays: make only the K-th of N shares of the runs; the same command without it then finds all.",
+    help="For job arrays: make only the K-th of N shares of the runs; when all shares are done, the same command "
+    "without it finds every run.",
 )
 _missing_option = click.option(
     "--missing",
     is_flag=True,
-    help="Make no run: list those that are not in the folder. Exit code 4: some are missing.",
+    help="Make no runs; list those that are not in the folder. Exit code 4: some are missing.",
 )
 
 

@@ -32,16 +32,22 @@ def out_of(ctx: click.Context, param: click.Parameter, value: str) -> str:
     required=True,
     metavar="FILE",
     callback=out_of,
-    help="A strip of pictures (.png .pdf .svg), a film (.mp4 .gif), or an interactive view (.html).",
+    help="The file to write: a strip of pictures (.png .pdf .svg), a film (.mp4 .gif), or an interactive view (.html).",
 )
 @click.option(
     "--frames",
+    metavar="N",
     type=click.IntRange(min=1),
     help="Largest number of frames.  [default: 5 in a strip, up to 300 in a film]",
 )
 @click.option("--faces", is_flag=True, help="Colour faces by type instead of structures by size.")
 @click.option(
-    "--fps", type=click.FloatRange(min=0.1, max=60), default=15.0, show_default=True, help="Frames a second of a film."
+    "--fps",
+    metavar="RATE",
+    type=click.FloatRange(min=0.1, max=60),
+    default=15.0,
+    show_default=True,
+    help="Frames per second of a film.",
 )
 @runs_option
 @progress_option

@@ -1,4 +1,4 @@
-"""The command `wellmixed replay`: a stored run made again, with a close look at its end."""
+"""The command `wellmixed replay`: a stored run carried out again, with a close look at its end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,12 @@ DIFFERENT = 4  # exit code: not the same happened
 @click.command()
 @click.argument("file", type=click.Path(exists=True, dir_okay=False))
 @click.option(
-    "--last", type=click.IntRange(min=1), default=40, show_default=True, help="Number of last steps to look at."
+    "--last",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=40,
+    show_default=True,
+    help="Number of last steps to look at.",
 )
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
 @click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end.")
@@ -20,8 +25,8 @@ DIFFERENT = 4  # exit code: not the same happened
 def replay(file: str, last: int, poses: str | None, picture: str | None, as_json: bool) -> None:
     """Replay the run in FILE (KEY.run of a runs folder) and look at its last steps.
 
-    A run that the guard stopped holds all that decides what happened, so its end can be seen from here: the table is of
-    the cube whose body moves and turns most. Exit code 4: not the same happened.
+    A stored run, also one that the guard stopped, holds all inputs that decide what happens, so it can be made again.
+    The table follows the cube whose body moves and turns most. Exit code 4: the replay differs from the stored run.
     """
     from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The command `wellmixed simulate`: runs of the mechanics, kept as they are made."""
+"""The command `wellmixed simulate`: mechanics runs, each stored when it is finished."""
 
 from __future__ import annotations
 
@@ -19,20 +19,26 @@ if TYPE_CHECKING:
 @click.argument("scene")
 @click.option(
     "--cubes",
+    metavar="N",
     type=click.IntRange(min=1),
-    help="Start from this many single cubes, the seed among them if there is one.",
+    help="Start from this many single cubes, including the seed if there is one.",
 )
 @click.option(
     "--initial",
     metavar="SPECIES=COUNT,...",
     help="Start from these structures: monomer=20,dimer=20, or monomer=100,seed=1.",
 )
-@click.option("--duration", type=float, default=200.0, show_default=True, help="Simulated time of a run, tu.")
-@click.option("--runs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of runs.")
+@click.option(
+    "--duration", metavar="T", type=float, default=200.0, show_default=True, help="Simulated time of a run, tu."
+)
+@click.option("--runs", metavar="N", type=click.IntRange(min=1), default=1, show_default=True, help="Number of runs.")
 @click.option("--restart", is_flag=True, help="Reset the tank to its initial state after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
 @click.option(
-    "--poses", type=float, help="Interval at which the poses of all cubes are recorded, tu.  [default: never]"
+    "--poses",
+    metavar="T",
+    type=float,
+    help="Interval at which the poses of all cubes are recorded, tu.  [default: never]",
 )
 @click.option(
     "--picture",
@@ -45,15 +51,15 @@ if TYPE_CHECKING:
     "growth_file",
     metavar="FILE",
     callback=picture_of,
-    help="Draw the largest structures of the first run so far, each with the time when it formed.",
+    help="Draw how the largest structure of the first run grew, each stage with the time at which it formed.",
 )
 @click.option(
     "--preset",
     metavar="NAME",
-    help="Numerical settings draft, standard or reference (or FILE.toml:NAME), whose error and cost were measured for "
+    help="Numerical settings: draft, standard or reference (or FILE.toml:NAME), whose error and cost were measured for "
     "the scene.  [default: the scene's own step]",
 )
-@click.option("--bill", "as_bill", is_flag=True, help="Make no runs: report what each part of a step costs.")
+@click.option("--bill", "as_bill", is_flag=True, help="Make no runs; report what each part of a step costs.")
 @plot_option
 @run_options
 @seed_option
@@ -79,7 +85,7 @@ def simulate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Simulate SCENE by rigid-body mechanics: cubes in an agitated tank that stick together by rules.
+    """Simulate SCENE by rigid-body mechanics: cubes in an agitated tank that bond by rules.
 
     SCENE is a shipped scene (line4, t5, pyramid45) or a TOML file. Every run is kept in the runs folder under the hash
     of its inputs, and the same command again makes only those that are missing. Exit code 4: some runs were stopped by

@@ -18,17 +18,24 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("study")
-@click.option("--runs", type=click.IntRange(min=1), help="Runs at each point.  [default: the study's]")
+@click.option(
+    "--runs", metavar="N", type=click.IntRange(min=1), help="Number of runs at each point.  [default: the study's]"
+)
 @click.option(
     "--points",
     "choices",
     multiple=True,
     metavar="FACTOR=LEVEL,...",
-    help="Only the points with these levels; may be repeated for other factors.",
+    help="Use only the points with these levels; may be repeated, once for each factor.",
 )
-@click.option("--cost-only", is_flag=True, help="Predict the cost from a short trial of each point, and make no run.")
-@click.option("--collect", is_flag=True, help="Make no run: summarise those in the runs folder.")
-@click.option("--out", type=click.Path(file_okay=False), help="Folder for the tables (CSV) and the box plots (SVG).")
+@click.option("--cost-only", is_flag=True, help="Predict the cost from a short trial of each point, and make no runs.")
+@click.option("--collect", is_flag=True, help="Make no runs; summarise those in the runs folder.")
+@click.option(
+    "--out",
+    metavar="FOLDER",
+    type=click.Path(file_okay=False),
+    help="Folder for the tables (CSV) and the box plots (SVG).",
+)
 @run_options
 @seed_option
 @json_option
@@ -46,13 +53,13 @@ def study(
     seed: int,
     as_json: bool,
 ) -> None:
-    """First-passage time to the target against the factors of STUDY, a shipped study or a TOML file.
+    """Measure first-passage times to the target against the factors of STUDY, a shipped study or a TOML file.
 
-    Shipped are velocity, number, size, interactions (the paper's section V), scale and similarity. A short trial of
-    each point comes first, and with it the predicted cost. Runs end at the first target or at the study's cap; each is
-    kept in the runs folder, and the same command again makes only what is missing, also for another study that has the
-    same points. After Ctrl-C, --collect summarises what there is. Exit code 4: some runs were stopped by the guard or
-    given up.
+    The shipped studies are velocity, number, size and interactions (the paper's section V), scale and similarity. A
+    short trial of each point comes first and predicts the cost. A run ends at its first target or at the study's time
+    limit and is kept in the runs folder; the same command again, or another study with the same points, makes only
+    the runs that are missing. After Ctrl-C, --collect summarises the runs made so far. Exit code 4: some runs were
+    stopped by the guard or given up.
     """
     from mechsim.runs.ensemble import run_all
     from mechsim.runs.preflight import check_starts

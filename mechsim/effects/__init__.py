@@ -1,4 +1,4 @@
-"""The effects that a scene may list. Importing an effect here adds it to them."""
+"""The effects that a scene may list; an effect imported here is registered."""
 
 # ruff: noqa: F401 - the imports are the list
 

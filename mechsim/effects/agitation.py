@@ -11,11 +11,11 @@ from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
 class Agitation(Effect):
-    """Fluid velocity N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
+    """Agitation by fluid velocities N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
 
     The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical time
-    makes the motion independent of the integrator's step. Cost: one normal number a component, drag point and hold.
-    Choose it to compare with the paper.
+    makes the motion independent of the integrator's step. Cost: one normal random number per component, drag
+    point and hold. Choose it to compare with the paper.
 
     sigma : standard deviation of a component, length / tu
     hold : time for which a draw is held, tu; a whole number of steps
@@ -29,7 +29,7 @@ class Agitation(Effect):
     hold: float = Field(gt=0)
 
     def check(self, scene: ViewOfScene) -> None:
-        """The hold must be a whole number of steps."""
+        """Check that the hold is a whole number of steps."""
         super().check(scene)
         steps = self.hold / scene.numerics.step
         if steps < 0.5 or abs(steps - round(steps)) > 1e-9 * steps:
@@ -39,7 +39,7 @@ class Agitation(Effect):
             )
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
-        """Give the fluid a stream of its own."""
+        """Give the fluid a random stream of its own."""
         return _Agitating(self, world)
 
 

@@ -13,18 +13,18 @@ from mechsim.kernels.forces import attract
 
 
 class Attraction(Effect):
-    """F = strength / (1 + d / decay)^4 along the line between the centres of two faces d apart, none beyond `reach`.
+    """A short-range attraction F = strength / (1 + d / decay)^4 between the centres of two faces, d apart.
 
-    The force between two coaxial magnetic dipoles (~ 1 / distance^4) that sit `decay / 2` behind their faces, so that
-    it stays finite at contact; potential -strength decay / 3 / (1 + d / decay)^3. The paper's cubes attract each other
-    by magnets (section I, after White et al.) but its simulation has no such force: strength and range are the user's.
-    The faces that attract are those that the rules let bond as they are. The two impulses of a pair are equal and
-    opposite along one line, so linear and angular momentum are kept to rounding; one step never carries two faces past
-    each other, and hands over no more energy than the well still holds, at any step and strength.
+    It is the force between two coaxial magnetic dipoles (~ 1 / distance^4) that sit `decay / 2` behind their faces, so
+    that it stays finite at contact; potential -strength decay / 3 / (1 + d / decay)^3. The paper's cubes attract each
+    other by magnets (section I, after White et al.) but its simulation has no such force: strength and range are the
+    user's. Faces attract if the rules let them bond as they are. The two impulses of a pair are equal
+    and opposite along one line, so linear and angular momentum are kept to rounding; one step never carries two faces
+    past each other, and hands over no more energy than the well still holds, at any step and strength.
 
     strength : force at contact, mass length / tu^2
     decay : length at which the force has fallen to a sixteenth, length
-    reach : distance of the faces' centres beyond which there is none, length; at most half an edge
+    reach : distance of the faces' centres beyond which there is no force, length; at most half an edge
     """
 
     effect: Literal["attraction"] = "attraction"
@@ -35,7 +35,7 @@ class Attraction(Effect):
     reach: float = Field(default=0.05, gt=0)
 
     def check(self, scene: ViewOfScene) -> None:
-        """Within half an edge, faces that are not turned to each other cannot come."""
+        """Check the reach: faces that are not turned towards each other cannot come within half an edge."""
         super().check(scene)
         if self.reach > scene.cubes.edge / 2:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""Base classes of effects: the settings a scene lists, and the hooks they become in a running world."""
+"""Base classes of effects: the settings that a scene lists, and their hooks in a running world."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class FlowSource(Action):
 
 
 class Effect(Settings):
-    """One physical influence, as a scene describes it. Without it in the scene its physics is absent.
+    """One physical influence, as a scene describes it. If a scene does not list it, its physics is absent.
 
     A new effect is one file, named as the effect is, with a subclass whose `effect` field is that name, and one line in
     `mechsim/effects/__init__.py`, its import. tests/contracts/test_effects.py then tests what every effect must do, at
@@ -52,7 +52,7 @@ class Effect(Settings):
     example: ClassVar[dict[str, Any]] = {}  # settings without a default, as a scene may give them
 
     def check(self, scene: ViewOfScene) -> None:
-        """ValueError where the effect does not go with the rest of the scene."""
+        """Raise a ValueError if the effect does not fit the rest of the scene."""
         for need in self.needs:
             if scene.provider(need) is None:
                 raise ValueError(f"effect {self.effect!r} needs effect {need!r}, which the scene does not list")

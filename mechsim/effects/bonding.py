@@ -1,4 +1,4 @@
-"""Bonding of faces that meet and whose rules agree."""
+"""Bonding of faces that meet and whose rules allow it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mechsim.effects.view import ViewOfWorld
 
 
 class Bonding(Effect):
-    """Two faces that look at each other within reach bond if the rule book lets both cubes (paper, III and IV).
+    """Bonding of two faces that look at each other within reach, if the rule book allows it (paper, III and IV).
 
     capture_distance : largest gap between the cubes along the faces' bisecting normal, length
     capture_angle : smallest angle between the outward normals, degrees (paper: 135)
     sideways : largest offset of the cubes' centres across that normal, in edges
-    latch : what decides whether a capture becomes a bond
+    latch : the rule that decides whether a capture becomes a bond
 
     The smaller body snaps to the nearest of the four twists; momenta and the centre of mass are kept. A snap that
     would overlap a third body waits.

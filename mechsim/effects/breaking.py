@@ -29,7 +29,7 @@ CRITERIA: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 class Breaking(Effect):
-    """A bond breaks when what it transmits in a collision exceeds a threshold: the most loaded one of a structure.
+    """Breaking of the most loaded bond of a structure, when its load in a collision exceeds a threshold.
 
     threshold : impulse, mass length / tu; for "velocity" a speed, length / tu
     criterion : "impulse" - the pull and the shear through the bond; "wrench" - tension + shear / 2 + moment over

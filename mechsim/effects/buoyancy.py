@@ -11,7 +11,7 @@ from mechsim.effects.view import ViewOfWorld
 
 
 class Buoyancy(Effect):
-    """Net weight along -z: F = -(m - rho_fluid V) g at the centre of mass, no torque (Archimedes; uniform cubes).
+    """Gravity and buoyancy: F = -(m - rho_fluid V) g along z at the centre of mass, without torque (uniform cubes).
 
     All bodies are made of one material, so single cubes and structures accelerate alike, by -(1 - rho_fluid / rho) g.
     The engine applies no forces: the velocity changes by this times the step before each step, and the momentum of a
@@ -19,7 +19,7 @@ class Buoyancy(Effect):
     In fluid at rest a cube sinks at sqrt(|rho / rho_fluid - 1| g edge / Cd) with the drag of sub-cubes.
 
     gravity : g, length / tu^2
-    fluid_density : rho_fluid, mass / length^3, 1 in the paper's units; the cubes' is the scene's cubes.density
+    fluid_density : rho_fluid, mass / length^3, 1 in the paper's units; the scene gives that of the cubes, cubes.density
     """
 
     effect: Literal["buoyancy"] = "buoyancy"

@@ -11,7 +11,7 @@ from mechsim.effects.view import ViewOfWorld
 
 
 class Contact(Effect):
-    """Collisions of cubes with each other. Without this effect cubes pass through one another, but not through walls.
+    """Collisions of cubes with each other; without this effect they pass through one another, but not through walls.
 
     restitution : ratio of speeds after and before a collision, 0 to 0.9. Collisions are found once bodies overlap, by
         up to speed * step, and the engine adds 8 % of the overlap over the step to the speed after: 0.08 more in the

@@ -9,11 +9,11 @@ from mechsim.effects.view import ViewOfWorld
 
 
 class Current(Effect):
-    """u = velocity at every drag point, at all times; added to whatever else moves the fluid.
+    """A steady uniform flow, u = velocity at every drag point, added to all other flow of the fluid.
 
-    In it alone, a free cube at rest that does not turn comes up to the fluid by quadratic drag (paper, eq. 4):
-    its velocity relative to the fluid falls as 1 / (1 + Cd rho_fluid |u| t / (rho edge)), the semi-implicit drag at any
-    step. The current passes through the walls of the tank, against which it carries the cubes.
+    In this flow alone, a free cube that starts at rest and does not turn is accelerated by quadratic drag (paper,
+    eq. 4): its velocity relative to the fluid falls as 1 / (1 + Cd rho_fluid |u| t / (rho edge)), the semi-implicit
+    drag at any step. The current passes through the walls of the tank, against which it carries the cubes.
 
     velocity : (x, y, z), length / tu
     """
@@ -24,7 +24,7 @@ class Current(Effect):
     velocity: tuple[float, float, float]
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
-        """A flow that is written once and stays."""
+        """Write the flow once; it stays."""
         return _Streaming(self, world)
 
 

@@ -32,15 +32,15 @@ class QuadraticDrag(Effect):
 
 
 class Drag(QuadraticDrag):
-    """Quadratic drag in semi-implicit steps, one 6x6 system a body: stable at any step, first order in it.
+    """Quadratic drag in semi-implicit steps, one 6x6 system per body: stable at any step, first order in the step.
 
-    sub_cycles : semi-implicit steps of drag within one step of the engine, at the price of the kernel alone. The fluid
-        is held over them, and so is the pose, with it the arms on which the fluid pulls: a body turns only when the
-        engine moves it, at the velocity after the last of them and over the whole step. So they remove the drag's own
-        error, of order step / sub_cycles, and leave the engine's, first order in the step: they do not stand in for a
-        finer one.
+    sub_cycles : semi-implicit steps of drag within one step of the engine, at the cost of the kernel alone. Fluid
+        velocity and pose, and with it the lever arms of the drag, are held over them: a body turns only when the
+        engine moves it, at the velocity after the last of them and over the whole step. Sub-cycles thus reduce the
+        drag's own error, of order step / sub_cycles, and leave that of the engine, first order in the step: they do
+        not replace a finer step.
 
-    Cost: one solution of a 6x6 system a body and sub-cycle. The drag to choose, but for comparisons.
+    Cost: one solution of a 6x6 system per body and sub-cycle. Choose it for everything but comparisons of schemes.
     """
 
     effect: Literal["drag"] = "drag"

@@ -16,18 +16,18 @@ BOUND = 0.9
 
 
 class ExplicitDrag(QuadraticDrag):
-    """Quadratic drag with force and torque frozen at the start of the step, dv = F h / m: first order, bounded steps.
+    """Quadratic drag by explicit Euler steps, dv = F h / m, with force and torque from the start of the step.
 
     In fluid agitated by sigma a free cube relaxes at the mean rate 4/3 c E|u| / m, E|u| = sigma sqrt(8/pi), c = Cd rho
     A / 2 over all its points (the push of |u| u changes by 2 |u| along u, |u| across). A scene whose step times this
     rate exceeds 0.9 is refused; a run in which the step times twice the present rate of a body exceeds 2 is stopped.
-    Below the bounds speeds are too high: by 11 % at 0.25, 25 % at 0.47.
+    Below the bounds speeds are too high: by 11 % at 0.25, 25 % at 0.47. Choose it only to compare with `drag`.
     """
 
     effect: Literal["explicit-drag"] = "explicit-drag"
 
     def check(self, scene: ViewOfScene) -> None:
-        """The step must be within the bound of stability."""
+        """Check that the step is within the bound of stability."""
         super().check(scene)
         agitation = scene.provider("agitation")
         if agitation is None:

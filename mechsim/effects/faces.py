@@ -1,4 +1,4 @@
-"""Search for pairs of faces within reach of each other that the rules let bond; bonding and attraction use it."""
+"""Search for pairs of faces that are within reach and that the rules let bond, for bonding and attraction."""
 
 from __future__ import annotations
 

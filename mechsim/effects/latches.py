@@ -1,4 +1,4 @@
-"""Latches: rules by which two faces within reach of each other become a bond, at once or after a delay."""
+"""Latches: rules by which two faces within reach become a bond, at once or after a delay."""
 
 from __future__ import annotations
 

@@ -12,14 +12,14 @@ from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
 class OrnsteinUhlenbeck(Effect):
-    """du = -u dt/T + sigma sqrt(2/T) dW for each component and drag point, independent of each other.
+    """Agitation by du = -u dt/T + sigma sqrt(2/T) dW, independently for each component and drag point.
 
     The update is exact at any step h: u(t+h) = r u(t) + sigma sqrt(1 - r^2) N(0, 1) with r = exp(-h/T) (Gillespie,
-    Phys. Rev. E 54, 2084, 1996, doi:10.1103/PhysRevE.54.2084), so spread and memory do not depend on the step: <u(0)
-    u(t)> = sigma^2 exp(-t/T). Held noise of the same sigma, redrawn every `hold`, has memory sigma^2 (1 - t/hold), area
-    sigma^2 hold / 2. With correlation_time = hold / 2 both drive slow bodies alike: what moves a body that averages
-    over many redraws is the area alone. Cost: one normal number a component, drag point and step. Choose it where a
-    smooth memory matters.
+    Phys. Rev. E 54, 2084, 1996, doi:10.1103/PhysRevE.54.2084), so spread and memory do not depend on the step:
+    <u(0) u(t)> = sigma^2 exp(-t/T). Held noise of the same sigma, redrawn every `hold`, has memory sigma^2 (1 -
+    t/hold), area sigma^2 hold / 2. With correlation_time = hold / 2 both drive slow bodies alike: what moves a body
+    that averages over many redraws is the area alone. Cost: one normal random number per component, drag point and
+    step. Choose it where a smooth memory matters.
 
     sigma : standard deviation of a component, length / tu
     correlation_time : T, tu; at least a step, for within a step the fluid's velocity is taken as constant
@@ -33,12 +33,12 @@ class OrnsteinUhlenbeck(Effect):
     correlation_time: float = Field(gt=0)
 
     def check(self, scene: ViewOfScene) -> None:
-        """The step must resolve the memory."""
+        """Check that the step resolves the correlation time."""
         super().check(scene)
         check_memory(self.effect, self.correlation_time, scene.numerics.step)
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
-        """Give the fluid a stream of its own."""
+        """Give the fluid a random stream of its own."""
         return _Remembering(self, world)
 
 

@@ -15,20 +15,21 @@ from mechsim.kernels.fluid import flow, renew
 
 
 class RandomField(Effect):
-    """u(x) = sigma sqrt(3/M) sum over M modes of a cos(k.x + phase), a across k: no mode compresses the fluid.
+    """An incompressible random flow, u(x) = sigma sqrt(3/M) sum over M modes of a cos(k.x + phase), a normal to k.
 
     Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970, doi:10.1063/1.1692799) with a Gaussian spectrum: k ~
     N(0, 1/length^2) a component, so <u(x).u(x+r)> = 3 sigma^2 exp(-r^2 / (2 length^2)). Every mode lives for an
     exponential time T and is then replaced by a new one, so <u(0).u(t)> = 3 sigma^2 exp(-t/T) at a fixed place; both
     hold for any number of modes, which only sets how near to Gaussian the velocities are (excess kurtosis below 3/M).
-    In the limit of small lengths any two points are independent; but the field stands in space, so a body that crosses
-    a correlation length sooner than T sees it change sooner. Time and length both large: one velocity everywhere. Cost:
-    M cosines a drag point and step. Choose it where neighbouring cubes must feel the same flow.
+    In the limit of small lengths any two points are independent; but the modes do not move, so a body that crosses a
+    correlation length in less than T sees the flow change sooner. If time and length are both large, the velocity is
+    the same everywhere. Cost: M cosines per drag point and step. Choose it where neighbouring cubes must feel the same
+    flow.
 
     sigma : standard deviation of a component, length / tu
     correlation_length : length; at least sigma * step, for within a step the fluid's velocity is taken as constant
     correlation_time : T, tu; at least a step. To compare with held noise, take half its hold
-    modes : M
+    modes : M, the number of modes
     """
 
     effect: Literal["random-field"] = "random-field"
@@ -41,7 +42,7 @@ class RandomField(Effect):
     modes: int = Field(default=32, ge=8, le=4096)
 
     def check(self, scene: ViewOfScene) -> None:
-        """The step must resolve the field in time, and in space along a cube's way."""
+        """Check that the step resolves the field in time, and in space along the path of a cube."""
         super().check(scene)
         step = scene.numerics.step
         check_memory(self.effect, self.correlation_time, step)
@@ -53,7 +54,7 @@ class RandomField(Effect):
             )
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
-        """Give the field a stream of its own."""
+        """Give the field a random stream of its own."""
         return _Flowing(self, world)
 
 

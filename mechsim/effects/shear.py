@@ -14,17 +14,17 @@ Row = tuple[float, float, float]
 
 
 class Shear(Effect):
-    """u(x) = gradient (x - centre) at every drag point of every cube; added to whatever else moves the fluid.
+    """A steady linear flow, u(x) = gradient (x - centre) at every drag point, added to all other flow of the fluid.
 
     A linear flow turns a fluid element at half its vorticity, curl u / 2, and strains it (Batchelor, An Introduction to
     Fluid Dynamics, 1967, section 2.3; doi:10.1017/CBO9780511800955). A free cube in the simple shear u_x = g y drifts
-    at the velocity of the fluid at its centre and comes to spin at -g / 2 about z: the strain pulls on its eight
+    at the velocity of the fluid at its centre and ends up spinning at -g / 2 about z: the strain pulls on its eight
     sub-cubes without a torque. The flow is not stopped by the walls of the tank, and drag is all that it does: the
     fluid's own acceleration (added mass) is left out.
 
     gradient : rows du_x/d(x, y, z), du_y/d(x, y, z), du_z/d(x, y, z), 1 / tu; its trace is 0, for the fluid is
         incompressible
-    centre : place of the fluid that does not move, length; the middle of the tank where left out
+    centre : point at which the flow is zero, length; by default the middle of the tank
     """
 
     effect: Literal["shear"] = "shear"
@@ -44,7 +44,7 @@ class Shear(Effect):
         return gradient
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
-        """A flow that follows the cubes' places."""
+        """Make a flow that follows the positions of the cubes."""
         return _Shearing(self, world)
 
 

@@ -1,4 +1,4 @@
-"""Protocols of what an effect sees of the scene that lists it and of the world it acts in."""
+"""Protocols of what an effect sees of its scene and of the world in which it acts."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ from mechsim.effects.view import ViewOfWorld
 
 
 class Walls(Effect):
-    """Six fixed boxes around the tank; thick, so that a fast cube is pushed back rather than passed through.
+    """The walls of the tank: six fixed boxes, thick enough that a fast cube is pushed back and does not pass through.
 
-    thickness : of a wall, length
+    thickness : thickness of a wall, length
     """
 
     effect: Literal["walls"] = "walls"

@@ -78,7 +78,7 @@ def row(record: RunRecord) -> dict[str, Any]:
 
 
 def table(records: Sequence[RunRecord]) -> str:
-    """One line a run, for people."""
+    """One line per run, for people."""
     target = target_of(records[0])
     columns = columns_of(records[0].path.network, [record.path for record in records], target)
     lines = []

@@ -1,4 +1,4 @@
-"""Ensembles of runs: those missing from a store are made, with three tries each."""
+"""Ensembles of runs: those missing from a store are made, each with up to three tries."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Quarantined:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of an ensemble.
+    """The outcome of an ensemble.
 
     records : finished runs, in the order of the specs
     quarantined : runs that failed at every try, in that order too; the next call tries them again
-    computed, reused : runs that this call made, and runs that it found (or that another process made meanwhile)
+    computed, reused : numbers of runs that this call made, and that it found or that another process made meanwhile
     """
 
     records: tuple[RunRecord, ...]
@@ -39,7 +39,7 @@ class Outcome:
 
     @property
     def digest(self) -> str:
-        """SHA-256 over what happened: equal for any number of workers, and however often the work was interrupted."""
+        """SHA-256 over the results: the same for any number of workers and however often the work was interrupted."""
         return digest_of(self.records)
 
 
@@ -53,14 +53,14 @@ def run_all(
 ) -> Outcome:
     """Make the runs that are missing from the store, and read the others.
 
-    workers : so many processes on this machine, one a run; or another executor, as Dask("tcp://10.0.0.5:8786")
-    progress : a bar on standard error; None: only where that is a terminal
-    execute : makes the record of one run; called in the worker, so it must be found by its name in a module
+    workers : number of processes on this machine, one per run; or another executor, as Dask("tcp://10.0.0.5:8786")
+    progress : whether to show a bar on standard error; None: only on a terminal
+    execute : function that makes the record of one run; it is called in the worker, so it must be importable by name
 
     A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
-    workers and passes on; what has finished is kept. OSError: the store cannot be written, or a scheduler is gone; all
-    work stops. ValueError: a worker has other versions than this process, which would give other records.
-    A script that calls this needs the usual `if __name__ == "__main__":`.
+    workers and is raised again; finished runs are kept. OSError: the store cannot be written, or a scheduler is gone;
+    all work stops. ValueError: a worker has other versions than this process, which would give other records. A script
+    that calls this needs the usual `if __name__ == "__main__":`.
     """
     executor = Processes(workers) if isinstance(workers, int) else workers
     specs = list(specs)

@@ -40,15 +40,15 @@ def book_of(rules: str) -> tuple[RuleBook, Derivation]:
 
 @dataclass(frozen=True)
 class RunSpec:
-    """Full inputs of one run.
+    """The full inputs of one run.
 
-    composition : how many of each species start in the tank, ready-made; kept and placed in the network's order
-    duration : tu
-    seed, run : of the run's random streams, which the composition keys as well; see `streams`
-    restart : after every event put the tank back to the composition, places drawn anew, and let the clock run on
-        (paper, section VI-A2)
-    poses : record all cubes' poses this often, tu; None: not at all
-    until : end the run at the first copy of this species, if that comes before the duration; None: go on to the end
+    composition : species -> copies in the tank at time 0, kept and placed in the network's order
+    duration : simulated time, tu
+    seed, run : seed and number of the run, which with the composition key its random streams; see `streams`
+    restart : after every event reset the tank to the composition, with new places, while the clock runs on (paper,
+        section VI-A2)
+    poses : interval at which the poses of all cubes are recorded, tu; None: never
+    until : end the run at the first copy of this species, if that comes before the duration; None: run to the end
     """
 
     scene: Scene
@@ -106,13 +106,13 @@ class RunSpec:
 
     @property
     def n_cubes(self) -> int:
-        """Cubes in the tank."""
+        """Number of cubes in the tank."""
         structures = book_of(self.scene.rules)[1].structures
         return sum(len(structures[name]) * count for name, count in self.composition.items())
 
     @property
     def start(self) -> list[Structure]:
-        """The structures that are in the tank at first, in the order in which they are placed."""
+        """The structures in the tank at time 0, in the order in which they are placed."""
         structures = book_of(self.scene.rules)[1].structures
         return [structures[name] for name, n in self.composition.items() for _ in range(n)]
 
@@ -140,19 +140,20 @@ class RunSpec:
         """Root of the run's random streams, from the seed, the CRC-32 of the composition and the run's number.
 
         Runs of different compositions draw different numbers unless these 32 bits agree, as they do for one pair of
-        compositions in 4e9 (90 pairs among 430,255 compositions); two such runs of one seed and number share theirs.
+        compositions in 4e9 (90 pairs among 430,255 compositions); two such runs with the same seed and number share
+        their streams.
         """
         start = json.dumps(self.inputs["composition"], sort_keys=True)
         return np.random.SeedSequence(self.seed, spawn_key=(zlib.crc32(start.encode()), self.run))
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 of the inputs: the run's name."""
+        """SHA-256 of the inputs, which names the run."""
         return hashlib.sha256(json.dumps(self.inputs, sort_keys=True).encode()).hexdigest()
 
     @property
     def title(self) -> str:
-        """Short name for people."""
+        """A short name for people."""
         what = "+".join(f"{n} {name}" for name, n in self.composition.items())
         end = f"{self.duration:g} tu" if self.until is None else f"first {self.until} within {self.duration:g} tu"
         return f"{self.scene.name}: {what}, {end}, seed {self.seed}, run {self.run}"
@@ -160,13 +161,13 @@ class RunSpec:
 
 @dataclass
 class RunRecord:
-    """What happened in one run.
+    """The record of one run: its inputs and what happened.
 
-    outcome : "completed", or the guard's reason behind "stopped: "; such a run never reaches calibration
+    outcome : "completed", or "stopped: " and the guard's reason; such a run is not used in calibration
     arrays : initial (S,), times (E,), channels (E,); with poses also pose_times (K,), centres (K, C, 3), axes
         (K, C, 3, 3; columns) and body slots (K, C) of all cubes, the last frame at the run's end
     facts : end (tu), species, channels, open_channels, steps
-    cost : cpu_seconds, wall_seconds; not part of the digest
+    cost : cpu_seconds and wall_seconds; not part of the digest
     """
 
     spec: RunSpec
@@ -177,12 +178,12 @@ class RunRecord:
 
     @property
     def completed(self) -> bool:
-        """Did the run reach its end without the guard?"""
+        """Whether the run reached its end without being stopped by the guard."""
         return self.outcome == COMPLETED
 
     @property
     def digest(self) -> str:
-        """SHA-256 over the inputs and what happened, whatever it cost."""
+        """SHA-256 over the inputs and the results, without the cost."""
         sha = hashlib.sha256()
         sha.update(json.dumps([self.spec.key, self.outcome, self.facts], sort_keys=True).encode())
         for name in sorted(self.arrays):
@@ -232,9 +233,9 @@ def execute(
     progress: Callable[[float], None] | None = None,
     look: Callable[[World], None] | None = None,
 ) -> RunRecord:
-    """Carry out one run: the same record, bit for bit, on the same machine, whoever calls it.
+    """Carry out one run; on the same machine and versions the record is the same, bit for bit.
 
-    progress : called with the simulated time now and then, tu
+    progress : called with the simulated time, tu, now and then
     look : called with the world before every step and at the end
     """
     from mechsim.world.world import Stopped, World  # the engine is loaded when a run is made, not when one is read

@@ -60,7 +60,7 @@ class Claim:
 
 
 class RunStore:
-    """Runs in a folder, which is made if missing; any number of processes may share it.
+    """A folder of runs, created if missing; any number of processes may share it.
 
     ValueError: the folder is a file, or of another format. OSError: it cannot be written.
     """
@@ -84,17 +84,17 @@ class RunStore:
 
     @classmethod
     def found(cls, folder: str | Path) -> RunStore:
-        """A folder that holds runs already; nothing is made where it does not. ValueError: it does not."""
+        """Open a folder that already holds runs, without creating anything. ValueError: it holds none."""
         if not (Path(folder) / "format").is_file():
             raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
         return cls(folder)
 
     def path(self, spec: RunSpec) -> Path:
-        """Where the run is kept."""
+        """The path at which the run is kept."""
         return self.folder / f"{spec.key}.run"
 
     def write(self, record: RunRecord) -> Path:
-        """Keep a run; it is on disk before this returns. OSError names the file, and what stood there stays."""
+        """Keep a run; it is on disk before this returns. OSError: names the file, whose old content stays."""
         path = self.path(record.spec)
         write_whole(path, encode(record))
         return path
@@ -108,11 +108,11 @@ class RunStore:
         return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"], manifest["cost"])
 
     def existing(self, specs: Iterable[RunSpec]) -> list[RunRecord]:
-        """Those of these runs that are here."""
+        """Those of these runs that are in the store."""
         return [record for spec in specs if (record := self.read(spec)) is not None]
 
     def digest(self, specs: Iterable[RunSpec]) -> str:
-        """SHA-256 over what happened in these runs, in order; ValueError where one is missing."""
+        """SHA-256 over the results of these runs, in order. ValueError: one is missing."""
         records = []
         for spec in specs:
             record = self.read(spec)
@@ -122,7 +122,7 @@ class RunStore:
         return digest_of(records)
 
     def claim(self, spec: RunSpec) -> Claim | None:
-        """The right to compute a run, or None while another process (or another call) has it."""
+        """Take the right to make a run; None while another process (or another call) has it."""
         path = self.folder / "claims" / spec.key
         try:
             return Claim(path, _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB))
@@ -130,17 +130,17 @@ class RunStore:
             return None
 
     def quarantine(self, spec: RunSpec, reasons: Sequence[str]) -> Path:
-        """Note why a run was given up, one reason for each try."""
+        """Record why a run was given up, one reason for each try."""
         note = {"title": spec.title, "key": spec.key, "reasons": list(reasons), "inputs": spec.inputs}
         write_whole(self._note(spec), json.dumps(note, indent=1).encode())
         return self._note(spec)
 
     def absolve(self, spec: RunSpec) -> None:
-        """Drop the note: the run has finished after all."""
+        """Delete that record: the run has finished after all."""
         self._note(spec).unlink(missing_ok=True)
 
     def contents(self) -> Iterator[Contents]:
-        """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run here, by key."""
+        """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run in the store, by key."""
         for path in sorted(self.folder.glob("*.run")):
             contents = self._contents(path)
             if contents is not None:
@@ -149,8 +149,8 @@ class RunStore:
     def to_frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Table of runs (one row each: inputs, outcome, facts, cost) and table of events (key, time in tu, channel).
 
-        A setting within a setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where
-        a run was put back to its start.
+        A nested setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where a run was
+        reset to its initial state.
         """
         import pandas as pd
 

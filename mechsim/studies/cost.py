@@ -1,4 +1,4 @@
-"""Predicted cost of a study, from a short timed trial of each point, which also measures the cubes' speed."""
+"""Predicted cost of a study, from a short timed trial of each point that also measures the cubes' speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Box plots of first-passage times, as the paper's Figs. 4 and 5, from arrays and names onto given axes."""
+"""Box plots of first-passage times onto given axes, as in Figs. 4 and 5 of the paper."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Studies as data: a scene, factors with their levels, and runs a point; read from TOML and expanded to runs.
+"""Studies as data: a scene, factors with their levels, and runs per point, read from TOML.
 
-A run of a study ends at the first copy of the target, or at the cap. What several studies ask for alike is made once:
+A run of a study ends at the first copy of the target, or at the cap. Runs that several studies share are made once:
 the runs of a point depend on its scene and its number of cubes, not on the study.
 """
 

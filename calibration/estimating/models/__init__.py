@@ -1,4 +1,4 @@
-"""Models of rates, one file each. Importing one here makes it known."""
+"""Models of rates, one file each; a model imported here is registered."""
 
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 

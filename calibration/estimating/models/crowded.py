@@ -1,4 +1,4 @@
-"""Crowded: every other body in the tank adds to the rate."""
+"""The crowded model of rates: every other body in the tank adds to the rate."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from kinetics.support.arrays import Floats
 
 @dataclass(frozen=True)
 class Crowded(RateModel):
-    """Propensity N h(s) (k + c * others), others the bodies in the tank besides the reactants themselves.
+    """Propensity N h(s) (k + c * others), where `others` counts the bodies in the tank besides the reactants.
 
-    c = 0 is mass action, so the likelihood-ratio test between the two asks whether a rate depends on the crowd, as it
-    does where collisions with others break bonds. The runs must differ in their numbers of bodies: with one number
-    alone, only k + c * others is known, and the intervals of k and c begin at 0.
+    With c = 0 this is mass action, so the likelihood-ratio test between the two asks whether a rate depends on the
+    crowd, as it does where collisions with others break bonds. The runs must differ in their numbers of bodies: with
+    one number alone, only k + c * others is known, and the intervals of k and c begin at 0.
     """
 
     name = "crowded"
     terms = ("k", "c")
 
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
-        """Combinations of reactants, then the same times the other bodies."""
+        """Combinations of reactants, then the same times the number of other bodies."""
         h = path.network.combinations_of(path.states)
         others = path.states.sum(axis=1)[:, None] - path.network.reactants.sum(axis=1)
         return [h, h * np.maximum(others, 0)]

@@ -1,4 +1,4 @@
-"""Mass action: one rate constant a channel, whatever else is in the tank."""
+"""The mass-action model of rates: one rate constant per channel, whatever else is in the tank."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from kinetics.support.arrays import Floats
 class MassActionRates(RateModel):
     """Propensity k N h(s), h the combinations of reactants by the network's convention (Gillespie 1977).
 
-    The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates file.
-    What other models are tested against: choose it unless the likelihood-ratio test or held-out runs refute it.
+    The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates table.
+    Other models are tested against this one: choose it unless the likelihood-ratio test or held-out runs refute it.
     """
 
     name = "mass-action"

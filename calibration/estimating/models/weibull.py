@@ -1,4 +1,4 @@
-"""Weibull waits: rates that rise or fall with the time since the start or the last restart."""
+"""The Weibull model of rates: they rise or fall with the time since the start or the last restart."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from kinetics.support.arrays import Floats
 
 @dataclass(frozen=True)
 class Weibull(RateModel):
-    """Propensity k N h(s) kappa a^(kappa - 1) at age a: in runs restarted after each event, Weibull waiting times.
+    """Propensity k N h(s) kappa a^(kappa - 1) at age a: Weibull waiting times in runs restarted after each event.
 
     kappa > 1: slow at first, as in a tank whose bodies must first meet; kappa < 1: fast at first, as where the pieces
-    of a broken bond lie side by side. kappa = 1 is mass action, so the likelihood-ratio test between the two asks
-    whether waits are exponential. k is in tu^-kappa. In a run without restarts it is a power-law drift (Crow 1974).
+    of a broken bond still lie side by side. With kappa = 1 this is mass action, so the likelihood-ratio test between
+    the two asks whether waits are exponential. k is in tu^-kappa. In a run without restarts it is a power-law drift
+    (Crow 1974).
     """
 
     kappa: float = 1.0
@@ -27,15 +28,15 @@ class Weibull(RateModel):
     shape = (ShapeParameter("kappa", 0.2, 5.0),)
 
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
-        """Those of mass action."""
+        """Combinations of reactants, as under mass action."""
         return [path.network.combinations_of(path.states)]
 
     def speed(self, age: Floats) -> Floats:
-        """kappa a^(kappa - 1)."""
+        """The factor kappa a^(kappa - 1)."""
         if (age <= 0).any():
             raise ValueError("an event at age 0, where the Weibull hazard is 0 or infinite; leave that run out")
         return np.asarray(self.kappa * age ** (self.kappa - 1))
 
     def elapsed(self, begin: Floats, end: Floats, origin: Floats) -> Floats:
-        """a^kappa at the end less that at the beginning."""
+        """The increase of a^kappa from beginning to end."""
         return np.asarray((end - origin) ** self.kappa - (begin - origin) ** self.kappa)

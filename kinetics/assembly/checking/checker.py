@@ -1,4 +1,4 @@
-"""The checker: faults of a rule book, found by exploring all it can do, each with the shortest way that leads there."""
+"""The checker: faults of a rule book, found by exploring all it can do, each with the shortest sequence of events."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ SLOW = "slow internal waves: "
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault of a book.
+    """One fault of a rule book.
 
     kind : `not closed`, `not proven`, `livelock`, `target not reached`, `target not final`, `off-target`, `dead end`,
-        `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; after `slow internal waves: ` where
-        it takes internal rules that are slower than collisions
-    is_error : whether the book is wrong; else it is a warning
-    steps : the shortest way there, one event each
-    structure : where it leads to
-    changes : the steps with their structures
+        `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; preceded by `slow internal waves: ` if
+        it occurs only where internal rules are slower than collisions
+    is_error : whether the book is wrong; otherwise it is a warning
+    steps : the shortest sequence of events that leads to the fault, in words
+    structure : the structure at its end
+    changes : the same events with their structures
     """
 
     kind: str
@@ -50,12 +50,12 @@ class Finding:
         return "\n".join(lines)
 
     def counterexample(self, scheme: str) -> Counterexample:
-        """The finding as it is drawn: of each change the larger side turned to the eye, the parts as they lie in it."""
+        """The finding as it is drawn: the larger side of each change faces the viewer, its parts as they lie in it."""
         changes = tuple(laid_out(change, scheme, posed) for change in self.changes)
         return Counterexample(f"{self.kind}: {self.text}", self.is_error, self.steps, changes, self.structure)
 
     def plot(self, ax: Any, scheme: str = "two") -> Any:
-        """Draw what is wrong and how it comes about, step by step; returns `ax`."""
+        """Draw the fault and how it comes about, step by step; returns `ax`."""
         return counterexample_drawing(self.counterexample(scheme), scheme).onto(ax)
 
 
@@ -70,7 +70,7 @@ class Report:
 
     @property
     def is_correct(self) -> bool:
-        """No errors; there may be warnings."""
+        """Whether there are no errors; there may be warnings."""
         return not any(finding.is_error for finding in self.findings)
 
     @property
@@ -87,11 +87,11 @@ class Report:
         return "\n".join([self.summary, *map(str, self.findings)])
 
     def plot(self, ax: Any) -> Any:
-        """Draw each finding, its counterexample made step by step; returns `ax`."""
+        """Draw each finding with its counterexample, step by step; returns `ax`."""
         return self.drawing().onto(ax)
 
     def drawing(self) -> Drawing:
-        """Each finding, its counterexample made step by step."""
+        """A drawing of each finding with its counterexample, step by step."""
         scheme = self.book.scheme
         return report_drawing(self.summary, [finding.counterexample(scheme) for finding in self.findings], scheme)
 
@@ -105,9 +105,9 @@ def check(
 ) -> Report:
     """Explore a book and report all that is wrong with it.
 
-    max_cubes, max_species : caps of the exploration, as of `derive`
-    slow_waves : also let cubes collide while internal rules are still under way, each cube changing by itself;
-        what only that brings about is a warning
+    max_cubes, max_species : caps of the exploration, as in `derive`
+    slow_waves : also let cubes collide while internal rules are still at work, each cube changing by itself; faults
+        that occur only then are warnings
     """
     fresh = replace(book)  # it has fired no rule yet
     found = explore(fresh, max_cubes, max_species, progress=progress)

@@ -1,4 +1,4 @@
-"""Compositions of a small tank: every one that can be reached, and the events between them."""
+"""Compositions of a small tank: all that can be reached, and the events between them."""
 
 from __future__ import annotations
 

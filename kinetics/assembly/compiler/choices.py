@@ -1,4 +1,4 @@
-"""Choices of joins, and encounters that cubes cannot distinguish from a join whatever their letters are."""
+"""Choices of joins, and the encounters that cubes cannot distinguish from a join, whatever their letters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compilation of small targets: weakest senses, most joins, fewest letters, and a proof of each."""
+"""The compilation of small targets: weakest senses, most joins, fewest letters, each verified."""
 
 from __future__ import annotations
 

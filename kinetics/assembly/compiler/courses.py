@@ -1,4 +1,4 @@
-"""Courses of growth to try: where the seed is, how the cubes stand, and which of them share rules."""
+"""Candidate courses of growth: where the seed is, how the cubes are oriented, and which of them share rules."""
 
 from __future__ import annotations
 

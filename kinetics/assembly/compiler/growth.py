@@ -1,4 +1,4 @@
-"""Growth of a target from a seed, on its own lattice: in which order cubes come, and what each may read as it docks.
+"""Growth of a target from a seed on its own lattice: the order in which cubes dock, and what each may read.
 
 For cubes with two face types. Such a cube is known by the axis of its top; it cannot tell left from right, so places
 that a turn or a mirror takes into each other look alike to it.

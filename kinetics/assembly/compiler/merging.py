@@ -1,4 +1,4 @@
-"""Fewer letters: which of them may be one and the same without any cube being misled.
+"""The merging of letters: fewer of them, without misleading any cube.
 
 Merging two letters makes some readings alike. Where those lead to different letters, these have to be merged as well;
 where one is of a cube that must not dock, the merge is refused. What is left grows exactly as before, step by step.

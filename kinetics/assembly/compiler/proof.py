@@ -1,4 +1,4 @@
-"""From a solution to a rule book, and the proof that the book does what was asked."""
+"""The step from a solution of the search to a rule book, and the proof that the book meets the request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Explanations of why there is no rule book: the two situations that look alike, in words and layers."""
+"""Explanations of why there is no rule book: two situations that the cubes cannot tell apart, in words and layers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exact search: letters for every part, rules for every event, with as few letters as there can be.
+"""The exact search: letters for every part and rules for every event, with the fewest letters possible.
 
 What is sought: one letter for each unknown of a plan and three tables of rules, such that
 - the joins asked for are open, both cubes having a rule, and no other meeting of two parts is;

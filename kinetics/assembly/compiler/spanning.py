@@ -1,4 +1,4 @@
-"""Growth along a spanning tree: six distinct faces and the twist are enough for any target.
+"""Growth along a spanning tree: six distinct faces and the twist suffice for any target.
 
 A cube's letter tells which subtree hangs on it, up to rotation, so each of its faces takes one kind of cube at one
 face and one twist, whatever else is there. Few letters means a tree with few different subtrees. A path from the seed

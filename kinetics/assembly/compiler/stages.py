@@ -1,4 +1,4 @@
-"""Stages of growth: an order of orbits in which no cube is misled and none has to be squeezed in.
+"""Stages of growth: an order of orbits in which no cube is misled and none has to squeeze in.
 
 Cubes that symmetry takes into each other come under the same rules: they make an orbit. A cube comes when it touches
 all its neighbours of earlier orbits, and nothing else. As every cube learns when the next stage begins (see `waves`),

@@ -1,4 +1,4 @@
-"""Rule books from tables of readings: as few conditions as keep out what must not dock."""
+"""Rule books from tables of readings, with as few conditions as will exclude what must not dock."""
 
 from __future__ import annotations
 

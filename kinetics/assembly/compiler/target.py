@@ -1,4 +1,4 @@
-"""Targets: the structures that a rule book is to be compiled for, as a person writes them down."""
+"""Targets: the structures that rule books are compiled for, as a person writes them down."""
 
 from __future__ import annotations
 

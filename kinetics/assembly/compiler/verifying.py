@@ -1,5 +1,6 @@
-"""Whether a book that grows from a seed makes its target and nothing else: exhausted where that is affordable, and by
-random growths.
+"""The verification of seeded rule books: that they make their target and nothing else.
+
+All configurations are explored where that is affordable, and random growths are tried.
 """
 
 from __future__ import annotations

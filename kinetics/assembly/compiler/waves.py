@@ -1,4 +1,4 @@
-"""News that a stage is complete travels to the seed and, as leave for the next stage, back to every cube.
+"""Waves of internal rules: word that a stage is complete travels to the seed, and leave for the next travels back.
 
 To begin with, a cube's letter tells all it can know: its orbit, the stage, and whether all that hangs on it is
 complete. What of this is needed is found by merging letters (see `merging`).

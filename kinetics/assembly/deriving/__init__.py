@@ -1,1 +1,1 @@
-"""From a rule book to every structure, every reaction, and the reaction network."""
+"""Derivation: from a rule book to all structures, all reactions, and the reaction network."""

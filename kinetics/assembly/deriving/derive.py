@@ -25,12 +25,12 @@ SIZE_NAMES = (
 
 @dataclass(frozen=True, eq=False)
 class Derivation:
-    """A network with the structures behind its species.
+    """A derived network with the structures behind its species.
 
     structures : species name -> its canonical structure, by size
-    events : joins first, then breaks, in the order of the network's channels; for each the ways by rate class
-    beyond : the smallest join that went beyond the caps and was left out; None: there is none
-    stopped : why the exploration ended early; "" where it did not
+    events : the event of each channel, joins first, then breaks, with its ways by rate class
+    beyond : the smallest join that went beyond the caps and was left out; None if there is none
+    stopped : why the exploration ended early; "" if it did not
     """
 
     book: RuleBook
@@ -52,8 +52,10 @@ class Derivation:
 
     @cached_property
     def network(self) -> Network:
-        """Species and channels. N of a join counts pairs of open faces, each of the four twists a quarter (a like pair
-        of structures is one pair), N of a break the bonds that break so.
+        """The reaction network, without rate constants.
+
+        N of a join counts pairs of open faces, each of the four twists as a quarter (a like pair of structures is one
+        pair); N of a break counts the bonds that break so.
         """
         structures = list(self.structures.values())
         sizes = [len(structure) for structure in structures]
@@ -73,7 +75,7 @@ class Derivation:
         )
 
     def species_of(self, structure: Structure) -> int:
-        """Index of the species that a structure, turned and placed in any way, belongs to."""
+        """Index of the species of a structure, in any placement and orientation."""
         canonical = structure.canonical(self.book.scheme)
         if canonical not in self._species:
             raise KeyError(f"{canonical} is none of the {len(self.structures)} species of book {self.book.name!r}")
@@ -92,7 +94,7 @@ class Derivation:
         return self.drawing().onto(ax)
 
     def drawing(self, **options: Any) -> Drawing:
-        """The network as a graph; options as of `network_diagram.network_drawing`."""
+        """The network as a graph; options as in `network_diagram.network_drawing`."""
         from kinetics.assembly.drawing.network_diagram import DrawnChannel, network_drawing
 
         channels = [DrawnChannel(*event, sum(ways.values())) for event, ways in self.events.items()]
@@ -114,12 +116,13 @@ def derive(
     partial: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Derivation:
-    """The network of everything that free cubes, and the seed if there is one, can become under a rule book.
+    """Derive the network of everything that free cubes, and the seed if there is one, can become under a rule book.
 
-    max_cubes, max_species : a book that leads beyond them is not closed under these caps; the ValueError names
-        the smallest join that does. max_cubes is by default 12, or the target's size if that is larger
-    partial : leave out what lies beyond the caps instead; see `beyond` and `stopped` of the result, also
+    max_cubes, max_species : caps; a ValueError names the smallest join that leads beyond them. max_cubes is by default
+        12, or the target's size if that is larger
+    partial : leave out what lies beyond the caps instead of raising; see `beyond` and `stopped` of the result, also
         after Ctrl-C
+
     Only bonds outside loops break.
     """
     found = explore(book, max_cubes, max_species, first_beyond=not partial, progress=progress)

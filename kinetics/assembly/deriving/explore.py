@@ -22,7 +22,7 @@ Indices = tuple[int, ...]
 
 
 class StructureEvent(NamedTuple):
-    """A join or a break: indices of the structures before and after, rising."""
+    """A join or a break: indices of the structures before and after, ascending."""
 
     before: Indices
     after: Indices
@@ -38,14 +38,14 @@ class Join(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """What was found.
+    """The result of an exploration: structures, and the events between them.
 
     structures : canonical, in the order of discovery
-    events : for each join and break, the ways N by rate class
-    beyond : the smallest join that goes beyond max_cubes, left out of the events; None: there is none
+    events : join or break -> its ways N by rate class
+    beyond : the smallest join that goes beyond max_cubes, left out of the events; None if there is none
     squeezed : ways of a join in which a cube has to slip in between two opposite ones
-    livelocks : events after which the internal rules never rest, in words; left out of the events
-    stopped : why the exploration ended early; "" where it is complete
+    livelocks : events after which the internal rules never come to rest, in words; left out of the events
+    stopped : why the exploration ended early; "" if it is complete
     """
 
     book: RuleBook
@@ -60,7 +60,7 @@ class Exploration:
 
     @property
     def is_closed(self) -> bool:
-        """Whether these are proven to be all structures there are."""
+        """Whether these are proven to be all structures that can form."""
         return self.beyond is None and not self.stopped and not self.livelocks
 
 
@@ -74,13 +74,14 @@ def explore(
 ) -> Exploration:
     """Explore what free cubes, and the seed if the book has one, can become.
 
-    max_cubes, max_species : caps; larger products are left out, more structures end the exploration.
-        max_cubes is by default 12, or the size of the book's target if that is larger
+    max_cubes, max_species : caps; larger products are left out, and more structures end the exploration. max_cubes is
+        by default 12, or the size of the book's target if that is larger
     first_beyond : end as soon as the book is known not to be closed
     progress : called with the numbers of structures explored and found
-    slow_waves : internal rules act on one cube at a time, in any order, and joins and breaks come in between; such
-        steps are events of one structure before and one after
-    Ctrl-C ends the exploration; what was found is returned.
+    slow_waves : internal rules act on one cube at a time, in any order, with joins and breaks in between; such a step
+        is an event with one structure before and one after
+
+    After Ctrl-C, what was found so far is returned.
     """
     if max_cubes is None:
         max_cubes = max(MAX_CUBES, 0 if book.target is None else len(book.target))

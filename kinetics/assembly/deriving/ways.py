@@ -16,7 +16,7 @@ _TURNED = turned.tolist()
 
 
 class RateClass(NamedTuple):
-    """Ways that have one rate constant in common: kind of event, sizes and face types of the two sides, rising."""
+    """A class of ways that share one rate constant: kind of event, sizes and face types of the two sides, ascending."""
 
     event: str
     sizes: tuple[int, int]

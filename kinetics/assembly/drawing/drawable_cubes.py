@@ -1,4 +1,4 @@
-"""What a picture needs to know of a structure, so that drawing lies below structures, rules and networks."""
+"""Protocols of what a picture needs to know of a structure, so that drawing depends on no structure or rule book."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ EXACT = ("neighbours", "touched")  # multisets that must be met exactly; all oth
 
 
 class Senses(Settings):
-    """What a cube can sense. Letters of its own and of bonded cubes are always known to it.
+    """The senses of a cube. It always knows its own letter and those of the cubes bonded to it.
 
     faces : the face scheme: `one` (all alike), `two` (f1: top and bottom, f2: the sides) or `six` (f1 to f6)
     roll : the twist at which another cube docks
@@ -115,11 +115,10 @@ class Finished(Settings):
 
 
 class Semantics(Settings):
-    """What the paper's tables leave open.
+    """How rules are read where the paper's tables leave it open.
 
-    gate : a bond forms when both cubes have a rule for it, or when any one has (the other keeps its letter)
-    conflict : of several rules that fit, the first in the file or the most specific one counts; or
-        such rules are an error
+    gate : a bond forms if both cubes have a rule for it, or if any one has (the other keeps its letter)
+    conflict : of several rules that fit, the first in the file or the most specific one applies, or it is an error
     update : both cubes read before either writes, or the first-named cube writes before the other reads
     bonds : whether bonds break or hold for ever
     finished : cubes that accept no more

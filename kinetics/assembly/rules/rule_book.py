@@ -36,11 +36,11 @@ BOOKS = Path(__file__).parents[1] / "books"
 
 
 class LivelockError(ValueError):
-    """Internal rules that never come to rest."""
+    """Raised where the internal rules of a book never come to rest."""
 
 
 class View(NamedTuple):
-    """All that a cube may read at an open face, as far as the book's senses go.
+    """All that a cube may read at an open face, within the senses of the book.
 
     letter, face, neighbours : its own letter, the face's type, the letters of the cubes bonded to it
     across : the letter of the cube at the opposite face; "" where there is none
@@ -59,10 +59,11 @@ class View(NamedTuple):
 class RuleBook:
     """Rules for cubes that all run the same state machine.
 
-    letters : the states a cube may be in; initial : that of a free cube
+    letters : the states that a cube may be in
+    initial : the letter of a free cube
     senses : what a cube can sense
     target : the finished structure, if the book names one
-    seed_letter : that of the cube from which the assembly grows, if it needs one
+    seed_letter : the letter of the cube from which the assembly grows, if it needs one
     """
 
     name: str
@@ -89,7 +90,7 @@ class RuleBook:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> RuleBook:
-        """A shipped book by its name (`line4`), or one's own TOML file."""
+        """Load a shipped book by its name (`line4`), or a TOML file of your own."""
         path = find(name_or_path, BOOKS, "rule book")
         content = validated(BookFile, read_toml(path), path)
         fields = {name: getattr(content, name) for name in BookFile.model_fields}
@@ -164,8 +165,8 @@ class RuleBook:
     ) -> View | None:
         """What a cube reads at its own face (0..5); None where another cube covers it.
 
-        other, partner : a structure that docks, already placed in this one's lattice, and its cube before
-            the face; without them, what only docking shows is left open (None)
+        other, partner : a structure that docks, already placed in this one's lattice, and its cube in front of the
+            face; without them, what a cube can read only while docking is left open (None)
         """
         if structure.cube_at(structure.faced(cube, face)) is not None:
             return None
@@ -185,7 +186,7 @@ class RuleBook:
     def allows(self, a: View | None, b: View | None) -> bool:
         """Whether two faces with these views may bond.
 
-        Of faces that do not dock yet: whether they may at some twist and place, which `join` then decides.
+        For faces that are not docking yet: whether they may bond in some placement; `join` then decides.
         """
         if a is None or b is None:
             return False
@@ -197,11 +198,11 @@ class RuleBook:
     def join(
         self, a: Structure, i: int, b: Structure, j: int, placement: Placement, settle: bool = True
     ) -> Structure | None:
-        """Put b into a's lattice and bond a's cube i with b's cube j, which must come to lie side by side.
+        """Place b in a's lattice and bond a's cube i with b's cube j, which must then lie side by side.
 
-        The joined structure, a's cubes first and then b's, letters rewritten and, with `settle`, settled.
-        None where the rules refuse the bond or cubes would overlap. All cubes that touch are bonded, but only the two
-        that dock run a combination rule.
+        Returns the joined structure, a's cubes first and then b's, with its letters rewritten and, with `settle`, the
+        internal rules applied; None where the rules refuse the bond or cubes would overlap. All cubes that touch are
+        bonded, but only the two that dock run a combination rule.
         """
         placed = b.moved(placement)
         face_a = a.face_towards(i, placed.positions[j])
@@ -249,7 +250,7 @@ class RuleBook:
     def settle(self, structure: Structure) -> Structure:
         """Apply the internal rules, all cubes at once, again and again until nothing changes.
 
-        LivelockError: the letters come round to what they were before.
+        LivelockError: the letters return to what they were before.
         """
         letters = structure.letters
         seen = set()
@@ -265,7 +266,7 @@ class RuleBook:
         )
 
     def steps(self, structure: Structure) -> Iterator[Structure]:
-        """What an internal rule can make of the structure at a single cube."""
+        """The structures that an internal rule at a single cube can lead to."""
         letters = structure.letters
         for cube in range(len(letters)):
             letter = self._followed_at(structure, letters, cube)

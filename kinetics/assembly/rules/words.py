@@ -1,4 +1,4 @@
-"""Rules in a few words, as they stand in the key of a state diagram."""
+"""Rules in a few words, as the key of a state diagram shows them."""
 
 from __future__ import annotations
 

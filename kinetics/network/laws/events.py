@@ -1,4 +1,4 @@
-"""Events: assignments to counts when a condition becomes true, such as a dose at a time or a feed at a low count."""
+"""Events: assignments to counts when a condition becomes true, such as a dose at a given time."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from kinetics.network.laws.expression import Expression
 
 @dataclass(frozen=True)
 class Event:
-    """An assignment to counts, at once and without chance, each time a condition turns from false to true.
+    """An instantaneous, deterministic assignment to counts, made each time a condition turns from false to true.
 
-    name : of the event
+    name : name of the event
     when : the condition over counts, parameters and t: "t >= 50", "S < 10 and P > 0"
     assign : species -> its new count, an expression over the counts just before; it must come out whole and >= 0
     parameters : name -> value, for both; a parsed expression brings its own
@@ -23,8 +23,8 @@ class Event:
     from_trigger : the new counts follow from those at the moment the condition turned true, not from those that
         other events of that moment left behind
 
-    An event whose moment has come happens even where another event of that moment undoes its condition. These are the
-    events of SBML Level 3 without delays: initialValue, persistent, useValuesFromTriggerTime.
+    An event that is due happens even if another event at the same moment makes its condition false again. These are
+    the events of SBML Level 3 without delays: initialValue, persistent, useValuesFromTriggerTime.
     """
 
     name: str

@@ -35,7 +35,7 @@ LONGEST = 10_000  # characters
 
 @dataclass(frozen=True)
 class Expression:
-    """A number that depends on counts, parameters and time.
+    """A formula in counts, parameters and time, such as a rate law.
 
     text : + - * / % **, comparisons (1 or 0), and, or, not, `FUNCTIONS`, pi, and t for the time in tu. Any other name
         is a parameter or a species; one that is no plain name, or that is t or pi, is quoted: "k * 'A-B'"
@@ -69,7 +69,7 @@ class Expression:
 
     @cached_property
     def tree(self) -> ast.expr:
-        """What the text means, see the grammar of Python's `ast`."""
+        """The syntax tree of the text, as in Python's `ast`."""
         if len(self.text) > LONGEST:
             raise ValueError(f"an expression of {len(self.text)} characters; at most {LONGEST} are read")
         try:
@@ -91,7 +91,7 @@ class Expression:
 
     @property
     def species(self) -> tuple[str, ...]:
-        """The names that are no parameters, in the order of their first use."""
+        """The names that are not parameters, in the order of their first use."""
         return tuple(name for name in self._names if name not in self.parameters)
 
     @property

@@ -1,4 +1,4 @@
-"""The usual rate laws by name. Each makes an `Expression`.
+"""The usual rate laws by name, each a function that returns an `Expression`.
 
 To add one, write its function, with an example at the end of its docstring, and put it into `LAWS`: the contract in
 tests/contracts/test_laws.py reads both.
@@ -14,16 +14,16 @@ from kinetics.network.laws.expression import Expression, quoted
 
 
 def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
-    """k times the sets of reactants: k * A * (A - 1) / 2 for two of A.
+    """Mass action, k times the number of combinations of reactants: k * A * (A - 1) / 2 for two of A.
 
-    As an expression it costs more an event than a rate constant does; it serves as a start for other laws.
+    As an expression it costs more per event than a rate constant; it is a starting point for other rate laws.
     Example: `mass_action(0.3, {"A": 2, "B": 1})`
     """
     return Expression(f"k{_combinations(reactants)}", {"k": _positive("k", k)})
 
 
 def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None = None) -> Expression:
-    """vmax * S / (K + S); with an enzyme, vmax is per copy of it. K in copies (Michaelis & Menten 1913).
+    """Michaelis-Menten kinetics, vmax * S / (K + S), K in copies; with an enzyme, vmax is per copy of it (1913).
 
     Example: `michaelis_menten("S", vmax=2.0, K=10.0, enzyme="E")`
     """
@@ -33,7 +33,7 @@ def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None =
 
 
 def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
-    """basal + vmax * A**n / (K**n + A**n): activation with half its effect at K copies (Hill 1910).
+    """Hill activation, basal + vmax * A**n / (K**n + A**n), with half its effect at K copies (Hill 1910).
 
     Example: `hill("A", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
     """
@@ -42,7 +42,7 @@ def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) ->
 
 
 def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
-    """basal + vmax / (1 + (R / K)**n): repression with half its effect at K copies.
+    """Hill repression, basal + vmax / (1 + (R / K)**n), with half its effect at K copies.
 
     Example: `hill_repression("R", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
     """
@@ -50,7 +50,7 @@ def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: floa
 
 
 def steps_in_count(species: str, counts: Sequence[int], rates: Sequence[float]) -> Expression:
-    """rates[0] below counts[0] copies, rates[1] from there on below counts[1], and so on; one rate more than counts.
+    """A stepwise rate: rates[0] below counts[0] copies, then rates[1] below counts[1], and so on; one rate more.
 
     Example: `steps_in_count("A", counts=[3, 20], rates=[1.0, 4.0, 0.5])`
     """

@@ -1,4 +1,4 @@
-"""Rate laws compiled for a stack machine: a code, an operand and a number for each step.
+"""Rate laws compiled for a stack machine: an operation code, an operand and a number for each step.
 
 One machine in `kernels.general` runs them event by event and over stretches of time; `evaluate` runs them here, over
 arrays of states.

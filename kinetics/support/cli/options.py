@@ -17,6 +17,7 @@ DURATION = 2000.0  # tu, the paper's
 
 seed_option = click.option(
     "--seed",
+    metavar="N",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
@@ -45,7 +46,7 @@ csv_option = click.option(
     "--csv", "csv_file", metavar="FILE", callback=in_a_folder, help="Write a table to this CSV file."
 )
 plot_option = click.option(
-    "--plot", "plot_file", metavar="FILE", callback=picture_of, help="Draw into this PNG, PDF or SVG file."
+    "--plot", "plot_file", metavar="FILE", callback=picture_of, help="Write a figure to this PNG, PDF or SVG file."
 )
 
 
@@ -137,7 +138,7 @@ def starting_options(command: Any) -> Any:
     """The argument and options of a start: rule book or network file, rates, counts at time 0."""
     for decorate in (
         click.option("--initial", metavar="SPECIES=COUNT,...", help="Counts at time 0, as in monomer=20,dimer=20."),
-        click.option("--cubes", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
+        click.option("--cubes", metavar="N", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
         click.option(
             "--rates",
             "rates_name",

@@ -1,1 +1,1 @@
-"""The cost of accuracy: every method's distance from the exact distribution against its CPU time."""
+"""The accuracy diagram: every method's distance from the exact distribution, against its CPU time."""

@@ -1,4 +1,4 @@
-"""Curves of the accuracy diagram, one a method, each with its settings from cheap to dear.
+"""Curves of the accuracy diagram, one per method, each with its settings from cheap to expensive.
 
 Every solving method has its curve from `SOLVING_METHODS`; any other is a line in `CURVES`.
 """

@@ -101,7 +101,7 @@ class Diagram:
         return found
 
     def rows(self) -> list[dict[str, Any]]:
-        """One flat row a point, for tables."""
+        """One flat row per point, for tables."""
         return [
             {
                 "method": p.curve,
@@ -141,7 +141,7 @@ class Diagram:
         }
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row a point."""
+        """One row per point."""
         import pandas as pd
 
         return pd.DataFrame(self.rows())

@@ -1,4 +1,4 @@
-"""Distances of an answer from the exact distribution of each species, and the expected one of exact sampling."""
+"""Distances of a result from the exact distribution of each species, and what exact sampling is expected to reach."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What others would use: the matrix exponential's action by scipy, and the rate equation."""
+"""Methods for comparison: SciPy's action of the matrix exponential, and the rate equation."""
 
 from __future__ import annotations
 

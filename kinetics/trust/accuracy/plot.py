@@ -1,4 +1,4 @@
-"""The plot of an accuracy diagram: error against CPU time, one curve a method."""
+"""The plot of an accuracy diagram: error against CPU time, one curve per method."""
 
 from __future__ import annotations
 

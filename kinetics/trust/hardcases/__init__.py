@@ -1,6 +1,6 @@
-"""Hard cases: questions on which numerical methods break, each with an answer from elsewhere.
+"""Hard cases: problems on which numerical methods fail, each with an answer from an independent source.
 
-To add one: a function that yields an `Attempt` a method, and its `Case` in the tuple of its module below.
+To add one, write a function that yields one `Attempt` per method, and put its `Case` in the tuple of its module.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Hard cases and attempts at them, and small networks for both."""
+"""The parts of a hard case: the problem, the attempts at it, and small networks for both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard cases of first passage: remote, unlikely, long."""
+"""Hard cases of first passage: remote targets, improbable ones, and long waits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard cases of sampling: large counts, late times, output grids, nothing to do."""
+"""Hard cases of sampling: large counts, late times, output grids, and networks in which nothing can happen."""
 
 from __future__ import annotations
 

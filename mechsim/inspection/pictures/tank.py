@@ -30,11 +30,11 @@ CORNERS = np.array(
 
 
 def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size") -> Any:
-    """The tank at one recorded moment; returns `ax`.
+    """Draw the tank at one recorded moment; returns `ax`.
 
     frame : index into the recorded poses
     paint : cubes by the "size" of their structure, or faces by their "type"
-    ValueError for a run without poses, or with damaged ones.
+    ValueError: the run has no poses, or damaged ones.
     """
     return draw_frame(Poses.of(record), ax, frame, paint)
 

@@ -1,4 +1,4 @@
-"""Executors, which make the runs of an ensemble: one file each, and one line here. The first is the default."""
+"""Executors, which make the runs of an ensemble; one imported here is registered, and the first is the default."""
 
 from mechsim.runs.executors.base import Executor, RunAttempt, Session
 from mechsim.runs.executors.cluster import Dask

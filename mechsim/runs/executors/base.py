@@ -1,4 +1,4 @@
-"""Base classes of executors: what the driver of an ensemble asks of whoever makes the runs.
+"""Base classes of executors: what the driver of an ensemble requires of whatever makes the runs.
 
 To add an executor: a file with an `Executor` (its settings, and the option of the command line that chooses it) and a
 `Session` (the runs it has in hand), and its line in `EXECUTORS`. Claims, tries, the quarantine and the progress bar
@@ -23,14 +23,14 @@ LOOK_EVERY = 0.2  # s between two looks at what nobody reports: runs claimed by 
 
 @dataclass(kw_only=True)
 class RunAttempt:
-    """One try at a run.
+    """One attempt to make a run.
 
-    claim : the right to make it, given back by the driver; None: whoever makes the run claims it himself
-    simulated : tu so far, where that is known
-    ended : nothing more will come of it; there is a record now, or else a failure
+    claim : the right to make it, given back by the driver; None: the worker that makes the run claims it
+    simulated : simulated time so far, tu, if known
+    ended : whether it is over, with a record or a failure
     failure : why there is no record
-    is_last : another try would do harm
-    is_elsewhere : no try at all, since another process is making the run or has made it meanwhile
+    is_last : whether another try would do harm
+    is_elsewhere : whether there was no try, because another process is making the run or has already made it
     """
 
     spec: RunSpec
@@ -43,14 +43,14 @@ class RunAttempt:
 
 
 class Session(ABC):
-    """The runs that an executor has in hand, during one call of `run_all`."""
+    """The runs that an executor has in progress during one call of `run_all`."""
 
     def __init__(self) -> None:
         self.attempts: list[RunAttempt] = []  # the driver takes out those that have ended
 
     @abstractmethod
     def has_room(self) -> bool:
-        """May another run be started now?"""
+        """Whether another run may be started now."""
 
     @abstractmethod
     def start(self, spec: RunSpec, claim: Claim) -> None:
@@ -58,18 +58,18 @@ class Session(ABC):
 
     @abstractmethod
     def listen(self, seconds: float | None) -> None:
-        """Bring the attempts up to date once something has happened, or after so long; None: however long it takes.
+        """Update the attempts once something has happened, or after this many seconds; None: wait as long as it takes.
 
         Errors that the next run would meet too (a full disk, other versions on a worker) are raised.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """End all that still runs; after that nothing writes into the store."""
+        """End all runs in progress; after that nothing writes to the store."""
 
 
 class Executor(ABC):
-    """Settings of a way to make runs.
+    """The settings of an executor, which makes the runs of an ensemble.
 
     option, metavar, kind, help : the option that chooses it on the command line, whose value `from_option` takes
     """
@@ -82,15 +82,15 @@ class Executor(ABC):
     @classmethod
     @abstractmethod
     def from_option(cls, value: Any, timeout: float | None) -> Executor:
-        """The executor that the command line asks for; value None: its default, where it has one."""
+        """The executor for an option on the command line; value None: its default, if it has one."""
 
     @abstractmethod
     def check(self) -> None:
-        """Raise, within seconds and before any work is done, where it could not be used."""
+        """Raise, within seconds and before any work is done, if the executor could not be used."""
 
     @abstractmethod
     def open(self, store: RunStore, execute: Execute) -> Session:
-        """Ready to make runs; `execute` is called where they are made, so it must be found by its name in a module."""
+        """Get ready to make runs; `execute` is called where they are made, so it must be importable by name."""
 
 
 def check_timeout(timeout: float | None) -> None:

@@ -39,10 +39,10 @@ _over: set[str] = set()
 
 @dataclass(frozen=True)
 class Dask(Executor):
-    """Runs on the workers of a Dask cluster, which share the store's disk and have the same versions installed.
+    """An executor on a Dask cluster, whose workers share the store's disk and have the same versions installed.
 
-    address : of the scheduler, as tcp://10.0.0.5:8786
-    timeout : s without progress after which a run counts as hung; None: never
+    address : address of the scheduler, as tcp://10.0.0.5:8786
+    timeout : time without progress after which a run counts as hung, s; None: never
     """
 
     address: str
@@ -61,7 +61,7 @@ class Dask(Executor):
 
     @classmethod
     def from_option(cls, value: Any, timeout: float | None) -> Dask:
-        """`--scheduler tcp://10.0.0.5:8786`."""
+        """The executor for `--scheduler tcp://10.0.0.5:8786`."""
         return cls(value, timeout)
 
     def check(self) -> None:
@@ -69,7 +69,7 @@ class Dask(Executor):
         self._connect().close()
 
     def open(self, store: RunStore, execute: Execute) -> ClusterSession:
-        """Connected to the scheduler."""
+        """Connect to the scheduler."""
         client = self._connect()
         if not client.nthreads():
             warnings.warn(f"the scheduler at {self.address} has no workers yet; runs wait for one", stacklevel=3)

@@ -1,4 +1,4 @@
-"""Executor on this machine, one process a run, so that a crash in the engine costs a single try."""
+"""Executor on this machine, one process per run, so that a crash in the engine costs a single try."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _one_at_a_time = threading.RLock()
 
 @dataclass(frozen=True)
 class Processes(Executor):
-    """Runs in processes on this machine.
+    """An executor on this machine, with one process per run.
 
-    workers : runs at the same time
-    timeout : s without progress after which a run counts as hung (leave room for compiling kernels); None: never
+    workers : number of runs made at the same time
+    timeout : time without progress after which a run counts as hung, s (allow for compiling kernels); None: never
     folder : working directory of the runs; None: this process's
     """
 
@@ -43,9 +43,9 @@ class Processes(Executor):
     folder: Path | None = None
 
     option: ClassVar[str] = "--workers"
-    metavar: ClassVar[str | None] = None
+    metavar: ClassVar[str | None] = "N"
     kind: ClassVar[Any] = click.IntRange(min=1)
-    help: ClassVar[str] = "Runs at the same time, as processes on this machine.  [default: 1]"
+    help: ClassVar[str] = "Number of runs made at the same time, as processes on this machine.  [default: 1]"
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -54,14 +54,14 @@ class Processes(Executor):
 
     @classmethod
     def from_option(cls, value: Any, timeout: float | None) -> Processes:
-        """`--workers 4`; 1 where it is not given."""
+        """The executor for `--workers 4`; with one worker by default."""
         return cls(1 if value is None else value, timeout)
 
     def check(self) -> None:
-        """Processes can always be used."""
+        """Do nothing: processes can always be used."""
 
     def open(self, store: RunStore, execute: Execute) -> ProcessSession:
-        """Ready to start processes."""
+        """Get ready to start processes."""
         return ProcessSession(self, store, execute)
 
 
