@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from collections import Counter, defaultdict
@@ -14,9 +15,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("kinetics", "mechsim", "calibration")
-SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+SOURCES = [*sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")), ROOT / "wellmixed.py"]
 # the parts of kinetics that never heard of cubes
 LATTICE_FREE = ("support", "network", "formats", "runs", "sampling", "solving", "passage", "trust")
+DOTTED = re.compile(rf"({'|'.join(ROOMS)})(\.\w+)+")
 # the one file that imports numba: its cache sees an edit of any kernel
 COMPILER = "kinetics.kernels.compiled"
 HEAVY = ("numba", "pandas", "matplotlib", "pybullet", "scipy")
@@ -37,7 +39,11 @@ def module_name(path: Path) -> str:
 
 
 def imports_of(source: str, module: str, is_package: bool = False) -> list[Import]:
-    """All imports of a module, those within functions too. `from a import b` gives a.b, whatever b is."""
+    """All imports of a module, those within functions too. `from a import b` gives a.b, whatever b is.
+
+    A text that is the dotted name of something in our rooms counts as an import, for `import_module`, `__import__` and
+    tables of names that are imported on demand.
+    """
     found: list[Import] = []
 
     def walk(node: ast.AST, at_run_time: bool) -> None:
@@ -47,6 +53,9 @@ def imports_of(source: str, module: str, is_package: bool = False) -> list[Impor
             above = module.split(".")[: len(module.split(".")) - node.level + is_package] if node.level else []
             base = ".".join([*above, *([node.module] if node.module else [])])
             found.extend(Import(module, f"{base}.{alias.name}", at_run_time) for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and DOTTED.fullmatch(node.value):
+            if node.value != module:
+                found.append(Import(module, node.value, at_run_time))
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             for child in node.body:
                 walk(child, at_run_time=False)
@@ -136,6 +145,9 @@ def test_no_two_rooms_need_each_other():
         "def g():\n    import kinetics.b",
         "if TYPE_CHECKING:\n    from kinetics.b import B",
         "from kinetics import b",
+        "def g():\n    return importlib.import_module('kinetics.b').f",
+        "def g():\n    return __import__('kinetics.b', fromlist=['f'])",
+        "_HOMES = {'kinetics.b': ('f',)}",
     ],
 )
 def test_a_circle_is_seen(source):
@@ -182,6 +194,7 @@ def test_arrows():
         ("calibration.reporting.report", "from mechsim.inspection.pictures.tank import draw_tank"),
         ("calibration.reporting.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),
         ("mechsim.world.world", "import pybullet as p"),
+        ("kinetics.support.lazy_names", "COMMANDS = {'study': ('mechsim.commands.study', 'study')}"),
     ],
 )
 def test_forbidden_imports_are_seen(module, source):

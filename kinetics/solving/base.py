@@ -31,13 +31,14 @@ class SolvingMethod(ABC):
     """
 
     name: ClassVar[str]
-    least_tolerance: ClassVar[float] = 0.0
+    least_tolerance: ClassVar[float | None] = None  # None: the method has no tolerance
     tried_up_to: ClassVar[int | None] = None  # states, for a cost that rises steeply: who compares costs tries no more
 
     def __post_init__(self) -> None:
         tolerance = getattr(self, "tolerance", None)
-        if tolerance is not None and not (0 < tolerance < 1 and tolerance >= self.least_tolerance):
-            raise ValueError(f"tolerance = {tolerance}; expected between {self.least_tolerance:.0e} and 1")
+        least = self.least_tolerance or 0.0
+        if tolerance is not None and not (0 < tolerance < 1 and tolerance >= least):
+            raise ValueError(f"tolerance = {tolerance}; expected between {least:.0e} and 1")
         max_seconds = getattr(self, "max_seconds", None)
         if max_seconds is not None and not max_seconds > 0:
             raise ValueError(f"max_seconds = {max_seconds}; expected a time above 0")

@@ -52,7 +52,7 @@ class FiniteStateProjection(SolvingMethod):
     """
 
     name: ClassVar[str] = "fsp"
-    least_tolerance: ClassVar[float] = 1e-13
+    least_tolerance: ClassVar[float | None] = 1e-13
 
     tolerance: float = 1e-9
     max_states: int = MAX_STATES

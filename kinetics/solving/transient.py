@@ -35,7 +35,7 @@ class Transient(SolvingMethod):
     """
 
     name: ClassVar[str] = "exact"
-    least_tolerance: ClassVar[float] = 1e-18  # below, the error is rounding anyway
+    least_tolerance: ClassVar[float | None] = 1e-18  # below, the error is rounding anyway
 
     tolerance: float = 1e-13
     max_states: int = MAX_STATES

@@ -101,9 +101,9 @@ def verify(
     solver : Transient() by default; give FiniteStateProjection() where the state space is infinite
 
     The checks are of the probability of every state that is likely enough, of the distribution function of every
-    species, of means and mean products of all species at each time and from one time to the next, and, where the method
-    gives its events, of waits times exit rates, which must be exponential, down to steps too fine for 32-bit random
-    numbers.
+    species, of means and mean products of all species at each time and from one time to the next, and of waits times
+    exit rates, which must be exponential, down to steps too fine for 32-bit random numbers. Waits are those of the
+    method's paths; of an object that has `name` and `simulate` alone, without the base class, only counts are checked.
     """
     grid = rising_times(times)
     n = whole_number("runs", runs, 100)
@@ -215,12 +215,11 @@ def _waits(
 
     In units of the exit rate, the runs put one after the other are a Poisson process of rate 1, whatever cuts them.
     """
-    sample_path = getattr(method, "sample_path", None)
-    if sample_path is None:
+    if not isinstance(method, SamplingMethod):  # counts alone
         return []
     waits_of_runs, finest, left, n_events, run = [], [], 0.0, 0, 0
     while n_events < EVENTS and run < paths:
-        path = sample_path(network, initial, end, seed=seed, run=run)
+        path = method.sample_path(network, initial, end, seed=seed, run=run)
         exits = network.propensities(path.states).sum(axis=1)
         elapsed = exits * np.diff(np.concatenate([[0.0], path.times, [path.end]]))
         elapsed[0] += left  # what the run before had waited when it was cut

@@ -27,7 +27,9 @@ class RandomField(Effect):
     flow.
 
     sigma : standard deviation of a component, length / tu
-    correlation_length : length; at least sigma * step, for within a step the fluid's velocity is taken as constant
+    correlation_length : length; at least sigma * step, for within a step the fluid's velocity is taken as constant. A
+        current or a shear that carries bodies across the field is not in this check, nor does the run watch for it:
+        its speed times the step should be less than the length, too
     correlation_time : T, tu; at least a step. To compare with held noise, take half its hold
     modes : M, the number of modes
     """
@@ -42,14 +44,14 @@ class RandomField(Effect):
     modes: int = Field(default=32, ge=8, le=4096)
 
     def check(self, scene: ViewOfScene) -> None:
-        """Check that the step resolves the field in time, and in space along the path of a cube."""
+        """Check that the step resolves the field in time, and in space along the way of its own flow."""
         super().check(scene)
         step = scene.numerics.step
         check_memory(self.effect, self.correlation_time, step)
         if self.correlation_length < self.sigma * step:
             raise ValueError(
                 f"{self.effect}.correlation_length = {self.correlation_length} is shorter than the way sigma * step = "
-                f"{self.sigma * step:.4g} of the fluid in a step: speeds would depend on the step; choose "
+                f"{self.sigma * step:.4g} of this flow in a step: speeds would depend on the step; choose "
                 f"numerics.step = {self.correlation_length / self.sigma:.4g} or less"
             )
 

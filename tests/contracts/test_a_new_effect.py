@@ -49,6 +49,11 @@ MISTAKES = (
         "__import__('numpy').random.default_rng().random()",
         "test_the_same_seed_gives_the_same_record",
     ),
+    (
+        "        self.flow[..., 0] = ",
+        "        self.flow[:] = self.world.fluid\n        self.flow[..., 0] += ",
+        "test_as_a_source_of_flow_it_is_one_term_of_the_field",
+    ),
 )
 
 
@@ -78,7 +83,7 @@ def test_one_file_and_one_line_add_an_effect(copy, monkeypatch):
 
 
 def test_the_contract_notices_what_is_wrong_with_it(copy, monkeypatch):
-    """Control: four mistakes in the same file."""
+    """Control: five mistakes in the same file."""
     text = BREEZE
     for right, wrong, _ in MISTAKES:
         assert right in text

@@ -244,7 +244,7 @@ def test_it_only_writes_motions_before_the_step(kind, world_of):
 
 @every_effect
 def test_as_a_source_of_flow_it_is_one_term_of_the_field(kind, world_of):
-    """With a steady flow listed beside it, which is the same in every step."""
+    """With a steady flow listed beside it, which is the same in every step; what the field was does not enter it."""
 
     class Steady(Effect):
         effect: str = "steady"
@@ -265,6 +265,8 @@ def test_as_a_source_of_flow_it_is_one_term_of_the_field(kind, world_of):
         np.testing.assert_array_equal(world.fluid, 1.0 if own is None else 1.0 + own.flow)
     if own is not None:
         assert own.flow.shape == world.fluid.shape == (5, len(world.drag_points), 3)
+        world.fluid[:] = np.nan
+        world.before[name_of(kind)]()
         assert np.isfinite(own.flow).all()
 
 

@@ -71,6 +71,17 @@ def test_is_named_and_says_what_it_claims(model):
         assert parameter.low < getattr(model, parameter.name) < parameter.high
 
 
+def test_combinations_do_not_depend_on_the_docking_ways(model):
+    """The propensity has them as a factor already: a model that divides by them, or counts them again, is wrong."""
+    paths = [
+        JumpPath(replace(NETWORK, ways=np.array(ways)), [8, 2], [0.3, 0.5], [0, 1], 1.0)
+        for ways in ([4.0, 1.0], [1.0, 7.0])
+    ]
+    found = [np.array(model.combinations(path)) for path in paths]
+    assert found[0].shape == (len(model.terms), 3, 2)
+    np.testing.assert_array_equal(*found)
+
+
 def test_parameters_are_named_and_coefficients_not_negative(fitted):
     fit, _ = fitted
     expected = [f"{term} {channel}" for channel in NETWORK.channels for term in fit.model.terms]

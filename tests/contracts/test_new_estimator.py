@@ -33,6 +33,7 @@ BROKEN = """
         \"\"\"Not what `elapsed` integrates.\"\"\"
         return 1 + age
 """
+DIVIDED = ("** self.power]", "** self.power / path.network.ways**2]")
 MODELS = "calibration/estimating/models"
 
 
@@ -51,12 +52,14 @@ def test_a_new_model_passes_the_contract(copy):
     (copy / MODELS / "powered.py").write_text(NEW)
     done = run_contract(copy, "test_estimators.py", "-k", "newmember and not truth")  # the long one is left out
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "14 passed" in done.stdout
+    assert "15 passed" in done.stdout
 
 
 def test_a_wrong_one_does_not(copy):
-    """Control: a hazard that is not the derivative of its integral."""
-    (copy / MODELS / "powered.py").write_text(NEW + BROKEN)
-    done = run_contract(copy, "test_estimators.py", "-k", "newmember and definition")
+    """Control: a hazard that is not the derivative of its integral, and docking ways that cancel, and more."""
+    assert DIVIDED[0] in NEW
+    (copy / MODELS / "powered.py").write_text(NEW.replace(*DIVIDED) + BROKEN)
+    done = run_contract(copy, "test_estimators.py", "-k", "newmember and (definition or docking)", "-rf", "--tb=no")
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "1 failed" in done.stdout
+    for case in ("test_likelihood_is_its_definition", "test_combinations_do_not_depend_on_the_docking_ways"):
+        assert f"::{case}[newmember]" in done.stdout, f"{case} did not fail: {done.stdout}"

@@ -26,6 +26,7 @@ def test_names_differ():
 def test_settings_are_fields_with_defaults_that_cannot_be_changed(method):
     assert isinstance(method(), SolvingMethod)
     assert method() == method()
+    assert (method.least_tolerance is not None) == ("tolerance" in {field.name for field in fields(method)})
     for field in fields(method):
         with pytest.raises(AttributeError):
             setattr(method(), field.name, 1)

@@ -66,3 +66,20 @@ def test_a_list_that_differs_from_its_homes_is_seen():
     assert find("pi") == importlib.import_module("math").pi
     with pytest.raises(AttributeError, match="module 'package' has no attribute 'absent'"):
         find("absent")
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "hint"),
+    [
+        ("kinetics", "splitting", "the public names"),
+        ("kinetics", "Simulate", "did you mean 'simulate'"),
+        ("kinetics.assembly", "Event", "did you mean 'StructureEvent'"),
+        ("calibration", "Table", "did you mean 'ReportTable'"),
+        ("calibration", "homogeneities", "did you mean 'homogeneity'"),
+    ],
+)
+def test_an_unknown_name_is_answered_by_near_ones(package, name, hint):
+    module = importlib.import_module(package)
+    said = f"module '{package}' has no attribute '{name}'; {hint}.* are those of dir\\({package}\\)"
+    with pytest.raises(AttributeError, match=said):
+        getattr(module, name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
-from kinetics.solving import SOLVING_METHODS, FiniteStateProjection, Transient
+from kinetics.solving import SOLVING_METHODS, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
 
 EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)
@@ -135,11 +135,15 @@ def _summed(found: Any, exact: Any) -> float:
     return float(abs(found - exact).sum())
 
 
-def _away(method: Any, net: Network, start: list[int], times: list[float], end: list[int]) -> float:
+def _away(
+    method: SamplingMethod | SolvingMethod, net: Network, start: list[int], times: list[float], end: list[int]
+) -> float:
     """How far the mean is from where it must be."""
-    solves = hasattr(method, "solve")
-    found = method.solve(net, start, times) if solves else method.simulate(net, start, times, runs=20, seed=6)
-    return float(abs(found.mean()[-1] - end).max())
+    if isinstance(method, SolvingMethod):
+        mean = method.solve(net, start, times).mean()
+    else:
+        mean = method.simulate(net, start, times, runs=20, seed=6).mean()
+    return float(abs(mean[-1] - end).max())
 
 
 def _duplicates() -> Iterator[Attempt]:

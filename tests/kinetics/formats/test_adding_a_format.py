@@ -62,6 +62,43 @@ MISTAKES = (
     ('".sheet", ".sht"', '".sheet", ".sHt"', "test_it_says_what_it_is[sheet]"),
     ("model.initial.tolist()", "(model.initial // 2).tolist()", "test_large_counts_and_extreme_rates_come_back[sheet]"),
 )
+# The same with rate laws and events: (in the place of, this).
+MORE = (
+    ("not net.is_mass_action", 'net.at_zero != "block"'),
+    ("alone; {[*net.laws]} or", "with zeros that block; {[*net.laws]} or"),
+    (
+        'data["rates"], data["combinations"]\n',
+        'data["rates"], data["combinations"],\nlaws=data["laws"], events=[Event(*each) for each in data["events"]],\n',
+    ),
+    (
+        '            | {"initial"',
+        """            | {"laws": {name: str(law) for name, law in net.laws.items()}}
+            | {"events": [[e.name, str(e.when), {k: str(v) for k, v in e.assign.items()}] for e in net.events]}
+            | {"initial\"""",
+    ),
+    ("from kinetics.network.sparse", "from kinetics.network.laws import Event\nfrom kinetics.network.sparse"),
+)
+LOSSES = (
+    ("str(e.when)", '"1 < 0"', "test_what_it_cannot_hold_is_refused_and_not_changed[event-sheet]"),
+    (
+        "str(law) for",
+        '"0" if law.reads_time else str(law) for',
+        "test_what_it_cannot_hold_is_refused_and_not_changed[timed law-sheet]",
+    ),
+    (
+        "dict(model.observables)",
+        "{name * (1 + (len(net.species) == 3)): each for name, each in model.observables.items()}",
+        "test_a_network_comes_back[catalyst-sheet]",
+    ),
+)
+
+
+def changed(text, changes):
+    """The text with one thing in the place of another, which must stand there once."""
+    for right, wrong, *_ in changes:
+        assert text.count(right) == 1, right
+        text = text.replace(right, wrong)
+    return text
 
 
 @pytest.fixture(scope="module")
@@ -80,18 +117,18 @@ def contract_of(copy, text, monkeypatch):
     return run_contract(copy, "test_formats.py", "-k", "sheet", "-rf", "--tb=no")
 
 
-def test_one_file_and_its_line_add_a_format(copy, monkeypatch):
-    done = contract_of(copy, SHEET, monkeypatch)
+@pytest.mark.parametrize("text", [SHEET, changed(SHEET, MORE)], ids=["plain", "laws"])
+def test_one_file_and_its_line_add_a_format(text, copy, monkeypatch):
+    done = contract_of(copy, text, monkeypatch)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"\b[12][0-9] passed", done.stdout), done.stdout
 
 
-def test_the_contract_sees_what_is_wrong_with_it(copy, monkeypatch):
-    text = SHEET
-    for right, wrong, _ in MISTAKES:
-        assert text.count(right) == 1
-        text = text.replace(right, wrong)
-    done = contract_of(copy, text, monkeypatch)
+@pytest.mark.parametrize(
+    ("base", "mistakes"), [(SHEET, MISTAKES), (changed(SHEET, MORE), LOSSES)], ids=["plain", "laws"]
+)
+def test_the_contract_sees_what_is_wrong_with_it(base, mistakes, copy, monkeypatch):
+    done = contract_of(copy, changed(base, mistakes), monkeypatch)
     assert done.returncode == 1, done.stdout + done.stderr
-    for *_, case in MISTAKES:
+    for *_, case in mistakes:
         assert f"::{case}" in done.stdout, f"{case} did not fail: {done.stdout}"

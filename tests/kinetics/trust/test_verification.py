@@ -77,14 +77,11 @@ class Redraw:
 
 
 @dataclass(frozen=True)
-class ShortWords:
+class ShortWords(Direct):
     """Direct, but for waits from random numbers of so many bits."""
 
     bits: int
     name: ClassVar[str] = "short words"
-
-    def simulate(self, *arguments, **options):
-        return Direct().simulate(*arguments, **options)
 
     def sample_path(self, net, initial, end, seed=0, run=0):
         rng = np.random.default_rng((seed, run))

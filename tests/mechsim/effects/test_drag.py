@@ -268,6 +268,18 @@ def test_explicit_drag_refuses_where_its_bound_is_broken(make_world, scene_of):
         world.step()
 
 
+def test_explicit_drag_in_a_steady_flow_is_guarded_in_the_run(make_world, scene_of):
+    """Its scene is not refused: a slow current carries the cube along, a fast one ends the run."""
+    for speed in (1.0, 17.0):
+        current = {"effect": "current", "velocity": [0.0, 0.0, speed]}
+        world = make_world({"monomer": 1}, scene_of(current, EXPLICIT, step=1 / 120))
+        if speed == 1.0:
+            world.step()
+            continue
+        with pytest.raises(Stopped, match=r"explicit drag is unstable: .* of body 0 \(cube 0\)"):
+            world.step()
+
+
 def test_explicit_drag_makes_cubes_faster(make_world, scene_of):
     """Why it is kept only to compare with: +11 % at a quarter of the relaxation time (measured before)."""
     speeds = []
