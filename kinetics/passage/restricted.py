@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import lump
-from kinetics.solving import reachable
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
@@ -23,7 +23,7 @@ class RestrictedPassage:
     """The time min(T, horizon) until a target is reached or the horizon comes, tu.
 
     mean, sd : of that time; both exist however unlikely the target is
-    reached : probability that the target is reached by the horizon
+    reached : probability that the target is reached by the horizon, from 0 to 1
     mean_error, reached_error : bounds on the absolute errors of mean and probability
     n_states : states of the chain, those with the target included
     """
@@ -51,51 +51,61 @@ def restricted_passage(
     max_states, max_seconds : a ValueError where there are more states, or where it would take longer by a rough
         estimate
 
-    The moments of min(T, horizon) are integrals of the survival function. By uniformisation at rate q its terms are
-    Poisson probabilities, whose integrals are Poisson tails P(N > n) / q: sums of positive terms, so nothing cancels.
+    The moments of min(T, horizon) are integrals of the survival function, those of what it leaves of the horizon are
+    integrals of the distribution function. By uniformisation at rate q the terms of both are Poisson probabilities,
+    whose integrals are Poisson tails P(N > n) / q. Moments and probability are sums of positive terms, in which nothing
+    cancels. The sd is the root of a difference of two moments, of the time or of what it leaves, whichever is smaller
+    in the mean square; only where the sd is far below both does it lose digits, and it has no bound on its error.
     About q * horizon steps over all states, and no linear equations: choose it over `first_passage` where the states
     are many or the target may never be reached. (Jensen 1953 for uniformisation; Royston & Parmar 2013 for the mean.)
     """
     end = float(rising_times([horizon])[0])
     index, wanted = network.index(species), whole_number("copies", copies, 0)
-    space = reachable(network, initial, stop=lambda states: states[:, index] >= wanted, max_states=max_states)
+    space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     if space.is_stopped[0] or end == 0.0:
         return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
     chain = DiscreteChain.of(lump(space.generator(), space.is_stopped))
-    steps = chain.steps_until(end, TOLERANCE)  # the window's own arrays have a place for each, so the bound comes first
-    if steps > MAX_STEPS or steps * chain.step_seconds > max_seconds:
+    # The window's own arrays have a place for each step, so the bound comes first.
+    steps = chain.steps_until(end, TOLERANCE) if chain.rate * end < np.inf else np.inf
+    if steps > MAX_STEPS or not steps * chain.step_seconds <= max_seconds:
         raise ValueError(
             f"{len(space)} states would take {steps:.3g} steps until {end:g} tu, up to "
             f"{steps * chain.step_seconds:.3g} s; at most {MAX_STEPS} steps and max_seconds = {max_seconds:g} are "
             f"allowed: choose an earlier horizon, start from fewer copies, or sample"
         )
     first, weights = poisson_window(chain.rate * end, TOLERANCE)
-    alive, rounding = _survival(chain, first + weights.size)
+    absorbed, alive, rounding = _absorption(chain, first + weights.size)
     tails = np.ones(first + weights.size + 1)  # P(N > n) for n = 0, 1, ...: certain before the window, 0 after it
     tails[first:] = np.append(np.cumsum(weights[::-1])[::-1][1:], [0.0, 0.0])
-    mean = float(alive @ tails[:-1]) / chain.rate
-    square = 2.0 * float((alive * np.arange(1, alive.size + 1)) @ tails[1:]) / chain.rate**2
-    missed = float(alive[first:] @ weights)
+    # Moments in units of 1/q, of the time and of what it leaves of the horizon.
+    mean, left = float(alive @ tails[:-1]), float(absorbed @ tails[:-1])
+    square = 2.0 * float((alive * np.arange(1, alive.size + 1)) @ tails[1:])
+    left_square = 2.0 * float(absorbed @ np.cumsum(tails[:0:-1])[::-1])
+    variance = min((square, square - mean**2), (left_square, left_square - left**2))[1]
     return RestrictedPassage(
         end,
-        mean,
-        float(np.sqrt(max(square - mean**2, 0.0))),
-        1.0 - missed,
+        min(mean / chain.rate, end),
+        max(variance, 0.0) ** 0.5 / chain.rate,
+        min(float(absorbed[first:] @ weights), 1.0),
         rounding * end + _tails_error(chain.rate * end, first, weights) / chain.rate,
         window_error(chain.rate * end, first, weights, TOLERANCE) + rounding,
         len(space),
     )
 
 
-def _survival(chain: DiscreteChain, n_steps: int) -> tuple[Floats, float]:
-    """Probability (n_steps,) of not being in the last state after 0, 1, ... steps, and a bound on its rounding."""
+def _absorption(chain: DiscreteChain, n_steps: int) -> tuple[Floats, Floats, float]:
+    """Probabilities (n_steps,) of being and of not being in the last state after 0, 1, ... steps.
+
+    And a bound on the rounding of either.
+    """
     from kinetics.kernels import markov
 
     vector = np.zeros(chain.size)
     vector[0] = 1.0
     absorbed, alive, flows = np.empty((3, n_steps))
     markov.absorb(*chain.arrays, vector, absorbed, alive, flows)
-    return alive, chain.rounding(n_steps, float(flows.sum())) + ROUNDOFF * (n_steps + chain.size + 2)
+    rounding = chain.rounding(n_steps, float(flows.sum())) + ROUNDOFF * (n_steps + chain.size + 2)
+    return absorbed, alive, rounding
 
 
 def _tails_error(mean: float, first: int, weights: Floats) -> float:

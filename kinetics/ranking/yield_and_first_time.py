@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 
@@ -13,7 +14,8 @@ from kinetics.network.laws import Event
 from kinetics.network.laws.expression import quoted
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.passage.restricted import restricted_passage
-from kinetics.sampling import General
+from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.methods import path_method
 from kinetics.solving import Transient
 from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.intervals import student_quantile
@@ -23,6 +25,7 @@ MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which d
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
 TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
+DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Question:
     initial : (S,) counts at time 0
     target : index of the target species
     possible : largest number of its copies that the tank could hold
-    horizon : tu
+    horizon : tu, above 0
     """
 
     network: Network
@@ -66,6 +69,10 @@ class Question:
     target: int
     possible: int
     horizon: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.horizon < np.inf:
+            raise ValueError(f"horizon = {self.horizon:g}; expected a positive number of tu")
 
 
 @dataclass(frozen=True)
@@ -131,7 +138,7 @@ def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure]
     except ValueError:
         return None
     cost = time.process_time() - began
-    sd = (found.reached * (1.0 - found.reached)) ** 0.5
+    sd = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5
     return (
         _exact(found.mean, found.sd, found.mean_error, end, found.n_states, cost),
         _exact(found.reached, sd, found.reached_error, 1.0, found.n_states, cost),
@@ -157,17 +164,45 @@ def _exact(value: float, sd: float, error: float, top: float, states: int, cost:
 
 
 def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[Figure, Figure, Figure]:
-    """First target, probability of it by the horizon, and yield, from the same runs."""
+    """First target, probability of it by the horizon, and yield, from the same runs.
+
+    The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
+    paths where the method that takes an event is far dearer, as it is with thousands of channels.
+    """
     n, end = whole_number("runs", runs, 2), question.horizon
     began = time.process_time()
-    network = _noting(question)
-    start = np.append(question.initial, 0)
-    counts = General().simulate(network, start, [end], n, seed, first_run=first_run).counts[:, 0]
-    noted = counts[:, -1]
-    times = np.where(noted > 0, (noted - 0.5) * (end / TICKS), end)
-    shares = counts[:, question.target] / question.possible
+    network, noting = question.network, _noting(question)
+    size = NetworkSize.of(network)
+    is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
+    times, targets = (_from_paths if is_dear else _noted)(question, noting, n, seed, first_run)
+    is_reached = ~np.isnan(times)
+    first = np.where(is_reached, times, end)
     cost = time.process_time() - began
-    return _mean(times, end, cost), _mean((noted > 0).astype(float), 1.0, cost), _mean(shares, 1.0, cost)
+    return (
+        _mean(first, end, cost),
+        _mean(is_reached.astype(float), 1.0, cost),
+        _mean(targets / question.possible, 1.0, cost),
+    )
+
+
+def _noted(question: Question, noting: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
+    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from the network that notes."""
+    start, end = np.append(question.initial, 0), question.horizon
+    counts = path_method(noting).simulate(noting, start, [end], runs, seed, first_run=first_run).counts[:, 0]
+    ticks = counts[:, -1] - 1.0  # 0 at the start, then rounded up
+    times = np.maximum(ticks - 0.5, 0.0) / TICKS * end
+    return np.where(ticks >= 0, times, np.nan), counts[:, question.target]
+
+
+def _from_paths(question: Question, _: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
+    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from whole paths."""
+    network, end = question.network, question.horizon
+    method, target = path_method(network), network.species[question.target]
+    times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
+    for i in range(runs):
+        path = method.sample_path(network, question.initial, end, seed, first_run + i)
+        times[i], targets[i] = path.first_time(target), path.at([end])[0, question.target]
+    return times, targets
 
 
 def _noting(question: Question) -> Network:
@@ -177,13 +212,11 @@ def _noting(question: Question) -> Network:
     all in one call.
     """
     network, target = question.network, question.network.species[question.target]
-    name = "noted"
-    while name in network.species:
-        name += "_"
+    name = _free_name("noted", network.species)
     first = Event(
-        "first target",
+        _free_name("first target", [event.name for event in network.events]),
         f"{quoted(target)} >= 1 and {name} < 1",
-        {name: f"1 + floor(t * {TICKS / question.horizon!r})"},
+        {name: f"1 + ceil(t / {float(question.horizon)!r} * {TICKS})"},
         was_true=False,
     )
     reactants, changes = (
@@ -204,6 +237,13 @@ def _noting(question: Question) -> Network:
     )
 
 
+def _free_name(name: str, taken: Collection[str]) -> str:
+    """The name, with underscores behind it until it is not among those taken."""
+    while name in taken:
+        name += "_"
+    return name
+
+
 def _mean(values: Floats, top: float, cost: float) -> Figure:
     """Mean of values between 0 and `top` with Student's interval.
 
@@ -211,10 +251,11 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
     do not exclude (Clopper & Pearson 1934), at either end of the range.
     """
     n, mean, sd = values.size, float(values.mean()), float(values.std(ddof=1))
-    if sd > 0:
+    if values.min() < values.max():
         half = student_quantile(n - 1, 1 - 2 * TAIL) * sd / n**0.5
         low, high = mean - half, mean + half
     else:
+        mean, sd = float(values[0]), 0.0  # sums of like values round
         share = 1 - TAIL ** (1 / n)
         low, high = mean - share * mean, mean + share * (top - mean)
     return Figure(mean, sd, max(low, 0.0), min(high, top), "ssa", n, cost)

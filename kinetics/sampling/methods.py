@@ -33,8 +33,11 @@ def simulate(
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
-    The method is the first of `EXACT_METHODS` that takes the network: the direct method under mass action, `General`
-    under other rate laws.
+    The method is that of `path_method`: the direct method under mass action, `General` under other rate laws.
     """
-    method = next(method for kind in EXACT_METHODS if (method := kind()).takes(network))
-    return method.sample_path(network, initial, end, seed=seed, run=run)
+    return path_method(network).sample_path(network, initial, end, seed=seed, run=run)
+
+
+def path_method(network: Network) -> SamplingMethod:
+    """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network."""
+    return next(method for kind in EXACT_METHODS if (method := kind()).takes(network))

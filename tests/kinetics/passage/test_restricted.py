@@ -1,6 +1,6 @@
 """The restricted mean: closed forms within the stated error at every scale, and what is refused."""
 
-from math import exp, expm1
+from math import comb, exp, expm1
 
 import numpy as np
 import pytest
@@ -54,12 +54,60 @@ def test_two_waits_have_their_spread():
     assert restricted_passage(DECAY, {"A": 1}, "B", h).sd == pytest.approx((square - mean**2) ** 0.5, rel=1e-9)
 
 
+@pytest.mark.parametrize("horizon", [0.3, 5.0, 50.0])
+def test_what_cannot_happen_has_probability_and_spread_zero(horizon):
+    """One A can never make the two B that a C needs; likewise a chain that cannot move at all."""
+    pair = Network.from_reactions(
+        {"on": ({"A": 1}, {"B": 1}), "off": ({"B": 1}, {"A": 1}), "done": ({"B": 2}, {"C": 1})}, [1.1, 0.9, 1.0]
+    )
+    still = Network.from_reactions({"decay": ({"A": 1}, {"B": 1})}, [0.0])
+    for network, target in ((pair, "C"), (still, "B")):
+        found = restricted_passage(network, {"A": 1}, target, horizon)
+        assert (found.reached, found.sd) == (0.0, 0.0)
+        assert found.mean == pytest.approx(horizon, abs=found.mean_error)
+        assert found.mean <= horizon
+    assert restricted_passage(pair, {"A": 2}, "C", horizon).reached > 0.0  # the control: two can
+
+
+@pytest.mark.parametrize("horizon", [1e-2, 1e-4, 1e-7, 1e-10])
+def test_small_probabilities_keep_their_digits(horizon):
+    """All of four A decay: (1 - exp(-k t))**4, down to 1e-41; the sd follows from the integral of what is left."""
+    found = restricted_passage(DECAY, {"A": 4}, "B", horizon, copies=4)
+    p = -expm1(-0.7 * horizon)
+    assert found.reached == pytest.approx(p**4, rel=1e-9, abs=0.0)
+    # F(u) = (1 - exp(-k u))**4 is (k u)**4 * (1 - 2 k u + ...) where k u is small; 2 int (h - u) F(u) du.
+    square = 2 * 0.7**4 * horizon**6 * (1 / 30 - 2 * 0.7 * horizon / 42)
+    assert found.sd == pytest.approx(square**0.5, rel=10 * horizon**2 + 1e-9, abs=0.0)
+
+
+@pytest.mark.parametrize("horizon", [0.5, 3.0, 20.0])
+def test_the_spread_is_right_where_the_target_is_likely_too(horizon):
+    """All of four A decay: the moments by the binomial theorem, term by term."""
+    found = restricted_passage(DECAY, {"A": 4}, "B", horizon, copies=4)
+    terms = [((-1) ** (j + 1) * comb(4, j), 0.7 * j) for j in range(1, 5)]
+    mean = sum(sign * -expm1(-r * horizon) / r for sign, r in terms)
+    square = sum(sign * 2 * (1 - exp(-r * horizon) * (1 + r * horizon)) / r**2 for sign, r in terms)
+    assert found.mean == pytest.approx(mean, rel=1e-11)
+    assert found.sd == pytest.approx((square - mean**2) ** 0.5, rel=1e-9)
+
+
+def test_a_rate_beyond_all_numbers_is_refused_and_times_of_any_scale_are_not():
+    fast = Network.from_reactions({"decay": ({"A": 1}, {"B": 1})}, [1e300])
+    with pytest.raises(ValueError, match=r"would take inf steps until 1e\+300 tu"):
+        restricted_passage(fast, {"A": 1}, "B", 1e300)
+    found = restricted_passage(fast, {"A": 1}, "B", 1e-300)
+    unit = restricted_passage(Network.from_reactions({"decay": ({"A": 1}, {"B": 1})}, [1.0]), {"A": 1}, "B", 1.0)
+    assert found.sd == pytest.approx(1e-300 * unit.sd, rel=1e-12, abs=0.0)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"horizon": 1e9}, "steps until 1e.09 tu"),
         ({"max_seconds": 1e-12}, "max_seconds = 1e-12 are allowed"),
+        ({"max_seconds": float("nan")}, "max_seconds = nan are allowed"),
         ({"max_states": 1}, "over 1 states"),
+        ({"max_states": 0}, "max_states = 0; expected a whole number of at least 1"),
         ({"species": "D"}, "unknown species 'D'"),
         ({"copies": -1}, "copies = -1"),
         ({"horizon": -1.0}, "times"),

@@ -11,15 +11,17 @@ from known_systems import assert_follows_cdf
 from scipy.integrate import quad
 from scipy.stats import gamma, norm
 
-from kinetics import Transient, first_passage, sample_path, solve
+from kinetics import Network, Transient, first_passage, sample_path, solve
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check, derive
 from kinetics.assembly.rules.conditions import Combination
+from kinetics.network.laws import Event
 from kinetics.ranking import rank, ranking
 from kinetics.ranking import yield_and_first_time as figures_of
 from kinetics.ranking.ranked_book import pathway
 from kinetics.ranking.yield_and_first_time import Question, yield_and_first_time
 from kinetics.rates import ClassRates, Rates
 from kinetics.rates.by_class import ClassRate
+from kinetics.solving import reachable
 
 LINE4, PAIRS = RuleBook.load("line4"), RuleBook.load("line4_pairs")
 T5, T5_BAR, T5_ALL = (RuleBook.load(name) for name in ("t5", "t5_bar", "t5_all"))
@@ -139,8 +141,10 @@ def test_sampled_figures_agree_with_exact_ones():
     assert (distances(yield_and_first_time(wrong, 2, 0)) > allowed).any()
 
 
-def test_sampled_runs_are_those_of_the_direct_method_and_their_first_times_too():
+@pytest.mark.parametrize("dearer", [figures_of.DEARER, -1.0], ids=["noted", "whole paths"])
+def test_sampled_runs_are_those_of_the_direct_method_and_their_first_times_too(dearer, monkeypatch):
     """The event that notes the first time changes nothing else; paths, event by event, are the reference."""
+    monkeypatch.setattr(figures_of, "DEARER", dearer)
     asked = question(LINE4, ClassRates.uniform(2e-3, 1e-3), 12, 30.0)
     sampled = yield_and_first_time(asked, 40, 3, max_states=0, first_run=5)
     paths = [sample_path(asked.network, asked.initial, asked.horizon, 3, 5 + run) for run in range(40)]
@@ -154,12 +158,72 @@ def test_sampled_runs_are_those_of_the_direct_method_and_their_first_times_too()
     assert other.first.value != sampled.first.value
 
 
+def star(arms):
+    """One species that every channel needs, so that an event changes all propensities."""
+    reactions = {f"c{i}": ({"A": 1, f"B{i}": 1}, {f"C{i}": 1}) for i in range(arms)}
+    network = Network.from_reactions(reactions, np.full(arms, 0.2))
+    return Question(network, network.state({"A": 2, "B0": 2, "B1": 2}), network.index("C0"), 2, 1.0)
+
+
+@pytest.mark.parametrize(("arms", "way", "other"), [(3, "_noted", "_from_paths"), (2000, "_from_paths", "_noted")])
+def test_large_networks_are_sampled_by_whole_paths_and_small_ones_by_noting(arms, way, other, monkeypatch):
+    """By what the methods say of their costs: here 100 and 5000 ns more an event."""
+
+    def unused(*_):
+        raise AssertionError(f"{other} was used")
+
+    asked = star(arms)
+    with monkeypatch.context() as changed:
+        changed.setattr(figures_of, other, unused)
+        found = yield_and_first_time(asked, 5, 0, max_states=0)
+    assert 0.0 < found.yield_.value < 1.0
+    monkeypatch.setattr(figures_of, way, unused)
+    with pytest.raises(AssertionError, match="was used"):
+        yield_and_first_time(asked, 5, 0, max_states=0)
+
+
+DECAY = Network.from_reactions({"decay": ({"A": 1}, {"B": 1})}, [1.0])
+
+
+def decay(network=DECAY, horizon=1.0, **initial):
+    return Question(network, network.state(initial or {"A": 1}), network.index("B"), 1, horizon)
+
+
+def test_horizons_of_any_scale_are_sampled_and_none_is_refused():
+    """The same random numbers on another scale of time; 1e-300 tu divide no number of ticks."""
+    unit = yield_and_first_time(decay(), 200, 0, max_states=0)
+    quick = DECAY.with_rates([1e300])
+    found = yield_and_first_time(decay(quick, 1e-300), 200, 0, max_states=0)
+    assert found.first.value == pytest.approx(1e-300 * unit.first.value, rel=1e-9, abs=0.0)
+    assert found.reached.value == unit.reached.value
+    for horizon in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match=r"horizon = .*; expected a positive number of tu"):
+            decay(horizon=horizon)
+
+
+def test_like_runs_have_no_spread_at_any_horizon():
+    """200 times 1e-12 sum to a little less than 2e-10, which is no spread."""
+    found = yield_and_first_time(decay(horizon=1e-12), 200, 0, max_states=0).first
+    assert (found.value, found.sd, found.high) == (1e-12, 0.0, 1e-12)
+    assert found.low == pytest.approx(1e-12 * 0.025 ** (1 / 200), rel=1e-9)
+
+
+def test_names_that_noting_takes_may_be_in_use():
+    """A species and an event of the network are called what noting would call its own."""
+    plain = yield_and_first_time(decay(), 50, 0, max_states=0)
+    named = Network.from_reactions(
+        {"decay": ({"A": 1}, {"B": 1})}, [1.0], ["A", "B", "noted"], events=[Event("first target", "t > 9", {"A": "0"})]
+    )
+    found = yield_and_first_time(decay(named), 50, 0, max_states=0)
+    assert (found.first.value, found.reached.value) == (plain.first.value, plain.reached.value)
+
+
 def test_a_target_that_is_there_from_the_beginning_takes_no_time():
     asked = question(DIMER, ClassRates.uniform(0.3, 0.5), 4, 1.0)
     asked = replace(asked, initial=asked.network.state({"monomer": 2, "dimer": 1}))
     for max_states in (100, 0):
         result = yield_and_first_time(asked, 10, 0, max_states)
-        assert result.first.value == pytest.approx(0.0, abs=1e-11)
+        assert result.first.value == 0.0
         assert result.reached.value == 1.0
 
 
@@ -426,6 +490,21 @@ def test_the_command_takes_rates_by_class_and_uniform_ones(tmp_path):
     )
     uniform = run_here(*shared, "--join", "1e-3", "--break", "1e-4", cwd=tmp_path).json
     assert uniform["rates"]["classes"] == {"join": {"rate": 1e-3}, "break": {"rate": 1e-4}}
+
+
+def test_the_command_reports_probabilities_that_are_barely_above_zero(tmp_path):
+    """Three joins in 1e-5 tu: (Q t)**3 / 6, about 1e-19, which a difference from 1 loses or even turns negative."""
+    asked = question(LINE4, ClassRates.uniform(1e-3), 12, 1e-5)
+    space = reachable(asked.network, asked.initial)
+    has_target = space.states[:, asked.target] >= 1
+    thrice = np.linalg.matrix_power(space.generator().toarray() * 1e-5, 3)
+    leading = thrice[0, has_target].sum() / 6
+    shared = ("rules", "rank", "line4", "--join", "0.001", "--horizon", "1e-5", "--cubes", "12", "--json")
+    reached = run_here(*shared, cwd=tmp_path).json["books"][0]["reached"]
+    assert reached["value"] == pytest.approx(leading, rel=1e-4, abs=0.0)
+    assert reached["sd"] == pytest.approx(reached["value"] ** 0.5, rel=1e-9)
+    sampled = run_here(*shared, "--max-states", "0", "--horizon", "1e-300", cwd=tmp_path).json["books"][0]
+    assert (sampled["reached"]["value"], sampled["first"]["value"]) == (0.0, 1e-300)
 
 
 @pytest.mark.parametrize(
