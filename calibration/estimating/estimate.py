@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
+from math import factorial, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -196,5 +196,6 @@ def per_combination(network: Network) -> Floats:
     """What k has to be multiplied by (R,) to give the rate of one distinct combination of reactants."""
     if network.combinations == "distinct":
         return network.ways
-    like = [np.prod([factorial(int(n)) for n in needed]) for needed in network.reactants]
+    needed = network.sparse_reactants
+    like = [prod(factorial(n) for n in needed.row(channel)[1].tolist()) for channel in range(len(network.channels))]
     return network.ways * np.array(like, dtype=float)

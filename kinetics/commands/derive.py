@@ -8,6 +8,8 @@ from kinetics.commands.start import is_network_file, network_of_book, start
 from kinetics.formats import SUFFIXES
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options
 
+MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
+
 
 @click.command()
 @starting_options
@@ -37,6 +39,13 @@ def derive(
         network = begin.model.network
     else:
         network, _ = network_of_book(book)
+    entries = len(network.species) * len(network.channels)
+    if as_json and entries > MOST_ENTRIES:
+        raise click.UsageError(
+            f"--json writes tables of every channel by every species: {len(network.channels)} by "
+            f"{len(network.species)} are {entries} entries each, at most {MOST_ENTRIES} are written; leave --json out, "
+            f"and write the network to a file by --out"
+        )
     if out_file:
         from kinetics.formats import write
 

@@ -146,11 +146,14 @@ class _SbmlReader:
 
     def _weights(self, rule: Any, math: Any, species: tuple[str, ...]) -> dict[str, float] | None:
         """Weights of a sum of counts, term by term, however long it is; None for any other formula."""
-        if not is_sum(math):
-            return linear_weights(self._expression(rule, self._text(rule, math)), species)
         total: dict[str, float] = {}
-        for i in range(math.getNumChildren()):
-            part = self._weights(rule, math.getChild(i), species)
+        waiting = [math]
+        while waiting:
+            term = waiting.pop()
+            if is_sum(term):
+                waiting += [term.getChild(i) for i in reversed(range(term.getNumChildren()))]
+                continue
+            part = linear_weights(self._expression(rule, self._text(rule, term)), species)
             if part is None:
                 return None
             for name, weight in part.items():
@@ -263,5 +266,10 @@ def _number_text(value: float) -> str:
 
 def _names(node: Any) -> set[str]:
     """All ids in a formula."""
-    found = {node.getName()} if node.isName() else set()
-    return found.union(*(_names(node.getChild(i)) for i in range(node.getNumChildren())))
+    found, waiting = set(), [node]
+    while waiting:  # a sum of thousands of terms is thousands deep, too deep for recursion
+        node = waiting.pop()
+        if node.isName():
+            found.add(node.getName())
+        waiting += [node.getChild(i) for i in range(node.getNumChildren())]
+    return found

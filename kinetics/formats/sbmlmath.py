@@ -14,10 +14,26 @@ def text_of(node: Any, meanings: Mapping[str, str]) -> str:
     meanings : id -> what stands for it, in our own grammar
     A ValueError for what has no counterpart here.
     """
+    # Without recursion, since a sum of thousands of terms is thousands deep: parts before the whole.
+    parts, waiting = [], [node]
+    while waiting:
+        part = waiting.pop()
+        parts.append(part)
+        waiting += [part.getChild(i) for i in range(part.getNumChildren())]
+    texts: list[str] = []  # of the parts that no whole has taken in yet
+    for part in reversed(parts):
+        n = part.getNumChildren()
+        inner = texts[len(texts) - n :]
+        del texts[len(texts) - n :]
+        texts.append(_text_of_part(part, inner, meanings))
+    return texts[0]
+
+
+def _text_of_part(node: Any, inner: list[str], meanings: Mapping[str, str]) -> str:
+    """The text of a formula whose parts have the texts `inner`."""
     import libsbml as sbml
 
     kind = node.getType()
-    inner = [text_of(node.getChild(i), meanings) for i in range(node.getNumChildren())]
     if kind in (sbml.AST_INTEGER, sbml.AST_REAL, sbml.AST_REAL_E, sbml.AST_RATIONAL):
         value = node.getInteger() if kind == sbml.AST_INTEGER else node.getReal()
         return f"({value!r})" if value < 0 else repr(value)

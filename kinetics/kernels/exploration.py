@@ -83,11 +83,25 @@ def insert(new, new_keys, states, keys, table, n, rows):
     return n
 
 
+@compiled(inline="always")
+def leads_to(states, i, row, first, last, species, copies):
+    """Whether state i becomes state `row` by the changes `first` to `last`, whose species rise in number."""
+    same = True
+    e = first
+    for s in range(states.shape[1]):
+        count = states[i, s]
+        if e < last and species[e] == s:
+            count += copies[e]
+            e += 1
+        same &= states[row, s] == count
+    return same
+
+
 @compiled
-def explore(reactants, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
+def explore(needed, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
     """Add to the first n states all to which those from `begin` on lead.
 
-    reactants, changes : (R, S) of the channels that work
+    needed, changes : starts, species and copies of the reactants and the stoichiometry of the channels that work
     key_changes : (R,) uint64, what a channel adds to the key
     states, keys, table : room for states; where it does not suffice, larger copies come back
     end : look no further than the states before it; -1 until nothing new is found
@@ -96,6 +110,8 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
 
     Returns states, keys, table, their number, the outcome, and the sizes (L,) of the levels that were found.
     """
+    need_starts, need_species, need_copies = needed
+    starts, species, copies = changes
     n_species = states.shape[1]
     level_end = n if end < 0 else end
     sizes = np.zeros(64, dtype=np.int64)
@@ -112,10 +128,10 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
         if i < is_stopped.size and is_stopped[i]:
             i += 1
             continue
-        for r in range(changes.shape[0]):
+        for r in range(key_changes.size):
             able = True
-            for s in range(n_species):
-                able &= states[i, s] >= reactants[r, s]
+            for e in range(need_starts[r], need_starts[r + 1]):
+                able &= states[i, need_species[e]] >= need_copies[e]
             if not able:
                 continue
             key = keys[i] + key_changes[r]
@@ -123,10 +139,7 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
             known = False
             while table[slot] != EMPTY and not known:
                 row = table[slot]
-                known = keys[row] == key
-                if known:
-                    for s in range(n_species):
-                        known &= states[row, s] == states[i, s] + changes[r, s]
+                known = keys[row] == key and leads_to(states, i, row, starts[r], starts[r + 1], species, copies)
                 slot = (slot + 1) & (table.size - 1)
             if known:
                 continue
@@ -139,10 +152,11 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
                 keys = np.append(keys, keys)
                 table = tabulate(keys, n, 2 * table.size)
             for s in range(n_species):
-                count = states[i, s] + changes[r, s]
-                if count < 0:
+                states[n, s] = states[i, s]
+            for e in range(starts[r], starts[r + 1]):
+                states[n, species[e]] += copies[e]
+                if states[n, species[e]] < 0:
                     return states, keys, table, n, OVERFLOW, sizes[:n_levels]
-                states[n, s] = count
             keys[n] = key
             slot = first_slot(key, table.size)
             while table[slot] != EMPTY:
@@ -157,8 +171,10 @@ def explore(reactants, changes, key_changes, states, keys, table, n, begin, end,
 def neighbours(begin, propensities, changes, key_changes, states, keys, table):
     """Row (n, R) to which each channel leads from the states begin, begin + 1, ...
 
+    changes : starts, species and copies of the stoichiometry
     propensities : (n, R); -1 is given where one is 0, OUTSIDE where the channel leads out of the table
     """
+    starts, species, copies = changes
     n, n_channels = propensities.shape
     columns = np.full((n, n_channels), -1, dtype=np.int64)
     for i in range(n):
@@ -170,11 +186,7 @@ def neighbours(begin, propensities, changes, key_changes, states, keys, table):
             slot = first_slot(key, table.size)
             while table[slot] != EMPTY:
                 row = table[slot]
-                same = keys[row] == key
-                if same:
-                    for s in range(states.shape[1]):
-                        same &= states[row, s] == states[begin + i, s] + changes[r, s]
-                if same:
+                if keys[row] == key and leads_to(states, begin + i, row, starts[r], starts[r + 1], species, copies):
                     columns[i, r] = row
                     break
                 slot = (slot + 1) & (table.size - 1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinetics.support.arrays import Ints, integers, read_only
 
@@ -83,6 +83,23 @@ class SparseTable:
         owner = np.repeat(np.arange(rows.size), lengths)
         within = np.arange(owner.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
         return owner, self.starts[rows][owner] + within
+
+    @property
+    def has_entries(self) -> NDArray[np.bool_]:
+        """Whether each row (rows,) holds anything but 0."""
+        return np.diff(self.starts) > 0
+
+    def picked(self, rows: Ints) -> SparseTable:
+        """The table of these rows alone."""
+        owner, entries = self.entries_of(rows)
+        return SparseTable._sorted((rows.size, self.n_columns), owner, self.columns[entries], self.copies[entries])
+
+    def added_to(self, counts: Ints, rows: Ints) -> Ints:
+        """Counts (n, columns), each with one of the rows (n,) added."""
+        total = counts.copy()
+        owner, entries = self.entries_of(rows)
+        total[owner, self.columns[entries]] += self.copies[entries]  # no place occurs twice
+        return total
 
     def at(self, keys: Ints) -> Ints:
         """Values at places of the flattened table."""

@@ -60,11 +60,12 @@ class Committor:
         sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(whole_number("run", run, 0),))
         rng = np.random.default_rng(sequence)
         network, states = self.space.network, self.space.states
+        changes = network.sparse_stoichiometry
         row, now, times, channels = 0, 0.0, [], []
         while not self.space.is_stopped[row]:
             rates = network.propensities(states[row])
-            able = np.flatnonzero((rates > 0) & network.stoichiometry.any(axis=1))
-            ends = self.space.index_of(states[row] + network.stoichiometry[able])
+            able = np.flatnonzero((rates > 0) & changes.has_entries)
+            ends = self.space.index_of(changes.added_to(np.tile(states[row], (able.size, 1)), able))
             biased = np.cumsum(rates[able] * (chances[ends] / chances[row]))
             now += rng.exponential() / biased[-1]
             chosen = min(int(np.searchsorted(biased, rng.random() * biased[-1], side="right")), able.size - 1)

@@ -220,7 +220,7 @@ class _Runner:
         jumps, seen : note jumps between levels, and the levels themselves
         """
         states, clocks = states.copy(), clocks.copy()
-        changes = self.network.stoichiometry
+        changes = self.network.sparse_stoichiometry
         levels = self.levels(states)
         tops = value(levels, clocks).copy()
         going = np.flatnonzero(tops < goal)
@@ -238,7 +238,7 @@ class _Runner:
             going, ladder, total = going[fires], ladder[fires], total[fires]
             marks = self.rng.random(going.size) * total
             chosen = np.minimum((ladder <= marks[:, None]).sum(axis=1), ladder.shape[1] - 1)
-            states[going] += changes[chosen]
+            states[going] = changes.added_to(states[going], chosen)
             levels[going] = self.levels(states[going])
             if jumps is not None:
                 jumps.note(before, spent, fires, levels[going])

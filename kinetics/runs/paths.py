@@ -120,7 +120,11 @@ class JumpPath:
             )
         changes = np.zeros((self.channels.size + 1, len(self.network.species)), dtype=np.int64)
         is_event = self.channels != RESTART
-        changes[1:][is_event] = self.network.stoichiometry[self.channels[is_event]]
+        owners, entries = self.network.sparse_stoichiometry.entries_of(self.channels[is_event])
+        rows = np.flatnonzero(is_event)[owners] + 1
+        changes[rows, self.network.sparse_stoichiometry.columns[entries]] = self.network.sparse_stoichiometry.copies[
+            entries
+        ]
         total = np.cumsum(changes, axis=0)
         return read_only(self.initial + total - total[self._last_restart])  # a restart takes back all gained up to it
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving.distribution import Distribution
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Floats, Ints, real_number, rising_times, whole_number
 
 
 class SolvingMethod(ABC):
@@ -35,6 +35,9 @@ class SolvingMethod(ABC):
     tried_up_to: ClassVar[int | None] = None  # states, for a cost that rises steeply: who compares costs tries no more
 
     def __post_init__(self) -> None:
+        for name in ("tolerance", "max_seconds"):
+            if hasattr(self, name):
+                real_number(name, getattr(self, name))
         tolerance = getattr(self, "tolerance", None)
         least = self.least_tolerance or 0.0
         if tolerance is not None and not (0 < tolerance < 1 and tolerance >= least):

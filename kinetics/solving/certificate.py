@@ -47,13 +47,14 @@ def exact_entries(space: StateSpace) -> Entries:
     laws give is taken as it was computed.
     """
     network, states = space.network, space.states
+    changes = network.sparse_stoichiometry
     is_exact = not network.laws
     propensities = network.propensities(states)
     places: list[tuple[int, int]] = []
     values: list[float] = []
-    for channel in np.flatnonzero(network.stoichiometry.any(axis=1)).tolist():
+    for channel in np.flatnonzero(changes.has_entries).tolist():
         here = np.flatnonzero(propensities[:, channel] > 0)
-        there = space.index_of(states[here] + network.stoichiometry[channel])
+        there = space.index_of(changes.added_to(states[here], np.full(here.size, channel)))
         for row, column in zip(here.tolist(), there.tolist(), strict=True):
             parts: tuple[float, ...] = (float(propensities[row, channel]),)
             if is_exact:
@@ -68,7 +69,8 @@ def exact_entries(space: StateSpace) -> Entries:
 def _rate(network: Network, channel: int, state: list[int]) -> Fraction:
     """Rate constant * ways * combinations of a channel in a state, exactly."""
     ways = 1
-    for have, taken in zip(state, network.reactants[channel].tolist(), strict=True):
+    for species, taken in zip(*(part.tolist() for part in network.sparse_reactants.row(channel)), strict=True):
+        have = state[species]
         if network.combinations == "product":
             ways *= have**taken
         else:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.network.sparse_tables import SparseTable
+from kinetics.support.arrays import Floats, Ints, read_only, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -88,8 +89,8 @@ class StateSpace:
         from kinetics.kernels import exploration
 
         network, table = self.network, self._table
-        changes = network.stoichiometry
-        key_changes = _keys(changes, table.multipliers)
+        changes = network.sparse_stoichiometry
+        key_changes = _key_changes(changes, table.multipliers)
         leaks = np.zeros(len(self))
         rows, columns, rates = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
         length = max(1, CHUNK // max(len(network.channels), 1))
@@ -97,9 +98,9 @@ class StateSpace:
             part = slice(begin, min(begin + length, len(self)))
             propensities = network.propensities(_unless(self.is_stopped[part], self.states[part]))
             propensities[self.is_stopped[part]] = 0.0
-            propensities[:, ~changes.any(axis=1)] = 0.0  # A -> A changes nothing
+            propensities[:, ~changes.has_entries] = 0.0  # A -> A changes nothing
             ends = exploration.neighbours(
-                begin, propensities, changes, key_changes, self.states, table.keys, table.slots
+                begin, propensities, _parts(changes), key_changes, self.states, table.keys, table.slots
             )
             leaks[part] = np.where(ends == exploration.OUTSIDE, propensities, 0.0).sum(axis=1)
             here, channels = np.nonzero(ends >= 0)
@@ -132,10 +133,11 @@ def reachable(
 
     stop : function of states (n, S) that says in which of them (n,) the chain stops, such as the targets of a passage
     max_states : larger spaces are refused
+    ValueError: max_states is no whole number of at least 1, or too small
 
     Channels whose rate is known to be 0 are ignored.
     """
-    search = Search(network, network.state(initial)[None, :], max_states)
+    search = Search(network, network.state(initial)[None, :], whole_number("max_states", max_states, 1))
     if stop is None:
         search.go_on(0)
         return StateSpace(network, search.states.copy(), np.zeros(len(search), dtype=bool))
@@ -163,12 +165,14 @@ class Search:
         from kinetics.kernels import exploration
 
         network.check_homogeneous()
-        works = network.stoichiometry.any(axis=1)
+        works = network.sparse_stoichiometry.has_entries
         if network.rate_constants is not None:
             works &= network.rate_constants * network.ways > 0
         multipliers = _multipliers(len(network.species))
-        changes = np.ascontiguousarray(network.stoichiometry[works])
-        self._channels = np.ascontiguousarray(network.reactants[works]), changes, _keys(changes, multipliers)
+        needed, changes = (
+            table.picked(np.flatnonzero(works)) for table in (network.sparse_reactants, network.sparse_stoichiometry)
+        )
+        self._channels = _parts(needed), _parts(changes), _key_changes(changes, multipliers)
         self._multipliers = multipliers
         self._network, self._max_states = network, max_states
         self._n = len(states)
@@ -233,9 +237,9 @@ class Search:
             if is_stopped is not None and is_stopped.size:
                 here = here[~is_stopped[begin:last]]
             goes = known.propensities(here) > 0.0
-            goes[:, ~network.stoichiometry.any(axis=1)] = False
+            goes[:, ~network.sparse_stoichiometry.has_entries] = False
             rows, channels = np.nonzero(goes)
-            new = here[rows] + network.stoichiometry[channels]
+            new = network.sparse_stoichiometry.added_to(here[rows], channels)
             if new.size and new.min() < 0:
                 raise ValueError("a count grows beyond 2**63 - 1")
             self.add(np.unique(new, axis=0))
@@ -246,17 +250,22 @@ class Search:
 
     def _too_many(self) -> str:
         recent = ", ".join(str(size) for size in self.levels[-5:-1])
-        last = sum(self.levels[-2:])  # the very last level may be cut short
-        tops, before = self.states[-last:].max(axis=0), self.states[:-last].max(axis=0, initial=0)
-        risen = [
-            f"{name} up to {top}"
-            for name, top, old in zip(self._network.species, tops, before, strict=True)
-            if top > old
-        ]
-        growing = f" ({', '.join(risen[:3])} and rising)" if risen else ""
+        pace = ""
+        if recent:
+            last = sum(self.levels[-2:])  # the very last level may be cut short
+            tops, before = self.states[-last:].max(axis=0), self.states[:-last].max(axis=0, initial=0)
+            risen = [
+                f"{name} up to {top}"
+                for name, top, old in zip(self._network.species, tops, before, strict=True)
+                if top > old
+            ]
+            growing = f" ({', '.join(risen[:3])} and rising)" if risen else ""
+            pace = (
+                f": {len(self.levels) - 1} events away from the initial state, and the number of states still goes "
+                f"{recent} with each further event{growing}"
+            )
         return (
-            f"over {self._max_states} states are reachable: {len(self.levels) - 1} events away from the initial state, "
-            f"and the number of states still goes {recent} with each further event{growing}. Start from fewer copies, "
+            f"over {self._max_states} states are reachable{pace}. Start from fewer copies, "
             f"stop the network's growth, keep only the likely states by the method 'fsp', sample with the direct "
             f"method instead, or raise max_states"
         )
@@ -278,6 +287,17 @@ def _multipliers(n_species: int) -> NDArray[np.uint64]:
 def _keys(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Keys (...) of states (..., S): a product that wraps around at 2**64."""
     return (states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64)
+
+
+def _key_changes(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """What each channel (R,) adds to a key."""
+    parts = changes.copies.astype(np.uint64) * multipliers[changes.columns]
+    sums = np.append(np.zeros(1, dtype=np.uint64), np.cumsum(parts, dtype=np.uint64))
+    return sums[changes.starts[1:]] - sums[changes.starts[:-1]]
+
+
+def _parts(table: SparseTable) -> tuple[Ints, Ints, Ints]:
+    return table.starts, table.columns, table.copies
 
 
 def _slots_for(n: int) -> int:

@@ -60,6 +60,13 @@ def whole_number(name: str, value: int, least: int) -> int:
     return int(value)
 
 
+def real_number(name: str, value: float) -> float:
+    """`value` where it is one real number, infinite or not."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise ValueError(f"{name} = {value!r}; expected a number")
+    return float(value)
+
+
 def read_only(array: Any) -> Any:
     """The same array, closed for writing."""
     array.setflags(write=False)

@@ -190,6 +190,16 @@ def test_a_longest_time_that_is_none_is_refused(method, seconds):
         method(max_seconds=seconds)
 
 
+@pytest.mark.parametrize("method", SOLVING_METHODS)
+@pytest.mark.parametrize("setting", ["tolerance", "max_seconds"])
+@pytest.mark.parametrize("value", ["x", None, True, [0.5], 1j])
+def test_a_setting_that_is_no_number_is_refused(method, setting, value):
+    if not hasattr(method, setting):
+        pytest.skip(f"{method.__name__} has no {setting}")
+    with pytest.raises(ValueError, match=rf"{setting} = .*; expected a number"):
+        method(**{setting: value})
+
+
 @every_method
 def test_what_does_not_fit_into_memory_is_refused(method, monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 1e3)

@@ -27,5 +27,8 @@ class Crowded(RateModel):
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
         """Combinations of reactants, then the same times the number of other bodies."""
         h = path.network.combinations_of(path.states)
-        others = path.states.sum(axis=1)[:, None] - path.network.reactants.sum(axis=1)
+        needed = path.network.sparse_reactants
+        taken = np.zeros(needed.shape[0], dtype=np.int64)
+        np.add.at(taken, needed.rows, needed.copies)
+        others = path.states.sum(axis=1)[:, None] - taken
         return [h, h * np.maximum(others, 0)]

@@ -328,6 +328,26 @@ def test_files_that_are_no_sbml(text, message, tmp_path):
         read(path)
 
 
+def test_an_observable_of_thousands_of_species_comes_back(tmp_path):
+    """libsbml holds its sum as a tree as deep as the sum is long."""
+    names = [f"s{i}" for i in range(1200)]
+    net = Network.from_reactions({"turn": ({"s0": 1}, {"s1": 1})}, [1.0], names)
+    observables = {"weighted": {name: 1.0 + i for i, name in enumerate(names)}}
+    write(NetworkModel(net, np.zeros(1200, dtype=int), observables), tmp_path / "long.xml")
+    again = read(tmp_path / "long.xml")
+    assert again.observables == observables
+    assert again.notes == ()
+
+
+def test_a_rate_law_over_a_long_sum_is_refused_by_its_line(tmp_path):
+    made = Builder()
+    for i in range(1500):
+        made.species(f"s{i}", 1)
+    made.reaction("out", {"s0": 1}, {}, " + ".join(f"s{i}" for i in range(1500)))
+    with pytest.raises(ValueError, match=r"line [0-9]+: "):
+        made.read(tmp_path)
+
+
 def test_fractions_of_a_copy_are_rounded_aloud(tmp_path):
     made = base()
     made.species("B", concentration=0.4)

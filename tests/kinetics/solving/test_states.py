@@ -96,6 +96,41 @@ def test_growth_without_limit_is_refused_with_its_pace():
         reachable(network(("A",), {"jump": ((1,), (2**62,))}, [1.0]), [2])
 
 
+@pytest.mark.parametrize("states", [0, -1, 1.5, "x", True, None])
+def test_a_largest_number_of_states_that_is_none_is_refused(states):
+    with pytest.raises(ValueError, match=r"max_states = .*; expected a whole number of at least 1"):
+        reachable(switch(), [3, 0], max_states=states)
+
+
+def test_the_least_limit_is_refused_without_a_pace():
+    with pytest.raises(ValueError, match=r"^over 1 states are reachable\. Start"):
+        reachable(switch(), [3, 0], max_states=1)
+
+
+def test_sparse_and_dense_tables_lead_to_the_same_states():
+    """With channels that need more than they change, change nothing, and change many species at once."""
+    species = ("A", "B", "C", "D")
+    changing = {
+        "idle": ((1, 0, 0, 0), (1, 0, 0, 0)),
+        "catalysed": ((1, 1, 0, 0), (0, 1, 2, 0)),
+        "all": ((0, 1, 2, 0), (1, 0, 0, 1)),
+        "back": ((0, 0, 0, 3), (0, 1, 2, 0)),
+    }
+    net = network(species, changing, [1.0, 2.0, 3.0, 4.0])
+    space = reachable(net, [3, 2, 0, 0])
+    assert len(space) > 10
+    assert {tuple(state) for state in space.states} == slow_states(net, [3, 2, 0, 0])
+    found = set(zip(*(part.tolist() for part in space.transitions()[:3]), strict=True))
+    rows = {tuple(state): i for i, state in enumerate(space.states)}
+    expected = {
+        (i, rows[tuple(np.array(state) + change)], rate)
+        for state, i in rows.items()
+        for rate, change in zip(net.propensities(state).tolist(), net.stoichiometry, strict=True)
+        if rate and change.any()
+    }
+    assert found == expected
+
+
 def test_a_conserved_quantity_that_changes_is_seen():
     space = reachable(switch(), [3, 0])
     lying = switch()
