@@ -2,13 +2,16 @@
 
 Numba's own `cache=True` watches the file of a function alone: where a function that it calls lies in another file and
 is edited, the old machine code silently stays in use. Here compiled code lies in a folder named by a hash of all
-kernel sources, so kernels may call each other across files and a shared step is written once.
+kernel sources, so kernels may call each other across files and a shared step is written once. Kernels are imported
+when they are needed; where sources were edited meanwhile, the process runs on and writes nothing to the cache.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -53,30 +56,87 @@ class KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
-        sources = sources_hash(Path(function.__code__.co_filename).parent)
+        self._room = room_at(Path(function.__code__.co_filename).parent)
+        self._room.look()
+        sources = self._room.sources
         self._cache_path = str(Path(self._cache_path) / f"{PREFIX}{sources}")
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, sources)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Compiled code, or None; a folder that cannot be read is an empty one."""
+        """Compiled code, or None; a folder that cannot be read is an empty one, and a damaged index is removed."""
+        if self._room.is_mixed:
+            return None  # a callee may be another than the code in the folder was compiled with
         try:
             return super().load_overload(sig, target_context)
         except OSError:
             return None
+        except Exception:  # noqa: BLE001 - unpickling a cut or overwritten file may raise anything
+            self._remove_index()
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code; without it all runs as well, so a full disk or a folder just removed is no error."""
+        if not self._room.is_as_hashed():
+            return
         try:
             folder = Path(self._cache_path)
             if not folder.is_dir():
                 folder.mkdir(parents=True, exist_ok=True)
                 remove_old(folder)
+            try:
+                self._cache_file._load_index()
+            except Exception:  # noqa: BLE001 - as above
+                self._remove_index()
             super().save_overload(sig, data)
         except OSError:
             pass
 
+    def _remove_index(self) -> None:
+        """Without its index nothing of a function is cached; the next save writes index and code anew."""
+        with contextlib.suppress(OSError):
+            Path(self._cache_file._index_path).unlink()
 
-@functools.cache
+
+class KernelRoom:
+    """A folder of kernels: the hash of its sources when this process took its first kernel from it.
+
+    is_mixed : sources have differed from that hash when a later kernel was decorated
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.is_mixed = False
+        self._files = file_states(folder)
+        self.sources = sources_hash(folder)
+
+    def look(self) -> None:
+        """Note whether the sources are still those hashed; they are read again only where a file looks changed."""
+        try:
+            files = file_states(self.folder)
+            if files != self._files:
+                self.is_mixed |= sources_hash(self.folder) != self.sources
+                self._files = files
+        except OSError:  # a file is being replaced
+            self.is_mixed = True
+
+    def is_as_hashed(self) -> bool:
+        """Whether all kernels are of the sources hashed, and these are still there; reads all of them."""
+        try:
+            return not self.is_mixed and sources_hash(self.folder) == self.sources
+        except OSError:
+            return False
+
+
+room_at = functools.cache(KernelRoom)
+
+
+def file_states(folder: Path) -> set[tuple[str, int, int, int]]:
+    """Name, times of the last changes, and size of each source: some of these change with every edit."""
+    with os.scandir(folder) as entries:
+        states = [(entry.name, entry.stat()) for entry in entries if entry.name.endswith(".py")]
+    return {(name, state.st_mtime_ns, state.st_ctime_ns, state.st_size) for name, state in states}
+
+
 def sources_hash(folder: Path) -> str:
     """Of all that decides what the kernels in a folder compile to: their sources, this file, and Numba's version."""
     seen = hashlib.sha256(numba.__version__.encode())

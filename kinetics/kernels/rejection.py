@@ -31,7 +31,6 @@ N_BINS = 2 * N_OCTAVES
 BIN_BITS = np.int64(51)  # of a double below its exponent and the first bit after the leading one
 NO_BIN = -1
 LARGEST_SUM = 2.0**1000  # so that all upper ends are finite
-MOST_GROUPS = 2**20  # of 4 units of its octave at most, so that the masses add up exactly over all octaves in a double
 
 # What an event reads together lies together: cache lines are much of what it costs.
 CHANNEL = np.dtype(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb, factorial, perm
+from math import comb, factorial, lgamma, log, perm
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from kinetics.support.arrays import Floats, Ints
 COMBINATIONS = ("distinct", "ordered", "product")
 # So many like reactants among 2**63 - 1 copies still have fewer combinations than a float can hold.
 LOW_ORDER = 16
+LOG_LARGEST = 710.0  # of a float, rounded up
 # What becomes of a rate law that is above 0 although reactants are missing:
 #   block   the channel waits until they are there
 #   refuse  a ValueError that names the channel and the state
@@ -51,6 +52,8 @@ def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
     exact = {"distinct": comb, "ordered": perm, "product": lambda s, m: s**m if s >= m else 0}[counted]
     found, where = np.unique(copies, return_inverse=True)
     try:
+        if _least_log(int(found[-1]), taken, counted) > LOG_LARGEST:
+            raise OverflowError
         values = np.array([float(exact(s, taken)) for s in found.tolist()])
     except OverflowError:
         raise ValueError(
@@ -58,6 +61,16 @@ def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
             f"hold, 1.8e308; start from fewer copies, or write the reaction in steps of fewer reactants"
         ) from None
     return values[where].reshape(copies.shape)
+
+
+def _least_log(copies: int, taken: int, counted: str) -> float:
+    """A number that the logarithm of the combinations is not below: the whole number itself may take minutes."""
+    if copies < taken:
+        return -np.inf
+    if counted == "distinct":  # (n/k)**k
+        k = min(taken, copies - taken)
+        return k * log(copies / k) if k else 0.0
+    return lgamma(taken + 1.0) if counted == "ordered" else taken * log(copies)
 
 
 def over_factorial(coefficient: float, copies: int, channel: str) -> float:

@@ -14,6 +14,7 @@ from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
 from kinetics.sampling import SamplingMethod
+from kinetics.sampling.base import check_numbers
 from kinetics.solving import Distribution, StateSpace
 from kinetics.support.arrays import Ints, integers, rising_times
 
@@ -88,6 +89,9 @@ class ObservedSampling(SamplingMethod):
     ) -> Ensemble:
         """The observables of the method's runs from `initial` (S,); `network` is that of the observables."""
         grid = rising_times(times)
+        if not grid.size:
+            raise ValueError("times is empty; give at least one time")
+        check_numbers(runs, threads, first_run)
         block = max(1, BLOCK_BYTES // (8 * max(1, grid.size) * len(self.model.species)))
         parts = []
         for begin in range(0, runs, block):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import ClassVar
 
 from kinetics.network import Network
@@ -26,6 +27,7 @@ class Auto(SamplingMethod):
     name: ClassVar[str] = "auto"
     takes_rate_laws: ClassVar[bool] = True
     takes_events: ClassVar[bool] = True
+    most_factors: ClassVar[float] = inf
 
     def choose(self, network: Network) -> SamplingMethod:
         """The method chosen for this network; a ValueError where none takes it."""

@@ -17,6 +17,7 @@ from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.mass_action import order_refusal
 from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 from kinetics.support.memory import check_memory
 
@@ -44,7 +45,7 @@ class SamplingMethod(ABC):
 
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
-    2. Say what it takes, by the traits below; the base refuses what it does not.
+    2. Say what it takes, by the traits below; the base refuses what it does not. What no trait says, `refusal` says.
     3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
     4. Give `cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
@@ -57,6 +58,7 @@ class SamplingMethod(ABC):
     most_reactants: ClassVar[float] = inf  # of a channel
     most_species: ClassVar[float] = inf
     most_channels: ClassVar[float] = inf
+    most_factors: ClassVar[float] = 1e7  # channels times reactants of the largest, a table; up to 4 reactants, any
     is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
 
     @abstractmethod
@@ -68,7 +70,10 @@ class SamplingMethod(ABC):
         return inf
 
     def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
-        """Why the method does not take the network, by its traits; empty where it does."""
+        """Why the method does not take the network; empty where it does. `takes`, `auto` and `sampler` agree on it.
+
+        A method with a limit that is no trait gives its own, which asks this one first.
+        """
         odd = [] if self.takes_rate_laws else [f"a rate law for channel {name!r}" for name in network.laws]
         odd += [] if self.takes_events else [f"event {event.name!r}" for event in network.events]
         if odd:
@@ -89,10 +94,17 @@ class SamplingMethod(ABC):
                 f"channel {network.channels[r]!r} has {orders[r]} reactants; the method {self.name!r} takes at "
                 f"most {self.most_reactants}: use 'auto'"
             )
-        return ""
+        refusal = order_refusal(network)
+        if not refusal and size.order > 4 and size.n_channels * size.order > self.most_factors:
+            r = int(NetworkSize.orders(network).argmax())
+            return (
+                f"channel {network.channels[r]!r} has {size.order} reactants, among {size.n_channels} channels; the "
+                f"method {self.name!r} takes at most {self.most_factors:g} as their product: use 'general', or 'auto'"
+            )
+        return refusal
 
     def takes(self, network: Network) -> bool:
-        """Whether the traits allow the network."""
+        """Whether the method takes the network, see `refusal`."""
         return not self.refusal(network)
 
     def sampler(self, network: Network) -> Sampler:
@@ -122,9 +134,8 @@ class SamplingMethod(ABC):
         if not grid.size:
             raise ValueError("times is empty; give at least one time")
         start = network.state(initial)
-        for name, value, least in (("runs", runs, 1), ("first_run", first_run, 0)):
-            whole_number(name, value, least)
-        workers = len(os.sched_getaffinity(0)) if threads is None else whole_number("threads", threads, 1)
+        check_numbers(runs, threads, first_run)
+        workers = len(os.sched_getaffinity(0)) if threads is None else threads
         shape = (runs, grid.size, start.size)
         what = f"all counts of {runs} runs of {start.size} species at {grid.size} times"
         advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
@@ -162,6 +173,14 @@ class SamplingMethod(ABC):
         outcome, times, channels = self.sampler(network).path(start, horizon, key, whole_number("run", run, 0))
         check_outcome(outcome, run)
         return JumpPath(network, start, times, channels, horizon)
+
+
+def check_numbers(runs: int, threads: int | None, first_run: int) -> None:
+    """Raise a ValueError where one of these arguments of `simulate` is no whole number, or too small."""
+    whole_number("runs", runs, 1)
+    whole_number("first_run", first_run, 0)
+    if threads is not None:
+        whole_number("threads", threads, 1)
 
 
 def stream_key(seed: int) -> NDArray[np.uint64]:

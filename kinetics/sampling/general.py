@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -36,6 +37,7 @@ class General(SamplingMethod):
     name: ClassVar[str] = "general"
     takes_rate_laws: ClassVar[bool] = True
     takes_events: ClassVar[bool] = True
+    most_factors: ClassVar[float] = inf
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, under mass action."""

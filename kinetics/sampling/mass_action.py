@@ -6,12 +6,16 @@ kernel of the method `general`.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.network import Network
 from kinetics.network.propensity import over_factorial
+
+MOST_LIKE = 1000  # copies; the ordered choices of 400 times any rate constant are beyond 1.8e308 already
+FACTORIALS = np.array([float(factorial(m)) for m in range(171)])
 
 
 class MassAction(NamedTuple):
@@ -32,6 +36,42 @@ class MassAction(NamedTuple):
     factors: np.ndarray
 
 
+def order_refusal(network: Network) -> str:
+    """Why a channel has too many like reactants, the first such channel named; empty where none has."""
+    needed = network.sparse_reactants
+    is_law = np.array([name in network.laws for name in network.channels], dtype=bool)
+    free = ~is_law[needed.rows]
+    many = free & (needed.copies > MOST_LIKE)
+    if many.any():
+        i = int(many.argmax())
+        return (
+            f"channel {network.channels[needed.rows[i]]!r} needs {needed.copies[i]} copies of one species; sampling "
+            f"takes at most {MOST_LIKE}: write the reaction in steps of fewer reactants"
+        )
+    like = free & (needed.copies > 1)
+    if network.combinations != "distinct" or network.rate_constants is None or not like.any():
+        return ""
+    shares = network.known_rates * network.ways
+    with np.errstate(over="ignore", under="ignore"):
+        np.divide.at(shares, needed.rows[like], FACTORIALS[np.minimum(needed.copies[like], 170)])
+    is_beyond = np.bincount(needed.rows[like], needed.copies[like] > 170, len(network.channels)) > 0
+    small = (shares < 2 * np.finfo(np.float64).tiny) | is_beyond
+    for r in np.unique(needed.rows[like & small[needed.rows]]):
+        try:
+            _coefficient(network, r)
+        except ValueError as error:
+            return str(error)
+    return ""
+
+
+def _coefficient(network: Network, r: int) -> float:
+    """Of a channel of like reactants counted as distinct sets."""
+    coefficient = float(network.known_rates[r] * network.ways[r])
+    for copies in network.sparse_reactants.row(r)[1].tolist():
+        coefficient = over_factorial(coefficient, copies, network.channels[r])
+    return coefficient
+
+
 def mass_action(network: Network) -> MassAction:
     """Coefficients, pairs and factors of every channel of a network of mass action alone."""
     coefficients = network.known_rates * network.ways
@@ -39,8 +79,7 @@ def mass_action(network: Network) -> MassAction:
     n_channels = len(network.channels)
     if network.combinations == "distinct":
         for r in np.unique(needed.rows[needed.copies > 1]):
-            for copies in needed.row(r)[1].tolist():
-                coefficients[r] = over_factorial(coefficients[r], copies, network.channels[r])
+            coefficients[r] = _coefficient(network, r)
     order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=2))
     factors = np.zeros((n_channels, order, 3), dtype=np.int32)
     factors[:, :, 0] = len(network.species)  # the constant 1, until a reactant takes the place

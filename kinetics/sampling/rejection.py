@@ -12,7 +12,7 @@ from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
-from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.mass_action import MassAction, mass_action
 from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from kinetics.kernels import rejection
 
 LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than another group
+MOST_GROUPS = 2**20  # of 4 units of its octave at most, so that the masses add up exactly over all octaves in a double
 LONGEST_LIST = 32  # groups that an event renews; beyond, its species share lists, so that tables stay in proportion
 SHALLOW, DEEP = 1, 2  # how a group depends on a species: as its owner only, or in its partial propensities
 
@@ -41,14 +42,26 @@ class CompositionRejection(SamplingMethod):
         """Processor time of an event, ns; the last part is for memory out of reach of the caches."""
         return 30.0 + size.update_cost + 0.0025 * size.n_channels
 
+    def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
+        """Why the method does not take the network; there is a limit to the groups of channels, too."""
+        refusal = super().refusal(network, size)
+        if refusal or len(network.channels) <= MOST_GROUPS:  # no more groups than channels
+            return refusal
+        owner, _ = _owners(network, mass_action(network))
+        n_groups = int((-(-np.bincount(owner) // LARGEST_GROUP)).sum())
+        if n_groups <= MOST_GROUPS:
+            return ""
+        return (
+            f"the network has {n_groups} groups of channels; the method {self.name!r} takes at most {MOST_GROUPS}: "
+            f"use 'auto'"
+        )
+
     def prepared(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.rejection`."""
         from kinetics.kernels import rejection
 
         model, order = model_of(network)
         n_groups = model.groups.size
-        if n_groups > rejection.MOST_GROUPS:
-            raise ValueError(f"{n_groups} groups of channels; composition and rejection takes {rejection.MOST_GROUPS}")
 
         def begin(counts: Ints) -> rejection.RejectionWork:
             work = rejection.RejectionWork(
@@ -78,13 +91,9 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
-    first, second = laws.first.astype(np.int64), laws.second.astype(np.int64)
-    is_pair = ~laws.is_general & (second < n_species) & (second != first)
-    is_like = ~laws.is_general & (second < n_species) & (second == first)
-    # The owner of a pair is the one that more channels read: what changes often then changes whole groups together.
-    popularity = np.append(np.bincount(needed.columns, minlength=n_species), 0)
-    swaps = is_pair & (popularity[second] > popularity[first])
-    owner, partner = np.where(swaps, second, first), np.where(swaps, first, second)
+    is_second = ~laws.is_general & (laws.second < n_species)
+    is_pair, is_like = is_second & (laws.second != laws.first), is_second & (laws.second == laws.first)
+    owner, partner = _owners(network, laws)
 
     order = np.argsort(owner, kind="stable")
     place = np.arange(n_channels) - np.searchsorted(owner[order], owner[order])
@@ -119,6 +128,17 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     )
     changes["list"] = species_lists[change.columns[entries]]
     return rejection.RejectionModel(channels, laws.factors[order], changes, lists, groups), order
+
+
+def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:
+    """(R,) the species whose groups each channel is in, and the other one that it reads."""
+    n_species = len(network.species)
+    first, second = laws.first.astype(np.int64), laws.second.astype(np.int64)
+    is_pair = ~laws.is_general & (second < n_species) & (second != first)
+    # The owner of a pair is the one that more channels read: what changes often then changes whole groups together.
+    popularity = np.append(np.bincount(network.sparse_reactants.columns, minlength=n_species), 0)
+    swaps = is_pair & (popularity[second] > popularity[first])
+    return np.where(swaps, second, first), np.where(swaps, first, second)
 
 
 def _lists(

@@ -69,6 +69,32 @@ def test_a_decay_is_binomial(method):
 
 
 @named
+def test_ways_of_a_channel_multiply_its_rate(method):
+    """1000 ways of a rate constant of 1/1000 are a rate of 1."""
+    net = Network(("X",), ("death",), [[1]], [[-1]], [1000.0], [1e-3])
+    assert_follows_cdf(final_states(net, method, [40], 1.0, 500, seed=2)[:, 0], binom(40, exp(-1.0)).cdf)
+
+
+@named
+@pytest.mark.parametrize("order", [3, 5, 17])
+def test_one_set_of_like_reactants_meets_at_its_rate(method, order):
+    net = network(("A", "B"), {"meet": ((order, 0), (0, 1))}, [0.5])
+    if refused(method, net):
+        return
+    met = final_states(net, method, [order, 0], 2.0, 400, seed=29)[:, 1]
+    assert_follows_cdf(met, binom(1, 1 - exp(-1.0)).cdf)
+
+
+@named
+def test_an_order_beyond_floats_is_refused_before_it_runs(method):
+    for order in (171, 2**40):
+        net = network(("A", "B"), {"meet": ((order, 0), (0, 1))}, [0.5])
+        assert not method.takes(net)
+        with pytest.raises(ValueError, match="channel 'meet'"):
+            method.simulate(net, [5, 0], [1.0], runs=2)
+
+
+@named
 @pytest.mark.parametrize("case", SMALL)
 def test_the_joint_distribution_solves_the_master_equation(method, case):
     net, initial, end = SMALL[case]
@@ -83,7 +109,7 @@ def test_the_joint_distribution_solves_the_master_equation(method, case):
 @named
 def test_walkers_on_a_ring_are_multinomial(method):
     """Walkers are independent: the counts of all places have the distribution of one walker."""
-    n, walkers = 40, 300
+    n, walkers = 200, 300
     step = np.roll(np.eye(n), 1, axis=1)
     distribution = expm((2.0 * step + step.T - 3.0 * np.eye(n)) * 2.0)[0]
     initial = walkers * np.eye(1, n, dtype=int)[0]
@@ -134,16 +160,18 @@ def test_a_run_is_the_same_however_it_is_asked_for(method, net):
         return
     initial = np.zeros(len(net.species), dtype=int)
     initial[0] = 100
-    times = np.linspace(0, 3.0, 7)
+    times, fine = np.linspace(0, 3.0, 7), np.linspace(0, 3.0, 97)
     whole = method.simulate(net, initial, times, runs=40, seed=27, threads=1).counts
     assert_array_equal(method.simulate(net, initial, times, runs=40, seed=27, threads=3).counts, whole)
     assert_array_equal(method.simulate(net, initial, times[2:5:2], runs=40, seed=27).counts, whole[:, 2:5:2])
     assert_array_equal(method.simulate(net, initial, times, runs=3, seed=27).counts, whole[:3])
     assert_array_equal(method.simulate(net, initial, times, runs=5, seed=27, first_run=30).counts, whole[30:35])
+    finely = method.simulate(net, initial, fine, runs=40, seed=27).counts
     for run in (0, 39):
         path = method.sample_path(net, initial, 3.0, seed=27, run=run)  # itself refuses impossible events
         assert np.all(np.diff(path.times) > 0)
         assert_array_equal(path.at(times), whole[run])
+        assert_array_equal(path.at(fine), finely[run])
     assert np.any(method.simulate(net, initial, times, runs=40, seed=28).counts != whole)
 
 

@@ -102,6 +102,58 @@ def waiting(name):
     return f"import os\nwhile not os.path.exists('{name}'): time.sleep(0.01)"
 
 
+def begun_and_edited(room, before_edit):
+    """A process that takes its first kernel, goes on once the callee was edited, and prints what it computes."""
+    process = begun(room, f"{before_edit}\nimport time\nopen('ready', 'w').close()\n{waiting('go')}\n{CALL}")
+    while not (room.parents[1] / "ready").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    edit(room / "callee.py", "x + 1", "x + 10")
+    (room.parents[1] / "go").touch()
+    return output(process)
+
+
+@pytest.mark.parametrize("is_guarded", [True, False], ids=["guarded", "control"])
+def test_an_edit_during_a_run_is_not_stored_as_the_old_sources(room, is_guarded):
+    """The kernels are imported after the edit, the hash was taken before."""
+    if not is_guarded:  # a control that must fail
+        edit(room / "compiled.py", "self.is_mixed |= ", "self.is_mixed &= ")
+        edit(
+            room / "compiled.py",
+            "return not self.is_mixed and sources_hash(self.folder) == self.sources",
+            "return True",
+        )
+    assert begun_and_edited(room, "import kinetics.kernels.clock") == ["20", "0"]
+    edit(room / "callee.py", "x + 10", "x + 1")
+    assert output(begun(room)) == (["2", "0"] if is_guarded else ["20", "1"])
+
+
+def test_after_an_edit_during_a_run_nothing_is_loaded_from_the_old_cache(room):
+    """The callee is of the new sources; the caller in the cache was compiled with the old one."""
+    assert output(begun(room)) == ["2", "0"]
+    assert begun_and_edited(room, "import kinetics.kernels.clock") == ["20", "0"]
+
+
+DAMAGE = """
+from pathlib import Path
+from kinetics.kernels.caller import twice
+from kinetics.kernels.compiled import compiled
+twice(0)
+for ending in ("nbi", "nbc"):
+    for damaged in (b"", b"none of it", None):
+        (path,) = Path("kinetics").glob(f"**/caller*.{ending}")
+        data = path.read_bytes()
+        path.write_bytes(data[: len(data) // 2] if damaged is None else damaged)
+        for _ in range(2):
+            again = compiled(twice.py_func)
+            print(again(0), sum(again.stats.cache_hits.values()))
+"""
+
+
+def test_damaged_files_of_the_cache_are_compiled_anew(room):
+    assert output(begun(room, DAMAGE)) == ["2", "0", "2", "1"] * 6
+
+
 def test_a_folder_that_cannot_be_written_is_no_error(room):
     code = (
         "from kinetics.kernels.caller import twice\nimport shutil, pathlib\n"
@@ -112,11 +164,11 @@ def test_a_folder_that_cannot_be_written_is_no_error(room):
 
 
 def test_the_hash_is_of_all_sources_of_the_room(room):
-    seen = {compiled.sources_hash.__wrapped__(room)}
+    seen = {compiled.sources_hash(room)}
     edit(room / "callee.py", "A step", "One step")
-    seen.add(compiled.sources_hash.__wrapped__(room))
+    seen.add(compiled.sources_hash(room))
     (room / "callee.py").rename(room / "called.py")
-    seen.add(compiled.sources_hash.__wrapped__(room))
+    seen.add(compiled.sources_hash(room))
     assert len(seen) == 3
 
 

@@ -61,6 +61,17 @@ def test_orders_that_cannot_be_sampled_are_refused_by_name():
     assert Direct().simulate(few, [20], [1.0], runs=3).counts.max() == 0
 
 
+@pytest.mark.parametrize("counted", ["distinct", "ordered", "product"])
+def test_combinations_of_millions_are_refused_before_they_are_counted(counted):
+    """Their whole numbers have millions of digits."""
+    net = network(("A",), {"all": ((2 * 10**9,), (0,))}, [1.0], counted)
+    with pytest.raises(ValueError, match="2000000000 like reactants among 5000000000 copies have more combinations"):
+        net.propensities([5 * 10**9])
+    assert net.propensities([10**9]) == 0.0
+    if counted == "distinct":
+        assert_array_equal([net.propensities([2 * 10**9 + more]) for more in (0, 1)], [[1.0], [2 * 10**9 + 1.0]])
+
+
 def test_no_channels():
     net = Network(("A",), (), [], [], [], [])
     assert net.propensities([5]).shape == (0,)

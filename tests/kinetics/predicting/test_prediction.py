@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Direct, Transient, first_passage, predict, simulate, solve
+from kinetics.predicting.observables import Observables
 from kinetics.predicting.prediction import evidence_notes, predict_passage
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import statistics
@@ -169,3 +170,16 @@ def test_bad_input():
         predict(decay(), Rates.load("table3"), [1], TIMES)
     with pytest.raises(ValueError, match="draws = 1"):
         predict(bare_line(), measured(50), START, TIMES, draws=1)
+
+
+@pytest.mark.parametrize("change", [{"runs": 0}, {"runs": 2.5}, {"runs": True}, {"threads": 0}, {"first_run": -1}])
+def test_sampled_observables_are_asked_for_with_whole_numbers(change):
+    """As every sampling method."""
+    sums = Observables.of(line(), {"first": {line().species[0]: 1}})
+    sampling = sums.sampling(Direct(), line())
+    ((name, value),) = change.items()
+    with pytest.raises(ValueError, match=f"{name} = {value}; expected a whole number"):
+        sampling.simulate(sums.network, START, TIMES, **change)
+    with pytest.raises(ValueError, match="times is empty"):
+        sampling.simulate(sums.network, START, [])
+    assert sampling.simulate(sums.network, START, TIMES, runs=2).counts.shape == (2, 2, 1)
