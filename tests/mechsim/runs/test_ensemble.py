@@ -327,8 +327,7 @@ def test_ctrl_c_waits_until_a_worker_is_known(waiting, comes_through):
 
     def take_it():
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # here, and before this thread goes on
 
     def start_worker():
         thread = threading.Thread(target=take_it)
