@@ -23,6 +23,14 @@ def pytest_addoption(parser):
     )
 
 
+def pytest_sessionstart(session):
+    """Before several workers start: each of them would compile the same kernels."""
+    if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
+        from warm_kernels import compile_kernels
+
+        compile_kernels()
+
+
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--validate"):
         return
