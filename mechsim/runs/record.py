@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
+from kinetics.network import Tank
 from kinetics.runs import RESTART, JumpPath
 from mechsim.effects.base import EventKind
 from mechsim.runs.species import some_of
@@ -205,6 +206,7 @@ class RunRecord:
             channels=self.arrays["channels"],
             end=self.facts["end"],
             open_channels=np.array(self.facts["open_channels"], bool),
+            tank=Tank(self.spec.scene.tank.size),
         )
 
 
