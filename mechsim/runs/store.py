@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from mechsim.runs.load_log import JOIN, SEVERAL, WALL
 from mechsim.runs.record import RunRecord, RunSpec
 
 if TYPE_CHECKING:
@@ -150,7 +151,8 @@ class RunStore:
         """Table of runs (one row each: inputs, outcome, facts, cost) and table of events (key, time in tu, channel).
 
         A nested setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where a run was
-        reset to its initial state.
+        reset to its initial state. Where the run tells, an event also has its two cubes, cube_a and cube_b, and the
+        partner that broke the bond: a species, `wall` or `several`.
         """
         import pandas as pd
 
@@ -160,6 +162,13 @@ class RunStore:
             channels = [*manifest["facts"]["channels"], "restart"]  # RESTART = -1 is the last one
             named = [channels[index] for index in arrays["channels"]]
             events.append(pd.DataFrame({"key": manifest["key"], "time": arrays["times"], "channel": named}))
+            if "bonds" in arrays:
+                who = {WALL: "wall", SEVERAL: "several", JOIN: None} | dict(enumerate(manifest["facts"]["species"]))
+                for column, cubes in zip(("cube_a", "cube_b"), arrays["bonds"].T, strict=True):
+                    events[-1][column] = cubes
+                events[-1]["partner"] = pd.Series(
+                    [who[partner] for partner in arrays["partners"].tolist()], dtype="object"
+                )
             runs.append(dict(_columns(manifest)) | {"events": int((arrays["channels"] >= 0).sum())})
         table = pd.DataFrame(runs, columns=None if runs else ["key", "title", "outcome", "digest", "events"])
         for name in map(str, table):
