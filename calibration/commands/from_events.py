@@ -73,7 +73,8 @@ def study_of_events(
     from calibration.watched.study import watched_study
     from kinetics.commands.start import is_network_file, network_of_book
     from kinetics.formats import read
+    from kinetics.network import Tank
 
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
     said = cubes if "cubes" in given else None
-    return watched_study(source, network, events, run_table, cubes=said, single=single, tank=tank)
+    return watched_study(source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank))

@@ -1,7 +1,4 @@
-"""The calibration study: planned mechanics runs, the rates they give, and the held-out runs that test these rates.
-
-The one module (with its commands) that knows all three rooms.
-"""
+"""The calibration study: planned mechanics runs, the rates they give, and the held-out runs that test these rates."""
 
 from __future__ import annotations
 

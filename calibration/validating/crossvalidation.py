@@ -226,8 +226,9 @@ def crossvalidate(
 
     Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
     """
-    known = rates.apply(network)
-    counts = _held_out(known, paths, times)
+    tank = paths[0].tank if paths else None
+    known = rates.apply(network, tank)
+    counts = _held_out(network, paths, times)
     grid = rising_times(times)
     initial = paths[0].initial
 
@@ -245,7 +246,8 @@ def crossvalidate(
     except TooManyStatesError:
         mean, sd, error, exact_cpu = ssa.mean(), ssa.sd(), ssa.standard_error(), float("nan")
 
-    draws = _rate_draws(known, rates, groups, seed)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+    draws = rates.draw_constants(network, rng, groups, tank)
     predicted = _predicted_groups(draws, known, initial, grid, len(paths), seed, first_run=runs)
     means = predicted.mean(axis=1)
     low, high = central_band(means, level)
@@ -301,13 +303,6 @@ def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> 
         if (path.channels == RESTART).any() or not path.open_channels.all():
             raise ValueError(f"path {i} was restarted or had channels closed: a calibration run, not a held-out one")
     return np.stack([path.at(times) for path in paths])
-
-
-def _rate_draws(network: Network, rates: Rates, groups: int, seed: int) -> Floats:
-    """Rate constants (groups, R) in the order of the network's channels."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
-    names = list(rates.channels)  # `sample` keeps the order of the file
-    return rates.sample(rng, groups)[:, [names.index(channel) for channel in network.channels]]
 
 
 def _predicted_groups(

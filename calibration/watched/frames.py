@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.watched.tables import Table, near
-from kinetics.network import Network
+from kinetics.breaks import base_channel
+from kinetics.network import Network, Tank
 from kinetics.runs.event_tables import BETWEEN, END, RUN_COLUMNS, START
 from kinetics.support.arrays import Ints
-
-Tank = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,6 @@ class Given:
 
     cubes : what every run holds; None where nobody says
     single : species with which runs start whose counts nobody gives, as many copies as there are cubes
-    tank : lengths
     """
 
     network: Network
@@ -46,6 +43,8 @@ class Given:
 
     def channel(self, name: str, where: str, *words: str) -> int:
         """Position of a channel by its name; `words` may stand in its place."""
+        if name not in self.network.channel_places:
+            name = base_channel(name)  # a simulation under a break model says who broke what
         if name not in self.network.channel_places:
             raise ValueError(f"{where}: unknown channel {name!r}{near(name, [*self.network.channels, *words])}")
         return self.network.channel_places[name]
@@ -159,21 +158,17 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
             float(end[row]),
             given.initial(runs, row),
             _open(given, runs, row),
-            tank=checked_tank(said, f"{where}: tank") if said else given.tank,
+            tank=_tank(said, where) if said else given.tank,
             resolution=float(resolution[row]),
         )
     return frames
 
 
-def checked_tank(lengths: Sequence[Any], where: str) -> Tank:
-    """Three lengths above 0, or a ValueError."""
+def _tank(lengths: Sequence[str], where: str) -> Tank:
     try:
-        x, y, z = (float(length) for length in lengths)
-        if all(np.isfinite(length) and length > 0 for length in (x, y, z)):
-            return x, y, z
-    except ValueError:
-        pass
-    raise ValueError(f"{where} {' '.join(map(str, lengths))}; expected three lengths above 0, as in 2 2 3")
+        return Tank(tuple(map(float, lengths)))  # type: ignore[arg-type]  # the tank checks how many there are
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def _marked(events: Table, word: str) -> Mapping[str, int]:

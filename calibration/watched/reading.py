@@ -6,7 +6,6 @@ guessed: a row that cannot be, or that could be two things, is an error that say
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,30 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.watched.frames import Frame, Given, Tank, checked_tank, frames_of_rows, frames_of_table
+from calibration.watched.frames import Frame, Given, frames_of_rows, frames_of_table
 from calibration.watched.tables import Table, read_table
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
-from kinetics.runs.event_tables import END, EVENT_COLUMNS, RESTARTED, RUN_COLUMNS, START
+from kinetics.runs.event_tables import END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
 from kinetics.support.arrays import Floats, Ints
 
 Rows = NDArray[np.intp]
 Change = tuple[tuple[int, int], ...]  # species and what it gains, in order
 UNNAMED = -2  # a row that names no channel; RESTART is -1
 NEAREST = 3  # channels that are shown where none fits
-
-
-@dataclass(frozen=True, eq=False)
-class Watched:
-    """Runs that others watched.
-
-    paths : name of a run -> what happened; its start is time 0
-    tanks : name of a run -> lengths of its tank, or None where nobody said
-    """
-
-    network: Network
-    paths: Mapping[str, JumpPath]
-    tanks: Mapping[str, Tank | None]
 
 
 def read_watched(
@@ -47,21 +33,23 @@ def read_watched(
     *,
     cubes: int | None = None,
     single: str | None = None,
-    tank: Sequence[float] | None = None,
-) -> Watched:
-    """Read a table of events or counts, and a table of the runs where no marked rows tell of their start and end.
+    tank: Tank | None = None,
+) -> dict[str, JumpPath]:
+    """The run of each name: from a table of events or counts, and one of runs where no rows are marked start and end.
 
-    cubes, single, tank : as in `Given`
+    A run's start is time 0 of its path. cubes, single, tank : as in `Given`
     """
-    words = {*EVENT_COLUMNS, *RUN_COLUMNS} & set(network.species) | {START, END, RESTARTED} & set(network.channels)
+    words = {*EVENT_COLUMNS, *NOTES, *RUN_COLUMNS} & set(network.species) | {START, END, RESTARTED} & set(
+        network.channels
+    )
     if words:
         raise ValueError(
             f"the network calls something {words.pop()!r}, which means something else in a table: rename it"
         )
-    given = Given(network, cubes, single, None if tank is None else checked_tank(tank, "--tank"))
+    given = Given(network, cubes, single, tank)
     table = read_table(events)
     table.require("run", "time")
-    given.check_titles(table, EVENT_COLUMNS)
+    given.check_titles(table, (*EVENT_COLUMNS, *NOTES))
     if not given.species(table):
         table.require("channel")
     frames = frames_of_rows(given, table) if runs is None else frames_of_table(given, table, read_table(runs))
@@ -72,8 +60,7 @@ def read_watched(
             raise ValueError(
                 f"{table.where(rows[run][0])}: the table of runs does not name this run; add when it started"
             )
-    paths = {run: reader.path(run, frame, rows.get(run, np.zeros(0, np.intp))) for run, frame in frames.items()}
-    return Watched(network, paths, {run: frame.tank for run, frame in frames.items()})
+    return {run: reader.path(run, frame, rows.get(run, np.zeros(0, np.intp))) for run, frame in frames.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +117,7 @@ class _Reader:
                 fired[is_change],
                 frame.end - frame.start,
                 frame.is_open,
+                frame.tank,
             )
         except ValueError as error:
             raise ValueError(

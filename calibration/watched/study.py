@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -14,8 +14,8 @@ from typing import Any
 from calibration.estimating.diagnostics import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
-from calibration.watched.reading import Watched, read_watched
-from kinetics.network import Network
+from calibration.watched.reading import read_watched
+from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
 
@@ -25,17 +25,18 @@ class WatchedStudy:
     """Runs that others watched, and what they show.
 
     name : of the rule book or network file
+    runs : name of a run -> what happened
     settings : what else was said of the runs, for the evidence
     """
 
     name: str
-    watched: Watched
+    runs: Mapping[str, JumpPath]
     settings: dict[str, Any]
 
     @property
     def paths(self) -> list[JumpPath]:
         """All runs."""
-        return list(self.watched.paths.values())
+        return list(self.runs.values())
 
     @property
     def problems(self) -> list[str]:
@@ -73,12 +74,10 @@ class WatchedStudy:
     def rates(self) -> Rates:
         """The estimates with their evidence, ready to be saved."""
         paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
-        tanks = list(dict.fromkeys(tank for tank in self.watched.tanks.values() if tank is not None))
         return self.calibration.rates(
             {
                 "network": self.name,
                 **self.settings,
-                **({"tanks": [list(tank) for tank in tanks]} if tanks else {}),
                 "runs": len(self.paths),
                 "versions": {name: version(name) for name in ("wellmixed", "numpy")},
                 "doubtful_tests": self.diagnosis.doubtful,
@@ -95,7 +94,7 @@ def watched_study(
     *,
     cubes: int | None = None,
     single: str | None = None,
-    tank: Sequence[float] | None = None,
+    tank: Tank | None = None,
 ) -> WatchedStudy:
     """Read the tables of runs that others watched; the arguments are those of `read_watched`.
 
@@ -106,10 +105,10 @@ def watched_study(
     if not network.is_mass_action:
         named = ", ".join([*network.laws, *(event.name for event in network.events)])
         raise ValueError(f"{source}: rate constants are those of mass action; rate laws or events of its own: {named}")
-    watched = read_watched(network, events, runs, cubes=cubes, single=single, tank=tank)
+    paths = read_watched(network, events, runs, cubes=cubes, single=single, tank=tank)
     files = [Path(file) for file in (events, runs) if file is not None]
     settings: dict[str, Any] = {
         "events_file": files[0].name,
         "tables_sha256": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
     }
-    return WatchedStudy(source, watched, settings | ({} if cubes is None else {"cubes": cubes}))
+    return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}))

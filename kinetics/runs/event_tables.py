@@ -4,14 +4,15 @@
     runs     run, start, end, tank, resolution, closed, and a column for each species: its copies at the start
 
 Times are in tu, of a clock of the run's own. `tank` is the tank's three lengths, `closed` the channels that could not
-fire at all, `resolution` the time between two looks, within which events share a time; each may be left out.
-docs/watched_events.md describes what a reader takes.
+fire at all, `resolution` the time between two looks, within which events share a time; each may be left out. `NOTES`
+are further columns of the events, for other readers. docs/watched_events.md describes what a reader takes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EVENT_COLUMNS = ("run", "time", "channel")
+NOTES = ("cube_a", "cube_b", "partner")  # of an event, where they are known: whose bond it was, and who broke it
 RUN_COLUMNS = ("run", "start", "end", "tank", "resolution", "closed")
 START, END, RESTARTED = "start", "end", "restart"  # in the place of a channel
 BETWEEN = ";"  # between the channels of `closed`
@@ -32,6 +34,7 @@ class TableRun(NamedTuple):
 
     tank : lengths of the tank, or None
     resolution : tu between two looks; 0 where every event has a time of its own
+    notes : further columns of the events, of `NOTES`
     """
 
     name: str
@@ -44,9 +47,10 @@ class TableRun(NamedTuple):
     open_channels: ArrayLike
     tank: Sequence[float] | None = None
     resolution: float = 0.0
+    notes: Mapping[str, Any] = MappingProxyType({})
 
 
-def table_run(name: str, path: JumpPath, tank: Sequence[float] | None = None, resolution: float = 0.0) -> TableRun:
+def table_run(name: str, path: JumpPath, resolution: float = 0.0) -> TableRun:
     """A jump path, ready for `event_tables`."""
     return TableRun(
         name,
@@ -57,7 +61,7 @@ def table_run(name: str, path: JumpPath, tank: Sequence[float] | None = None, re
         path.channels,
         path.end,
         path.open_channels,
-        tank,
+        None if path.tank is None else path.tank.size,
         resolution,
     )
 
@@ -77,7 +81,7 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "…; a table holds runs of one: choose those of one rule book"
             )
         happened = np.array([*run.channels, RESTARTED], dtype=object)[np.asarray(run.fired, dtype=int)]  # RESTART = -1
-        events.append(pd.DataFrame({"run": run.name, "time": run.times, "channel": happened}))
+        events.append(pd.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))
         closed = [
             name for name, is_open in zip(run.channels, np.asarray(run.open_channels), strict=True) if not is_open
         ]

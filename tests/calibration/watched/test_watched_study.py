@@ -10,30 +10,33 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 from calibration.estimating.diagnostics import diagnose
 from calibration.estimating.estimate import estimate
 from calibration.watched.study import watched_study
+from kinetics.breaks import Expansion, break_model
 from kinetics.formats import NetworkModel, read, write
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.runs.event_tables import event_tables, table_run
 from kinetics.sampling import sample_path
 
 STUDIES, ALL = 100, 2000  # by default, and with --validate
 FALSE_ALARM = 1e-6
+TANK = Tank((2.0, 2.0, 3.0))
 
 
 def paths_of_all_kinds():
     """Full, restarted and breaks alone, as a calibration has them; events share a time in none."""
     network = line_network()
     rng = np.random.default_rng(3)
-    return [
+    paths = [
         *(sample_path(network, [60, 0, 0, 0], 100.0, seed=4, run=run) for run in range(3)),
         restarted_run(network, network.state([14, 12, 6, 1]), 50.0, rng),
         breaking_run(network, network.state([0, 0, 30, 20]), 20.0, seed=5),
     ]
+    return [replace(path, network=network, tank=TANK) for path in paths]
 
 
-def written(folder, paths, kind="csv", **options):
+def written(folder, paths, kind="csv"):
     """Files of events and of runs."""
-    frames = event_tables(table_run(f"run {i}", path, **options) for i, path in enumerate(paths))
+    frames = event_tables(table_run(f"run {i}", path) for i, path in enumerate(paths))
     files = [folder / f"{name}.{kind}" for name in ("events", "runs")]
     for frame, file in zip(frames, files, strict=True):
         file.write_bytes(frame.to_csv(index=False).encode() if kind == "csv" else frame.to_parquet(index=False))
@@ -43,15 +46,14 @@ def written(folder, paths, kind="csv", **options):
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_a_round_trip_gives_the_same_rates_to_the_last_digit(tmp_path, kind):
     paths = paths_of_all_kinds()
-    files = written(tmp_path, paths, kind, tank=(2, 2, 3))
+    files = written(tmp_path, paths, kind)
     study = watched_study("line4", line_network(), *files)
     assert study.calibration.table() == estimate(paths).table()
     assert study.calibration.table() == estimate(paths[::-1]).table()  # whatever the order of the runs
     np.testing.assert_equal(study.diagnosis.table(), diagnose(paths).table())
     for path, again in zip(paths, study.paths, strict=True):
-        for name in ("initial", "times", "channels", "open_channels", "end"):
+        for name in ("initial", "times", "channels", "open_channels", "end", "tank"):
             np.testing.assert_array_equal(getattr(path, name), getattr(again, name))
-    assert set(study.watched.tanks.values()) == {(2.0, 2.0, 3.0)}
     shifted = [replace(path, times=path.times + 1e-9) for path in paths[:3]]
     assert estimate([*shifted, *paths[3:]]).table() != study.calibration.table()  # the control
 
@@ -75,6 +77,17 @@ def test_counts_give_the_same_rates_to_the_last_digit(tmp_path):
     counts_table(path, "a").to_csv(tmp_path / "counts.csv", index=False)
     study = watched_study("line4", line_network(), tmp_path / "counts.csv", cubes=60)
     assert study.calibration.table() == estimate([path]).table()
+
+
+def test_a_simulation_under_a_break_model_is_read_as_the_book_has_it(tmp_path):
+    """Its channels say who broke what; those of a rule book do not."""
+    base = line_network()
+    expansion = Expansion.of(base, break_model("collision-wall"))
+    known = expansion.network.with_rates(np.full(len(expansion.network.channels), 1e-3))
+    paths = [sample_path(known, [60, 0, 0, 0], 100.0, seed=6, run=run) for run in range(2)]
+    study = watched_study("line4", base, *written(tmp_path, paths))
+    assert study.calibration.table() == estimate(expansion.on_base(path) for path in paths).table()
+    assert study.calibration.total.events.min() > 0
 
 
 def study_of_known_rates(folder, i, clock=1.0):
@@ -137,7 +150,7 @@ def test_rate_laws_have_no_constants_to_estimate(tmp_path):
 
 @pytest.fixture
 def tables(tmp_path):
-    return written(tmp_path, paths_of_all_kinds(), tank=(2, 2, 3))
+    return written(tmp_path, paths_of_all_kinds())
 
 
 def test_the_command(wellmixed_here, tmp_path, tables):
@@ -145,7 +158,7 @@ def test_the_command(wellmixed_here, tmp_path, tables):
     done = wellmixed_here(*command, "--report", "report.html", "--json", cwd=tmp_path)
     assert [row["rate"] for row in done.json["channels"]] == [e.rate for e in estimate(paths_of_all_kinds()).estimates]
     rates = Rates.load(tmp_path / "rates.toml")
-    assert rates.evidence["tanks"] == [[2.0, 2.0, 3.0]]
+    assert rates.tank == TANK.size
     assert [rates.channels[row["channel"]].low for row in done.json["channels"]] == [
         row["low"] for row in done.json["channels"]
     ]

@@ -74,7 +74,7 @@ def test_an_effect_that_never_acts_changes_nothing(line4, book):
 
 
 def test_poses_are_recorded_only_on_request(busy, eager):
-    assert set(busy.arrays) == {"initial", "times", "channels"}
+    assert set(busy.arrays) == {"initial", "times", "channels", "bonds", "partners"}
     record = execute(RunSpec(eager, {"monomer": 30}, 2.0, seed=4, run=0, poses=0.5))
     assert record.arrays["pose_times"] == pytest.approx([0, 0.5, 1.0, 1.5, 2.0, 2.0], abs=0.006)
     centres, slots = record.arrays["centres"], record.arrays["slots"]
