@@ -52,8 +52,12 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
     ]
     lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
     lines += [f"doubtful: {name}" for name in study.diagnosis.doubtful]
+    alike: dict[tuple[str, ...], list[str]] = {}
     for test, channels in study.diagnosis.not_testable.items():
-        lines.append(f"not testable: {test} of {'any channel' if len(channels) == len(rows) else ', '.join(channels)}")
+        alike.setdefault(tuple(channels), []).append(test)
+    for group, tests in alike.items():
+        whose = "any channel" if len(group) == len(rows) else ", ".join(group)
+        lines.append(f"not testable: {', '.join(tests)} of {whose}")
     lines.append(study.source)
     return "\n".join(lines)
 

@@ -174,7 +174,7 @@ def test_the_command_with_one_run(wellmixed_here, tmp_path):
     command = ["calibrate", "line4", "--events", "counts.csv", "--cubes", 60, "--tank", 2, 2, 3, "--out", "rates.toml"]
     done = wellmixed_here(*command, "--report", "report.html", cwd=tmp_path)
     assert (done.code, done.err) == (0, "")
-    assert "not testable: between_runs of any channel" in done.out
+    assert "not testable: between_runs, initial of any channel" in done.out
     assert "1 watched run, 100 tu" in done.out
     assert "not testable" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
