@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -18,6 +17,7 @@ import numpy as np
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
 from kinetics.runs import RESTART, JumpPath
+from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
 from mechsim.runs.load_log import JOIN, SEVERAL, WALL, LoadLog
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mechsim.world.world import BondEvent, World
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
-PHYSICS = 1
+PHYSICS = 2
 FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500
@@ -140,14 +140,13 @@ class RunSpec:
 
     @property
     def streams(self) -> np.random.SeedSequence:
-        """Root of the run's random streams, from the seed, the CRC-32 of the composition and the run's number.
+        """Root of the run's random streams, from the seed, the SHA-256 of the composition and the run's number.
 
-        Runs of different compositions draw different numbers unless these 32 bits agree, as they do for one pair of
-        compositions in 4e9 (90 pairs among 430,255 compositions); two such runs with the same seed and number share
-        their streams.
+        Runs of the same seed and number but of different compositions draw different numbers, unless numpy mixes both
+        keys into the same 128 bits: by chance one pair in 3e38.
         """
         start = json.dumps(self.inputs["composition"], sort_keys=True)
-        return np.random.SeedSequence(self.seed, spawn_key=(zlib.crc32(start.encode()), self.run))
+        return np.random.SeedSequence(self.seed, spawn_key=(*words_of(start), self.run))
 
     @cached_property
     def key(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -10,6 +9,7 @@ from itertools import chain
 import numpy as np
 
 from kinetics.assembly import RuleBook, Structure, placements
+from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import Action, Effect, FlowSource, Stopped
 from mechsim.effects.hits import Hit
 from mechsim.kernels.contact import blocked
@@ -85,7 +85,7 @@ class World:
 
     def stream(self, name: str) -> np.random.Generator:
         """The random stream of one named part of this world."""
-        key = (*self._seed.spawn_key, zlib.crc32(name.encode()))
+        key = (*self._seed.spawn_key, *words_of(name))
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._seed.entropy, spawn_key=key)))
 
     def on_change(self, hook: Callable[[int], None]) -> None:
