@@ -57,7 +57,8 @@ class Breaking(Effect):
     grace : time after docking in which a bond does not break, tu: the push that a snap into place may cause is no
         collision
     log_above : the run's record keeps every hit whose load on the most loaded bond is above this, in the threshold's
-        unit and at most the threshold, also those that break nothing; none: no log. It changes nothing that happens
+        unit and at most the threshold, also those that break nothing; none: no log. It changes nothing that happens.
+        In a tank of 120 assembled cubes a step takes 5 % longer with half the threshold, 2 % with .6 of it
 
     Bonds in a loop carry a load that rigid-body mechanics leaves open; they do not break one at a time.
     The paper breaks a bond whose face gap exceeds a threshold; in a constraint solver that gap shrinks with the
