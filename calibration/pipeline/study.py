@@ -18,7 +18,8 @@ import numpy as np
 from calibration.estimating.diagnostics import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
-from calibration.validating.crossvalidation import CrossValidation, crossvalidate
+from calibration.validating.crossvalidation import crossvalidate
+from calibration.validating.over_sizes import ComparedSizes
 from kinetics.assembly import Derivation
 from kinetics.rates import Rates
 from mechsim.effects import EFFECTS
@@ -205,22 +206,17 @@ def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class ValidationStudy:
+class ValidationStudy(ComparedSizes):
     """Held-out runs beside their prediction, one comparison a system size."""
 
     rates: Rates
     outcome: Outcome
-    comparisons: tuple[CrossValidation, ...]
 
     @property
     def problems(self) -> list[str]:
         """Runs that were stopped by the guard or given up, in words."""
         stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
         return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
-
-    def summary(self) -> list[dict[str, Any]]:
-        """One row a size."""
-        return [comparison.summary() for comparison in self.comparisons]
 
 
 def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> list[RunSpec]:
@@ -256,7 +252,7 @@ def run_validation(
     outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
     target = species_of(derivation, book.target)
     comparisons = []
-    for n in dict.fromkeys(sizes):
+    for number, n in enumerate(dict.fromkeys(sizes)):
         records = [r for r in outcome.records if r.spec.n_cubes == n and r.completed]
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {n} cubes reached their end: nothing to compare")
@@ -270,9 +266,10 @@ def run_validation(
                 label=f"{n} cubes",
                 seed=seed,
                 mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
+                number=number,
             )
         )
-    return ValidationStudy(rates, outcome, tuple(comparisons))
+    return ValidationStudy(tuple(comparisons), rates, outcome)
 
 
 def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:

@@ -1,37 +1,26 @@
-"""Validation on held-out mechanics runs: their means, spreads and first times beside the predicted ones.
-
-The measure is the posterior predictive distribution of the experiment itself: rates are drawn from their posterior, and
-with each draw the same number of runs is simulated. What n runs show should look like one more such group of n. The
-mean is predicted by the exact solution where the states allow, else by SSA runs.
-"""
+"""The comparison of held-out runs with their prediction: numbers, tables, verdict and figures."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from calibration.validating.first_times import FirstTimes, compare_first_times
-from calibration.validating.scores import Counts, Score, central_band, group_scores, mean_misfit
+from calibration.validating.events import EventRow, WatchedEvents, event_rows
+from calibration.validating.first_times import FirstTimes
+from calibration.validating.groups import POOLED
+from calibration.validating.power import powers
+from calibration.validating.scores import BandShare, Score
+from calibration.validating.single_runs import SingleRuns
+from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
 from kinetics.network import Network
-from kinetics.rates import Rates
-from kinetics.runs import RESTART, JumpPath
-from kinetics.sampling import Direct, simulate
-from kinetics.solving import Transient
-from kinetics.solving.states import TooManyStatesError
-from kinetics.support.arrays import Floats, Ints, rising_times
-from kinetics.support.intervals import student_interval
+from kinetics.support.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-# The 25th of 999 groups from either end bound a 95 % band: one more group falls below it with chance 25 / 1000.
-GROUPS = 999
-EXACT_STATES = 200_000  # with more reachable states than these the prediction is the mean of SSA runs
 
 
 @dataclass(frozen=True)
@@ -62,9 +51,13 @@ class CrossValidation:
     z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
     misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups with at
         least this misfit
-    run_coverage : share of single runs, times and species (after time 0) inside the predicted band of a single run
+    coverage : share of times and species (after time 0) at which the observed mean lies inside the predicted band
+    run_coverage : share of single runs, times and species inside the predicted band of a single run
+    groups : number of simulated groups behind bands, shares, misfit and scores
     scores : one per species, then one of all species together
     first : first-passage times to the target, if one was named
+    watched : events of the held-out runs, and of simulated groups
+    single_runs : randomised PIT of each run
     """
 
     label: str
@@ -84,9 +77,13 @@ class CrossValidation:
     z: Floats
     misfit: float
     p_misfit: float
-    run_coverage: float
+    coverage: BandShare
+    run_coverage: BandShare
+    groups: int
     scores: tuple[Score, ...]
     first: FirstTimes | None
+    watched: WatchedEvents
+    single_runs: SingleRuns
     cost: Cost
 
     @property
@@ -95,19 +92,44 @@ class CrossValidation:
         return bool(np.isfinite(self.cost.exact))
 
     @property
-    def coverage(self) -> float:
-        """Share of times (after time 0) and species at which the observed mean lies inside the predicted band.
+    def cubes(self) -> int:
+        """Number of cubes of a run; of all copies at its start where the network conserves no cubes."""
+        initial = self.watched.groups.initial
+        return int(initial @ self.network.conserved.get("cubes", np.ones(initial.size)))
 
-        Counts at neighbouring times are correlated, so the share itself scatters widely around the level.
-        """
-        inside = (self.low <= self.observed_mean) & (self.observed_mean <= self.high)
-        return float(inside[self.times > 0].mean())
+    @cached_property
+    def events(self) -> tuple[EventRow, ...]:
+        """Events seen and expected: joins, breaks, and every channel by itself."""
+        return event_rows([self.watched], self.cubes, self.watched.tank)
+
+    @property
+    def checks(self) -> list[ConsistencyCheck]:
+        """Everything that the verdict rests on."""
+        where = f"at {self.label or f'{self.cubes} copies'}"
+        least, overall = 1 / (self.groups + 1), self.scores[-1]
+        checks = event_checks(self.events, where)
+        checks.append(
+            ConsistencyCheck(
+                f"mean counts {where} with a misfit of {self.misfit:.2g} (1 expected)", self.p_misfit, least
+            )
+        )
+        score = f"CRPS {where} of {overall.score:.3g} ({overall.floor:.3g} expected)"
+        checks.append(ConsistencyCheck(score, overall.p_value, least))
+        checks.append(ConsistencyCheck(f"single runs {where} by their PIT", self.single_runs.p_value, least))
+        if self.first:
+            checks.append(ConsistencyCheck(f"first {self.first.species} {where}", self.first.p_value, 0.0))
+        return checks
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """All checks together, and what these runs would have shown."""
+        checks = self.checks
+        return judged(checks, powers([self.watched], len(checks)))
 
     @property
     def is_consistent(self) -> bool:
-        """Whether mean, scores and first times of the held-out runs pass their tests against the model at 1 %."""
-        results = [self.p_misfit, self.scores[-1].p_value] + ([self.first.p_value] if self.first else [])
-        return min(results) * len(results) > 0.01
+        """Whether events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
+        return self.verdict.is_consistent
 
     def table(self) -> list[dict[str, Any]]:
         """One row per time and species."""
@@ -131,19 +153,31 @@ class CrossValidation:
         ]
 
     def summary(self) -> dict[str, Any]:
-        """One row: coverage, score beside its floor, first times and cost of both sides."""
+        """One row: verdict, coverage and score beside their range under the model, first times, cost of both sides.
+
+        A predicted first time without a finite mean (where the target may never come) is nan.
+        """
         overall = self.scores[-1]
         row = {
             "label": self.label,
             "runs": self.runs,
-            "coverage": self.coverage,
-            "run_coverage": self.run_coverage,
+            "is_consistent": self.is_consistent,
+            "verdict": self.verdict.sentence,
+            "coverage": self.coverage.share,
+            "coverage_low": self.coverage.low,
+            "coverage_high": self.coverage.high,
+            "run_coverage": self.run_coverage.share,
+            "run_coverage_low": self.run_coverage.low,
+            "run_coverage_high": self.run_coverage.high,
             "misfit": self.misfit,
             "p_misfit": self.p_misfit,
             "crps": overall.score,
             "crps_floor": overall.floor,
             "p_crps": overall.p_value,
+            "p_single_runs": self.single_runs.p_value,
         }
+        row |= {f"p_{each.group}": each.p for each in self.events if each.group in POOLED}
+        row |= {f"p_scatter_{each.group}": each.p_scatter for each in self.events if each.group in POOLED}
         if self.first:
             row |= {
                 "first_observed": self.first.observed_mean,
@@ -152,8 +186,8 @@ class CrossValidation:
                 "first_censored": self.first.censored,
                 "first_predicted": self.first.predicted_mean,
                 "first_predicted_error": self.first.predicted_error,
-                "first_mean": self.first.mean,
-                "first_sd": self.first.sd,
+                "first_mean": self.first.mean if np.isfinite(self.first.mean) else float("nan"),
+                "first_sd": self.first.sd if np.isfinite(self.first.sd) else float("nan"),
                 "p_first": self.first.p_value,
             }
         return row | {
@@ -169,6 +203,10 @@ class CrossValidation:
             {
                 "summary": self.summary(),
                 "is_consistent": self.is_consistent,
+                "verdict": self.verdict.sentence,
+                "power": [vars(power) for power in self.verdict.powers],
+                "events": [row.to_dict() for row in self.events],
+                "single_runs": vars(self.single_runs),
                 "is_exact": self.is_exact,
                 "level": self.level,
                 "species": self.network.species,
@@ -198,140 +236,6 @@ class CrossValidation:
                 title=self.label,
             )
         return axes
-
-
-def crossvalidate(
-    network: Network,
-    rates: Rates,
-    paths: Sequence[JumpPath],
-    times: ArrayLike,
-    target: str | None = None,
-    label: str = "",
-    runs: int = 1000,
-    groups: int = GROUPS,
-    level: float = 0.95,
-    seed: int = 0,
-    mechanics_cpu: float = float("nan"),
-    exact_states: int = EXACT_STATES,
-) -> CrossValidation:
-    """Compare held-out `paths` (one initial state, not restarted, all channels open) with the prediction by `rates`.
-
-    times : (T,) tu, rising, none after the end of a path
-    target : species whose first-passage times are compared
-    runs : number of SSA runs at the point rates
-    groups : number of draws of the rates, each with as many runs as there are paths; the smallest p-value is
-        1 / (groups + 1)
-    mechanics_cpu : CPU time of the held-out runs, s
-    exact_states : with more reachable states than this, mean and first times are predicted by SSA, with its error
-
-    Rates without evidence are taken as exact: the band then holds intrinsic noise alone.
-    """
-    known = rates.apply(network)
-    counts = _held_out(known, paths, times)
-    grid = rising_times(times)
-    initial = paths[0].initial
-
-    # Once in little, so that the costs below are those of the work and not of compiling or loading kernels.
-    simulate(known, Direct(), initial, grid[:1], runs=1)
-    Transient().solve(known, np.minimum(initial, 2), [grid[-1]])
-    begin = time.process_time()
-    ssa = simulate(known, Direct(), initial, grid, runs=runs, seed=seed)
-    ssa_cpu = time.process_time() - begin
-    begin = time.process_time()
-    try:
-        exact = Transient(max_states=exact_states).solve(known, initial, grid)
-        mean, sd = exact.mean(), exact.sd()
-        error, exact_cpu = np.zeros_like(mean), time.process_time() - begin
-    except TooManyStatesError:
-        mean, sd, error, exact_cpu = ssa.mean(), ssa.sd(), ssa.standard_error(), float("nan")
-
-    draws = _rate_draws(known, rates, groups, seed)
-    predicted = _predicted_groups(draws, known, initial, grid, len(paths), seed, first_run=runs)
-    means = predicted.mean(axis=1)
-    low, high = central_band(means, level)
-    run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), level)
-    after = grid > 0
-    first = None
-    if target:
-        is_exact = len(rates.without_evidence()) == len(rates.channels)
-        beyond = runs + groups * len(paths)  # runs numbered from here on share no random numbers with those above
-        first = compare_first_times(
-            known, paths, target, level, seed, None if is_exact else draws, beyond, exact_states
-        )
-    observed = counts.mean(axis=0)
-    misfit, p_misfit = mean_misfit(observed, means)
-    observed_low, observed_high = student_interval(counts, level)
-    return CrossValidation(
-        label=label,
-        network=known,
-        times=grid,
-        runs=len(paths),
-        level=level,
-        observed_mean=observed,
-        observed_low=observed_low,
-        observed_high=observed_high,
-        ssa_mean=ssa.mean(),
-        predicted_mean=mean,
-        predicted_sd=sd,
-        predicted_error=error,
-        low=low,
-        high=high,
-        z=_z(observed - mean, sd / np.sqrt(len(paths)), error, means),
-        misfit=misfit,
-        p_misfit=p_misfit,
-        run_coverage=float(((run_low <= counts) & (counts <= run_high))[:, after].mean()),
-        scores=group_scores(known.species, counts, predicted),
-        first=first,
-        cost=Cost(float(mechanics_cpu), ssa_cpu, runs, exact_cpu),
-    )
-
-
-def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> Ints:
-    """Counts (n, T, S) of the paths, or a ValueError where they are no held-out runs of one experiment."""
-    if not paths:
-        raise ValueError("no held-out runs; give at least one path")
-    for i, path in enumerate(paths):
-        if path.network.fingerprint != network.fingerprint:
-            raise ValueError(f"path {i} is of another network: its channels are {', '.join(path.network.channels)}")
-        if not np.array_equal(path.initial, paths[0].initial):
-            raise ValueError(
-                f"path {i} starts from {path.initial.tolist()}, path 0 from {paths[0].initial.tolist()}; "
-                "compare one initial state at a time"
-            )
-        if (path.channels == RESTART).any() or not path.open_channels.all():
-            raise ValueError(f"path {i} was restarted or had channels closed: a calibration run, not a held-out one")
-    return np.stack([path.at(times) for path in paths])
-
-
-def _rate_draws(network: Network, rates: Rates, groups: int, seed: int) -> Floats:
-    """Rate constants (groups, R) in the order of the network's channels."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
-    names = list(rates.channels)  # `sample` keeps the order of the file
-    return rates.sample(rng, groups)[:, [names.index(channel) for channel in network.channels]]
-
-
-def _predicted_groups(
-    draws: Floats, network: Network, initial: Ints, times: Floats, n: int, seed: int, first_run: int
-) -> Counts:
-    """Counts (groups, n, T, S): each group of n runs has its own draw of the rates."""
-    counts = np.empty((len(draws), n, times.size, len(network.species)), dtype=np.int32)
-    for g, drawn in enumerate(draws):
-        group = Direct().simulate(
-            network.with_rates(drawn), initial, times, runs=n, seed=seed, threads=1, first_run=first_run + g * n
-        )
-        counts[g] = group.counts
-    return counts
-
-
-def _z(difference: Floats, intrinsic: Floats, error: Floats, means: Floats) -> Floats:
-    """Difference over its predicted sd (T, S).
-
-    means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; where events are so rare that the
-        groups hardly show them, the intrinsic sd at the point rates is the larger and the better known
-    error : of the prediction itself, by sampling
-    """
-    sd = np.hypot(np.maximum(intrinsic, means.std(axis=0, ddof=1)), error)
-    return np.divide(difference, sd, out=np.full(sd.shape, np.nan), where=sd > 1e-9)
 
 
 def _plain(value: Any) -> Any:
