@@ -60,6 +60,7 @@ COMMANDS = {
         "Render a mechanics run as pictures, a film or a 3-D view.",
     ),
     "replay": ("mechsim.commands.replay", "replay", "Repeat a stored mechanics run and inspect its last steps."),
+    "loads": ("mechsim.commands.loads", "loads", "Extrapolate rates of breaks from logged hits."),
     "export": ("mechsim.commands.export", "export", "Export stored mechanics runs as Parquet and CSV tables."),
     "rules": ("kinetics.commands", "rules", "Check, compile, draw, grow and rank rule books."),
 }

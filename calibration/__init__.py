@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
     from calibration.estimating.paper import paper_estimate
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
-    from calibration.estimating.rate_model import RateModel, ShapeParameter
+    from calibration.estimating.rate_model import RateModel
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.crossvalidation import crossvalidate
     from calibration.validating.first_times import FirstTimes, compare_first_times
+    from kinetics.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
 
 _HOMES = {
@@ -40,7 +41,8 @@ _HOMES = {
     "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
     "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
-    "calibration.estimating.rate_model": ("RateModel", "ShapeParameter"),
+    "calibration.estimating.rate_model": ("RateModel",),
+    "kinetics.breaks": ("ShapeParameter",),
     "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
     "calibration.validating.comparison": ("CrossValidation",),
     "calibration.validating.crossvalidation": ("crossvalidate",),

@@ -89,9 +89,9 @@ def objections(found: Import) -> list[str]:
         broken.append("a network has never heard of cubes")
     if parts[0] == "mechsim" and lies_in(target, "calibration"):
         broken.append("mechanics does not know what its runs are for")
-    only_study = module != "calibration.pipeline.study" and not lies_in(module, "calibration.commands")
-    if parts[0] == "calibration" and only_study and at_run_time and lies_in(target, "mechsim"):
-        broken.append("in calibration only study and the commands know the mechanics")
+    is_apart = not lies_in(module, "calibration.pipeline", "calibration.commands")
+    if parts[0] == "calibration" and is_apart and at_run_time and lies_in(target, "mechsim"):
+        broken.append("in calibration only the pipeline and the commands know the mechanics")
     if module != "mechsim.world.engine" and lies_in(target, "pybullet"):
         broken.append("mechsim.world.engine is the only door to PyBullet")
     return [f"{module} imports {target}: {why}" for why in broken]

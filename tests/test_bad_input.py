@@ -266,7 +266,7 @@ def test_a_run_folder_of_another_version(refused, tmp_path):
     (tmp_path / "runs" / "0.run").write_bytes(b"of another format")
     for command in (SIMULATE, CALIBRATE, [*VALIDATE, "--cubes", "6"], ["export", "runs", "--out", "tables"]):
         said = refused(*command)
-        assert "holds 'wellmixed runs, format 99'; this version reads and writes 'wellmixed runs, format 1'" in said
+        assert "holds 'wellmixed runs, format 99'; this version reads and writes 'wellmixed runs, format 2'" in said
 
 
 def test_damaged_runs_are_set_aside_and_made_again(wellmixed, wellmixed_here, tmp_path):

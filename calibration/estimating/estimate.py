@@ -130,10 +130,14 @@ class Calibration:
                 f"no run could fire {', '.join(self.not_measured)}: not measured; "
                 "add runs whose initial state holds the reactants"
             )
-        channels = {row["channel"]: {key: row[key] for key in ChannelRate.model_fields} for row in self.table()}
+        channels = {
+            row["channel"]: {key: row[key] for key in ChannelRate.model_fields if key in row} for row in self.table()
+        }
+        tank = self.total.tank
         return Rates.model_validate(
             {
                 "convention": {"combinations": self.network.combinations},
+                "tank": None if tank is None else tank.size,
                 "channels": channels,
                 "network": self.network.fingerprint,
                 "evidence": dict(evidence or {}),

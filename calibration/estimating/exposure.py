@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers, reals
 
@@ -25,11 +25,13 @@ class Exposure:
     events : (R,) firings of each channel
     exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
         combinations of reactants by the network's convention. 0 where a channel could never fire.
+    tank : the tank in whose rate constants the exposure is counted; None where it is not known
     """
 
     network: Network
     events: Ints
     exposure: Floats
+    tank: Tank | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.network.channels),)
@@ -47,7 +49,21 @@ class Exposure:
         if not isinstance(other, Exposure):
             return NotImplemented
         require_same(self.network, other.network)
-        return Exposure(self.network, self.events + other.events, self.exposure + other.exposure)
+        more = other.in_tank(self.tank)
+        return Exposure(self.network, self.events + more.events, self.exposure + more.exposure, self.tank)
+
+    def in_tank(self, tank: Tank | None) -> Exposure:
+        """The same events for rate constants of another tank: n bodies meet volume^-(n - 1) times as often.
+
+        ValueError: one of the two tanks is not known.
+        """
+        if tank == self.tank:
+            return self
+        if tank is None or self.tank is None:
+            raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
+        order = np.zeros(self.exposure.size)
+        np.add.at(order, self.network.sparse_reactants.rows, self.network.sparse_reactants.copies)
+        return Exposure(self.network, self.events, self.exposure * tank.dilution(self.tank) ** (order - 1), tank)
 
     def __radd__(self, other: object) -> Exposure:
         return self if other == 0 else NotImplemented  # so that sum() works
@@ -101,7 +117,7 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
     exposure = np.where(path.open_channels, exposure, 0.0)
     age = path.times - origin[:-1]
     fired = path.channels[(path.channels != RESTART) & (lower <= age) & (age < upper)]
-    return Exposure(network, np.bincount(fired, minlength=len(network.channels)), exposure)
+    return Exposure(network, np.bincount(fired, minlength=len(network.channels)), exposure, path.tank)
 
 
 def pooled(exposures: Iterable[Exposure]) -> Exposure:

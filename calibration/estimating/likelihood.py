@@ -7,10 +7,10 @@ full. Given the shape parameters the channels part, and each is a concave proble
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class PathLikelihood:
     model: RateModel
     paths: tuple[JumpPath, ...]
     channels: tuple[int, ...]
-    _known: dict[RateModel, list[Evidence]] = field(default_factory=dict, repr=False)
+    _known: dict[Hashable, list[Evidence]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         for path in self.paths:
@@ -84,21 +84,29 @@ class PathLikelihood:
 
     def evidence(self, model: RateModel) -> list[Evidence]:
         """One a channel, under the model with this shape."""
-        if model not in self._known:
+        parts, weights = self.parts(model), model.mixture()
+        if weights is None:
+            return parts
+        return [Evidence(e.at_events @ weights.T, weights @ e.exposure) for e in parts]
+
+    def parts(self, model: RateModel) -> list[Evidence]:
+        """One a channel, in the parts that the model mixes to terms."""
+        key = model.collected_as
+        if key not in self._known:
             self._known.clear()  # one at a time: a search does not come back
-            self._known[model] = self._collected(model)
-        return self._known[model]
+            self._known[key] = self._collected(model)
+        return self._known[key]
 
     def _collected(self, model: RateModel) -> list[Evidence]:
         chosen = list(self.channels)
-        exposure = np.zeros((len(model.terms), len(chosen)))
+        exposure: Any = 0.0
         fired, at_events = [], []
         for path in self.paths:
             begin, end, origin = sojourns(path)
             terms = model.combinations(path)
             waits = model.elapsed(begin, end, origin)
             gathered = np.array([path.network.ways * (waits @ h) for h in terms])
-            exposure += (gathered * path.open_channels)[:, chosen]
+            exposure = exposure + (gathered * path.open_channels)[:, chosen]
             rows = np.flatnonzero(np.isin(path.channels, chosen))
             channels = path.channels[rows]
             speed = model.speed(path.times[rows] - origin[rows])
@@ -120,7 +128,7 @@ class PathLikelihood:
 
         def at(values: Sequence[float]) -> Maximum:
             shape = {parameter.name: float(value) for parameter, value in zip(free, values, strict=True)}
-            model: RateModel = replace(self.model, **shape, **fixed)  # type: ignore[type-var]
+            model = self.model.with_shape(shape | dict(fixed))
             evidence = self.evidence(model)
             best = [
                 e.highest_with({held[0]: held[2]}) if held and held[1] == i else e.highest
@@ -128,7 +136,7 @@ class PathLikelihood:
             ]
             return Maximum(sum(value for _, value in best), model, np.array([k for k, _ in best]).T)
 
-        start = [getattr(self.model, parameter.name) for parameter in free]
+        start = [self.model.shape_values[parameter.name] for parameter in free]
         return at(_searched(free, start, lambda values: -at(values).log_likelihood))
 
 

@@ -53,7 +53,7 @@ class RateFit:
     def parameters(self) -> dict[str, float]:
         """All parameters by name: `k 1+1->2`, a coefficient of a channel (nan: not measured), then the shape."""
         coefficients = {name: float(self.best.coefficients[place]) for name, place in self._places.items()}
-        return coefficients | {parameter.name: getattr(self.model, parameter.name) for parameter in self.model.shape}
+        return coefficients | self.model.shape_values
 
     @cached_property
     def _places(self) -> dict[str, tuple[int, int]]:
@@ -151,7 +151,7 @@ class RateFit:
         """Expected events (E + 1, R') of each fitted channel in each stretch of a path."""
         begin, end, origin = sojourns(path)
         waits = self.model.elapsed(begin, end, origin)
-        terms = self.model.combinations(path)
+        terms = self.model.in_terms(path)
         chosen = list(self.likelihood.channels)
         known = np.nan_to_num(self.best.coefficients) * (path.network.ways * path.open_channels)[chosen]
         return waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True))

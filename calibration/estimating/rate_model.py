@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
-
-
-class ShapeParameter(NamedTuple):
-    """A parameter that all channels share, such as an exponent, and the closed range in which it is looked for."""
-
-    name: str
-    low: float
-    high: float
 
 
 class RateModel(ABC):
@@ -28,7 +22,8 @@ class RateModel(ABC):
     N_c : docking ways; age : tu since the start or the last restart. The coefficients are not negative, and each
     channel has its own. Shape parameters belong to all channels that are fitted together; they are fields of the
     model, whose values are where the search starts. Exposure, likelihood, intervals, tests, table and plot come with
-    `fit_rates`.
+    `fit_rates`. Where the shape only weights parts that do not depend on it, `combinations` gives the parts and
+    `mixture` the weights, so that a search passes over the paths once.
 
     To add a model:
     1. write a frozen dataclass with a `name` and `combinations`, whose docstring states its assumption and its source;
@@ -43,7 +38,34 @@ class RateModel(ABC):
 
     @abstractmethod
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
-        """Per term, h (E + 1, R) in each state of the path: propensity per way and unit of the coefficient."""
+        """Per part, h (E + 1, R) in each state of the path: propensity per way and unit of the coefficient.
+
+        The parts are the terms, unless there is a `mixture`.
+        """
+
+    def mixture(self) -> Floats | None:
+        """Weights (terms, parts) of the parts in each term; None where the parts are the terms."""
+        return None
+
+    def in_terms(self, path: JumpPath) -> Sequence[Floats]:
+        """Per term, h (E + 1, R) in each state of the path."""
+        parts, weights = self.combinations(path), self.mixture()
+        return parts if weights is None else list(np.tensordot(weights, np.array(parts), axes=1))
+
+    @property
+    def collected_as(self) -> Hashable:
+        """What the parts depend on: models alike in this share what is collected from the paths."""
+        return self
+
+    def with_shape(self, values: Mapping[str, float]) -> Self:
+        """The same model with these values of some of its shape parameters."""
+        changed: Any = replace(self, **values)  # type: ignore[type-var]
+        return changed
+
+    @property
+    def shape_values(self) -> dict[str, float]:
+        """The shape parameters by name."""
+        return {parameter.name: getattr(self, parameter.name) for parameter in self.shape}
 
     def speed(self, age: Floats) -> Floats:
         """Factor (n,) on all propensities at these ages, tu; 1 where rates do not depend on the age."""

@@ -1,7 +1,4 @@
-"""The calibration study: planned mechanics runs, the rates they give, and the held-out runs that test these rates.
-
-The one module (with its commands) that knows all three rooms.
-"""
+"""The calibration study: planned mechanics runs, the rates they give, and the held-out runs that test these rates."""
 
 from __future__ import annotations
 
@@ -15,12 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from calibration.estimating.break_fit import BreakComparison, break_channels, rates_with_breaks
 from calibration.estimating.diagnostics import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
+from calibration.pipeline.plan import StudyPlan
 from calibration.validating.crossvalidation import crossvalidate
 from calibration.validating.over_sizes import ComparedSizes
 from kinetics.assembly import Derivation
+from kinetics.breaks import BREAK_MODELS, break_model
+from kinetics.network import Tank
 from kinetics.rates import Rates
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome, run_all
@@ -118,11 +119,15 @@ def calibration_specs(scene: Scene, n_cubes: int, join_time: float, break_time: 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationStudy:
-    """Calibration runs and what they show. Runs that the guard stopped are left out, and counted."""
+    """Calibration runs and what they show. Runs that the guard stopped are left out, and counted.
+
+    breaks : name of the break model, or `auto` for the one that the runs choose
+    """
 
     scene: Scene
     outcome: Outcome
     settings: dict[str, Any]
+    breaks: str = "auto"
 
     @cached_property
     def sound(self) -> list[RunRecord]:
@@ -136,6 +141,15 @@ class CalibrationStudy:
     def calibration(self) -> Calibration:
         """Pooled events and exposures of all channels."""
         return estimate(record.path for record in self.sound)
+
+    @cached_property
+    def break_models(self) -> BreakComparison | None:
+        """Break models fitted to the runs; all of them, or the one that was asked for. None without breaks."""
+        paths = [record.path for record in self.sound]
+        if not break_channels(paths[0].network):
+            return None
+        models = BREAK_MODELS if self.breaks == "auto" else (break_model(self.breaks),)
+        return BreakComparison.of(paths, models)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -176,7 +190,42 @@ class CalibrationStudy:
             "doubtful_tests": self.diagnosis.doubtful,
             "paper_estimator": paper,
         }
-        return self.calibration.rates(evidence)
+        if self.break_models is None:
+            return self.calibration.rates(evidence)
+        evidence["break_model"] = self.break_models.reason if self.breaks == "auto" else "as asked for"
+        return rates_with_breaks(self.calibration, self.break_models.chosen, evidence)
+
+
+def run_planned_calibration(
+    plan: StudyPlan,
+    runs_folder: str | Path,
+    *,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> CalibrationStudy:
+    """Make the missing calibration runs of a plan and read the others."""
+    outcome = _run(plan.specs(plan.calibration), runs_folder, workers, progress)
+    settings = {"plan": plan.name, "plan_hash": plan.fingerprint, "seed": plan.calibration.seed}
+    return CalibrationStudy(Scene.load(plan.scene), outcome, settings, plan.breaks)
+
+
+def run_planned_validation(
+    plan: StudyPlan,
+    rates: Rates,
+    runs_folder: str | Path,
+    *,
+    points: int = 41,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> ValidationStudy:
+    """Make the missing held-out runs of a plan and compare them with the prediction.
+
+    ValueError for rates that do not pass `check_held_out`.
+    """
+    scene = Scene.load(plan.scene)
+    check_held_out(scene, rates, plan.held_out.seed)
+    specs = plan.specs(plan.held_out)
+    return _compared(scene, rates, specs, _run(specs, runs_folder, workers, progress), points)
 
 
 def run_calibration(
@@ -187,6 +236,7 @@ def run_calibration(
     join_time: float = 1000.0,
     break_time: float = 4000.0,
     seed: int = 1,
+    breaks: str = "auto",
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
@@ -194,7 +244,7 @@ def run_calibration(
     `calibration_specs`)."""
     specs = calibration_specs(scene, cubes, join_time, break_time, seed)
     settings = {"cubes": cubes, "join_time": join_time, "break_time": break_time, "seed": seed}
-    return CalibrationStudy(scene, _run(specs, runs_folder, workers, progress), settings)
+    return CalibrationStudy(scene, _run(specs, runs_folder, workers, progress), settings, breaks)
 
 
 def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
@@ -248,23 +298,33 @@ def run_validation(
     ValueError for rates that do not pass `check_held_out`.
     """
     check_held_out(scene, rates, seed)
+    specs = validation_specs(scene, sizes, runs, duration, seed)
+    return _compared(scene, rates, specs, _run(specs, runs_folder, workers, progress), points)
+
+
+def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Outcome, points: int) -> ValidationStudy:
+    """Each group of runs alike beside its prediction."""
     book, derivation = book_of(scene.rules)
-    outcome = _run(validation_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
     target = species_of(derivation, book.target)
+    finished = {record.spec.key: record for record in outcome.records if record.completed}
+    groups: dict[tuple[tuple[float, float, float], int], list[RunSpec]] = {}
+    for spec in specs:
+        groups.setdefault((spec.scene.tank.size, spec.n_cubes), []).append(spec)
     comparisons = []
-    for number, n in enumerate(dict.fromkeys(sizes)):
-        records = [r for r in outcome.records if r.spec.n_cubes == n and r.completed]
+    for number, ((size, n), alike) in enumerate(groups.items()):
+        label = f"{n} cubes" if size == scene.tank.size else f"{n} cubes in {Tank(size)}"
+        records = [finished[spec.key] for spec in alike if spec.key in finished]
         if len(records) < 2:
-            raise ValueError(f"fewer than two of the runs with {n} cubes reached their end: nothing to compare")
+            raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
         comparisons.append(
             crossvalidate(
                 derivation.network,
                 rates,
                 [record.path for record in records],
-                np.linspace(0.0, duration, points),
+                np.linspace(0.0, alike[0].duration, points),
                 target=target,
-                label=f"{n} cubes",
-                seed=seed,
+                label=label,
+                seed=alike[0].seed,
                 mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
                 number=number,
             )

@@ -134,7 +134,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
     """Rows of events, the size in words."""
-    return [{"size": row.size} | {k: v for k, v in row.to_dict().items() if k != "cubes"} for row in study.events]
+    return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
 
 
 def _draw_events(panels: Sequence[Sequence[EventRow]], axes: Any) -> None:

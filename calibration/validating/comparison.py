@@ -97,15 +97,20 @@ class CrossValidation:
         initial = self.watched.groups.initial
         return int(initial @ self.network.conserved.get("cubes", np.ones(initial.size)))
 
+    @property
+    def name(self) -> str:
+        """The label, or the size where there is none."""
+        return self.label or f"{self.cubes} cubes"
+
     @cached_property
     def events(self) -> tuple[EventRow, ...]:
         """Events seen and expected: joins, breaks, and every channel by itself."""
-        return event_rows([self.watched], self.cubes, self.watched.tank)
+        return event_rows([self.watched], self.name, self.cubes, self.watched.tank)
 
     @property
     def checks(self) -> list[ConsistencyCheck]:
         """Everything that the verdict rests on."""
-        where = f"at {self.label or f'{self.cubes} copies'}"
+        where = f"at {self.name}"
         least, overall = 1 / (self.groups + 1), self.scores[-1]
         checks = event_checks(self.events, where)
         checks.append(

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from calibration.validating.comparison import Cost, CrossValidation
 from calibration.validating.events import WatchedEvents
 from calibration.validating.first_times import compare_first_times
-from calibration.validating.groups import FIRST_TIMES, SimulatedGroups, tank_of
+from calibration.validating.groups import FIRST_TIMES, SimulatedGroups
 from calibration.validating.scores import central_band, group_scores, mean_misfit, share_inside
 from calibration.validating.single_runs import judge_single_runs
 from kinetics.network import Network
@@ -69,7 +69,7 @@ def crossvalidate(
     counts = _held_out(network, paths, times)
     grid = rising_times(times)
     initial, n = paths[0].initial, len(paths)
-    simulated = SimulatedGroups(network, rates, initial, n, seed, number, tank_of(paths[0]))
+    simulated = SimulatedGroups(network, rates, initial, n, seed, number, paths[0].tank)
     known = simulated.model
 
     mean, sd, error, ssa_mean, cost = _predicted_mean(simulated, grid, runs, exact_states, mechanics_cpu)

@@ -17,10 +17,11 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.validating.groups import POOLED, SimulatedGroups, base_channel, event_groups
+from calibration.validating.groups import POOLED, SimulatedGroups, event_groups
 from calibration.validating.predictive import staged_p
 from calibration.validating.scores import Counts, central_band
-from kinetics.network import Network
+from kinetics.breaks import base_channel
+from kinetics.network import Network, Tank
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
 
@@ -32,8 +33,9 @@ AT_A_TIME = 500  # groups whose single runs are in memory
 class EventRow:
     """One group of channels at one size, or over all sizes.
 
+    size : the experiment in words
     cubes : of a run; None for the pooled rows of all sizes
-    tank : size of the tank, where it is known
+    tank : edges of the tank, where it is known
     group : `joins`, `breaks`, or a channel
     seen, expected : events of all runs; what the posterior means of the rates give over the exposures of these runs
     low, high : 95 % predictive interval of the events, given these exposures
@@ -42,6 +44,7 @@ class EventRow:
     scatter_low, scatter_high, p_scatter, least_scatter : as above
     """
 
+    size: str
     cubes: int | None
     tank: tuple[float, ...] | None
     group: str
@@ -56,11 +59,6 @@ class EventRow:
     scatter_high: float
     p_scatter: float
     least_scatter: float
-
-    @property
-    def size(self) -> str:
-        """In words."""
-        return "all sizes" if self.cubes is None else f"{self.cubes} cubes"
 
     def to_dict(self) -> dict[str, object]:
         """The row, without what only says how finely its p-values are resolved."""
@@ -178,8 +176,8 @@ class WatchedEvents:
         )
 
     @property
-    def tank(self) -> tuple[float, ...] | None:
-        """Size of the tank, where it is known."""
+    def tank(self) -> Tank | None:
+        """That of the runs, where it is known."""
         return self.groups.tank
 
     def run_values(
@@ -219,7 +217,7 @@ class WatchedEvents:
 
 
 def event_rows(
-    watched: Sequence[WatchedEvents], cubes: int | None, tank: tuple[float, ...] | None = None
+    watched: Sequence[WatchedEvents], size: str, cubes: int | None = None, tank: Tank | None = None
 ) -> tuple[EventRow, ...]:
     """A row for each group of channels: of one experiment, or of several pooled.
 
@@ -241,7 +239,7 @@ def event_rows(
     expected = observed.expected[0]
     return tuple(
         EventRow(
-            cubes, tank, name, int(observed.seen[0, g]), float(expected[g]),
+            size, cubes, tank.size if tank else None, name, int(observed.seen[0, g]), float(expected[g]),
             float(expected[g] * low[g]), float(expected[g] * high[g]), float(p[g]), float(least[g]),
             float(observed.scatter[0, g]), float(scatter_low[g]), float(scatter_high[g]),
             float(p_scatter[g]), float(least_scatter[g]),

@@ -12,9 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.rates import Rates
-from kinetics.runs import JumpPath
 from kinetics.sampling import Direct, exposures_of_draws, simulate_draws
 from kinetics.support.arrays import Floats, Ints
 
@@ -22,22 +21,6 @@ POOLED = {"joins": 2, "breaks": 1}  # groups of channels by their number of reac
 BLOCK = 2000  # draws that come from one random stream
 # First run number of each part of an experiment; no part makes as many runs as lie between two of them.
 EXPERIMENT, GROUPS, FIRST_TIMES, OFF = 2**40, 2**36, 2**37, 2**38
-
-
-def base_channel(name: str) -> str:
-    """The channel of the derived network to which a channel of the simulated one belongs."""
-    return name
-
-
-def tank_of(path: JumpPath) -> tuple[float, ...] | None:  # noqa: ARG001
-    """Size of the tank of a run, where it is known."""
-    return None
-
-
-def drawn_constants(rates: Rates, model: Network, rng: np.random.Generator, n: int) -> Floats:
-    """Draws (n, R) of the rate constants from their posterior, in the order of the model's channels."""
-    names = list(rates.channels)  # `sample` keeps the order of the file
-    return rates.sample(rng, n)[:, [names.index(channel) for channel in model.channels]]
 
 
 def event_groups(network: Network) -> dict[str, tuple[str, ...]]:
@@ -58,7 +41,7 @@ class SimulatedGroups:
     network : the derived network; rates : their posterior is drawn from
     initial : (S,) counts; runs : n
     number : of the experiment in its study
-    tank : its size, where it is known
+    tank : that of the runs; None where it is not known, which is then that of the rates
     """
 
     network: Network
@@ -67,12 +50,12 @@ class SimulatedGroups:
     runs: int
     seed: int
     number: int = 0
-    tank: tuple[float, ...] | None = None
+    tank: Tank | None = None
 
     @cached_property
     def model(self) -> Network:
         """The network that is simulated, at the point rates."""
-        return self.rates.apply(self.network)
+        return self.rates.apply(self.network, self.tank)
 
     @cached_property
     def mean_constants(self) -> Floats:
@@ -91,7 +74,7 @@ class SimulatedGroups:
 
     def _block(self, b: int) -> Floats:
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, b)))
-        return drawn_constants(self.rates, self.model, rng, BLOCK)
+        return self.rates.draw_constants(self.network, rng, BLOCK, self.tank)
 
     def counts(self, groups: int, times: Floats) -> np.ndarray:
         """Counts (groups, n, T, S) of the first groups; int32, which halves the memory."""

@@ -25,7 +25,7 @@ class ComparedSizes:
         Simulated groups of one number share their draw of the rates over all sizes, as the held-out runs share the
         true rates.
         """
-        return event_rows([each.watched for each in self.comparisons], None) if len(self.comparisons) > 1 else ()
+        return event_rows([each.watched for each in self.comparisons], "all sizes") if len(self.comparisons) > 1 else ()
 
     @property
     def events(self) -> list[EventRow]:

@@ -1,5 +1,6 @@
-"""Reaction networks and their rate laws."""
+"""Reaction networks, their rate laws, and the tank in which they react."""
 
 from kinetics.network.network import Network
+from kinetics.network.tank import Tank
 
-__all__ = ["Network"]
+__all__ = ["Network", "Tank"]

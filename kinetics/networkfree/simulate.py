@@ -20,7 +20,7 @@ import numpy as np
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
-from kinetics.networkfree.tank import Known, Rate, Tank, TankEvent
+from kinetics.networkfree.tank import GrowingTank, Known, Rate, TankEvent
 from kinetics.rates import ClassRates
 from kinetics.sampling.base import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
@@ -126,7 +126,7 @@ def _run(
     progress: Callable[[int, float], None] | None,
 ) -> Growth:
     """One run, and what happened in it."""
-    tank = Tank(known, initial)
+    tank = GrowingTank(known, initial)
     numbers: dict[Structure, int] = {kind.structure: number for number, kind in enumerate(tank.counts)}
     counts = list(tank.counts.values())
     times: list[float] = []
@@ -149,7 +149,9 @@ def _run(
     return Growth(known.book, structures, initial_counts, np.array(times), table[:, 0], table[:, 1], end, draws)
 
 
-def _draws(tank: Tank, draw: Callable[[], float], end: float, run: int) -> Iterator[tuple[float, TankEvent | None]]:
+def _draws(
+    tank: GrowingTank, draw: Callable[[], float], end: float, run: int
+) -> Iterator[tuple[float, TankEvent | None]]:
     """When something is drawn, and the event that comes of it, if any; the tank is then as after the event."""
     time = 0.0
     drawn, break_rate = tank.rates()

@@ -122,7 +122,7 @@ class Known:
             self.kinds = {kind.structure: kind for kind in all_but}
 
 
-class Tank:
+class GrowingTank:
     """The structures of one run, and how fast their faces and bonds act.
 
     Each group of faces has a slot: n faces, the kinds that show it, and its strength towards every other slot. Slots

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.passage import Passage, first_passage
 from kinetics.predicting.observables import Observables
 from kinetics.rates import Rates
@@ -92,15 +92,17 @@ def predict(
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
+    tank: Tank | None = None,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the network's own, which are taken as known, so that there is no interval
     method : a sampling or solving method; Auto() by default
     runs : number of runs of a sampling method
-    draws : number of rate sets drawn from `rates.sample` for the interval
+    draws : number of rate sets drawn from their posterior for the interval
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
+    tank : where it happens; None for the tank of the rates
 
     Only the statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction
     comes from the runs and draws made so far, if any, and its notes say so.
@@ -112,7 +114,7 @@ def predict(
     """
     began = time.process_time()
     report = progress or (lambda _: None)
-    model = network if rates is None else rates.apply(network)
+    model = network if rates is None else rates.apply(network, tank)
     method = Auto() if method is None else method
     shown = model if observables is None else observables.network
     result: EnsembleStatistics | Distribution
@@ -131,7 +133,8 @@ def predict(
         unfinished = ""
     low = high = None
     if rates is not None and not _is_bare(rates) and not unfinished:
-        means, noise = _draw_means(model, rates, initial, times, runs, seed, draws, threads, report, observables)
+        constants = _constants(network, rates, tank, seed, draws)
+        means, noise = _draw_means(model, constants, initial, times, runs, seed, threads, report, observables)
         if len(means) < draws:
             unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
         if len(means) > 1:
@@ -161,16 +164,17 @@ def predict_passage(
     copies: int = 1,
     seed: int = 0,
     draws: int = 100,
+    tank: Tank | None = None,
 ) -> tuple[Passage, tuple[float, float] | None]:
     """First passage at the rates' point values, and the 95 % interval of its mean that the rates' uncertainty leaves.
 
     Each draw of the rates is solved exactly. The interval is None where the rates carry no evidence.
     """
-    model = network if rates is None else rates.apply(network)
+    model = network if rates is None else rates.apply(network, tank)
     passage = first_passage(model, initial, species, copies)
     if rates is None or _is_bare(rates):
         return passage, None
-    drawn = [model.with_rates(constants) for constants in _constants(model, rates, seed, draws)]
+    drawn = [model.with_rates(constants) for constants in _constants(network, rates, tank, seed, draws)]
     means = [first_passage(each, initial, species, copies).mean for each in drawn]
     # No interpolation between a finite mean and an infinite one.
     low, high = np.quantile(means, LIMITS, method="inverted_cdf")
@@ -193,29 +197,26 @@ def _is_bare(rates: Rates) -> bool:
     return len(rates.without_evidence()) == len(rates.channels)
 
 
-def _constants(model: Network, rates: Rates, seed: int, draws: int) -> Floats:
-    """Draws (draws, R) of the rate constants, in the order of the model's channels."""
+def _constants(network: Network, rates: Rates, tank: Tank | None, seed: int, draws: int) -> Floats:
+    """Draws (draws, R) of the rate constants of the model that the rates make of `network`."""
     # A stream of its own: spawned, so that it shares nothing with the runs of the same seed.
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1,))
-    table = rates.sample(np.random.default_rng(sequence), whole_number("draws", draws, 2))
-    column = {name: r for r, name in enumerate(rates.channels)}
-    return table[:, [column[name] for name in model.channels]]
+    rng = np.random.default_rng(sequence)
+    return rates.draw_constants(network, rng, whole_number("draws", draws, 2), tank)
 
 
 def _draw_means(
     model: Network,
-    rates: Rates,
+    constants: Floats,
     initial: ArrayLike,
     times: ArrayLike,
     runs: int,
     seed: int,
-    draws: int,
     threads: int | None,
     report: Callable[[str], None],
     observables: Observables | None,
 ) -> tuple[list[Floats], list[Floats]]:
     """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
-    constants = _constants(model, rates, seed, draws)
     # Numbers beyond those of the prediction's own runs, so that all runs are independent.
     made = simulate_draws(
         model, constants, initial, times, RUNS_PER_DRAW, seed,
@@ -229,7 +230,7 @@ def _draw_means(
             mean, squared_error = counts.mean(axis=0), counts.var(axis=0, ddof=1) / RUNS_PER_DRAW
             means.append(mean)
             errors.append(squared_error)
-            report(f"{d} of {draws} draws of the rates")
+            report(f"{d} of {len(constants)} draws of the rates")
     except KeyboardInterrupt:
         pass
     done = min(len(means), len(errors))  # Ctrl-C may come between the two

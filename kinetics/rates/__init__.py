@@ -1,6 +1,7 @@
 """Rate constants with their intervals, by channel and by rate class."""
 
+from kinetics.rates.break_terms import BreakTerms, ShapePosterior
 from kinetics.rates.by_class import ClassRates
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 
-__all__ = ["ChannelRate", "ClassRates", "Convention", "Rates"]
+__all__ = ["BreakTerms", "ChannelRate", "ClassRates", "Convention", "Rates", "ShapePosterior"]

@@ -8,7 +8,9 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from kinetics.network import Network
+from kinetics.breaks import Expansion
+from kinetics.network import Network, Tank
+from kinetics.rates.break_terms import BreakTerms
 from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, find, read_toml, validated, write_toml
 from kinetics.support.intervals import posterior_draws
@@ -52,21 +54,28 @@ class ChannelRate(MeasuredRate):
     """The rate constant of one channel, with its evidence.
 
     ways : number of ways N of one combination of reactants
+    exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted
+        as the model weights its partners
     """
 
     events: int | None = Field(default=None, ge=0)
     ways: float = Field(gt=0)
+    exposures: tuple[float, ...] | None = None
 
 
 class Rates(Settings):
-    """Rate constants of all channels of one network.
+    """Rate constants of all joins and breaks of one network, how breaks depend on their partners, and for which tank.
 
-    channels : channel name -> ChannelRate
+    channels : channel name -> ChannelRate; of a break the coefficient b per partner of weight 1
+    breaks : the break model; by default breaks are of first order
+    tank : edges of the tank in which the constants hold; None: not known, so that they cannot be used in another
     network : fingerprint of the network they were measured for, where it was recorded
     evidence : table of free form that says where the rates come from (scene, seeds, cost, versions, notes)
     """
 
     convention: Convention
+    tank: tuple[float, float, float] | None = None
+    breaks: BreakTerms = BreakTerms()
     channels: dict[str, ChannelRate] = Field(min_length=1)
     network: str | None = None
     evidence: dict[str, Any] = Field(default_factory=dict)
@@ -81,11 +90,57 @@ class Rates(Settings):
         """Write as TOML: whole or not at all, so that an older file stays until the new one is safely there."""
         write_toml(self.model_dump(exclude_none=True), Path(path))
 
-    def apply(self, network: Network) -> Network:
-        """`network` with the rates, ways and combinations of this table.
+    def apply(self, network: Network, tank: Tank | None = None) -> Network:
+        """`network` with the rates, ways and combinations of this table, its breaks expanded by their partners.
 
-        ValueError: the two do not have the same channels (in any order), or the fingerprints differ.
+        network : one channel a break, as a rule book gives it
+        tank : where the rates are to be used; None for the tank in which they were measured
+
+        Cost: linear in breaks times partners.
+        ValueError: the two do not have the same channels (in any order), the fingerprints differ, or another tank is
+        asked for and this table does not state its own.
         """
+        expansion = self.expansion(network)
+        base = expansion.base
+        constants = expansion.constants(base.known_rates, self.breaks.weights(base))
+        return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
+
+    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
+        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu.
+
+        Given the shape of the break model each constant comes from Gamma(events + 1/2, exposure), its posterior under
+        Jeffreys' prior, or is the point rate where there is no evidence. The shape comes from its own posterior.
+        """
+        expansion = self.expansion(network)
+        known = [self.channels[name] for name in network.channels]
+        table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
+        weights = self.breaks.weight_draws(network, rng, n)
+        at_best = self.breaks.weights(network)
+        for r, channel in enumerate(known):
+            if channel.exposures is not None and channel.exposure is not None:
+                # the exposure that goes with the shape of this draw
+                table[:, r] *= (at_best @ channel.exposures) / (weights @ np.array(channel.exposures))
+        return expansion.constants(table, weights) * expansion.scales(self.measured_in, tank)
+
+    @property
+    def measured_in(self) -> Tank | None:
+        """The tank in which the rates were measured."""
+        return None if self.tank is None else Tank(self.tank)
+
+    def expansion(self, network: Network) -> Expansion:
+        """`network` with these rates as they stand, and what the break model makes of it."""
+        self._check(network)
+        ordered = [self.channels[name] for name in network.channels]
+        base = network.with_rates(
+            [channel.rate for channel in ordered],
+            [channel.ways for channel in ordered],
+            self.convention.combinations,
+        )
+        self.breaks.check(base)
+        return Expansion.of(base, self.breaks.law)
+
+    def _check(self, network: Network) -> None:
+        """Raise a ValueError where these are the rates of another network."""
         missing = [name for name in network.channels if name not in self.channels]
         extra = [name for name in self.channels if name not in network.channel_places]
         if missing or extra:
@@ -100,22 +155,14 @@ class Rates(Settings):
                 f"these rates are for another network: its channels have the same names, but its fingerprint is "
                 f"{self.network[:12]}, not {network.fingerprint[:12]}"
             )
-        ordered = [self.channels[name] for name in network.channels]
-        return network.with_rates(
-            [channel.rate for channel in ordered],
-            [channel.ways for channel in ordered],
-            self.convention.combinations,
-        )
+        partners = len(self.breaks.law.partners(network))
+        for name, channel in self.channels.items():
+            if channel.exposures is not None and len(channel.exposures) != partners:
+                raise ValueError(
+                    f"{name} has exposures to {len(channel.exposures)} partners; break model {self.breaks.model!r} has "
+                    f"{partners} in this network"
+                )
 
     def without_evidence(self) -> list[str]:
         """Channels whose rate has no events and exposure, and therefore no known uncertainty."""
         return [name for name, channel in self.channels.items() if channel.exposure is None]
-
-    def sample(self, rng: np.random.Generator, n: int) -> Floats:
-        """Draws (n, R) of the rate constants, in the order of `channels`.
-
-        They come from Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior, or are the point rate where
-        there is no evidence.
-        """
-        known = self.channels.values()
-        return posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class JumpPath:
     channels : (E,) index of the channel that fired, or RESTART
     end : time in tu at which observation stopped; a waiting time cut off by it is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
+    tank : where it happened; None where that is not known
     """
 
     network: Network
@@ -39,6 +40,7 @@ class JumpPath:
     channels: Ints
     end: float
     open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
+    tank: Tank | None = None
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.support.config import validated
+from mechsim.effects.faces import FINEST, FacesWithinReach
 from mechsim.runs.record import COMPLETED, PROGRESS_STEPS, RunRecord, RunSpec, book_of
 from mechsim.scene import Scene
 
@@ -56,8 +57,10 @@ def with_numerics(scene: Scene, **numerics: float) -> Scene:
     return validated(Scene, data, f"scene {scene.name}")
 
 
-def counter(scene: Scene, world: World) -> Callable[[], int] | None:
+def counter(scene: Scene, world: World, in_passing: bool = True, finest: float = FINEST) -> Callable[[], int] | None:
     """A count of the meetings so far, to be asked after every step; None where the scene has no bonding.
+
+    in_passing, finest : meetings that begin and end between two calls count, too; see `FacesWithinReach`
 
     A meeting is what the latch `encounter` takes for one: two faces come within the bonding's reach after they were out
     of it for the refractory time. Any two faces count, whatever the rules: a free cube moves alike whichever way it is
@@ -67,20 +70,14 @@ def counter(scene: Scene, world: World) -> Callable[[], int] | None:
     if bonding is None:
         return None
     from mechsim.effects.latches import Encounter
-    from mechsim.kernels.contact import facing_pairs
 
-    b = world.bodies
     latch = bonding.latch if isinstance(bonding.latch, Encounter) else Encounter(probability=1.0)
     meetings = latch.attach(world, world.stream("bonding"))
-    kind, allowed = np.zeros((b.n_cubes, 6), np.int64), np.ones((1, 1), bool)
-    found = np.zeros((36 * b.n_cubes, 4), np.int64)  # room for every cube against another by all faces
-    cosine, sideways = -math.cos(math.radians(bonding.capture_angle)), bonding.sideways * b.edge
+    sideways = bonding.sideways * world.bodies.edge
+    faces = FacesWithinReach(world, bonding.capture_distance, bonding.capture_angle, sideways, in_passing, finest)
 
     def count() -> int:
-        n = facing_pairs(
-            b.body, b.centre, b.axes, kind, allowed, b.edge, bonding.capture_distance, cosine, sideways, found
-        )
-        for i, face, j, other in found[:n].tolist():
+        for i, face, j, other in faces.within_reach().tolist():
             meetings((i, face, j, other))
         return meetings.begun
 

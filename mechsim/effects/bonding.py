@@ -21,7 +21,8 @@ class Bonding(Effect):
     latch : the rule that decides whether a capture becomes a bond
 
     The smaller body snaps to the nearest of the four twists; momenta and the centre of mass are kept. A snap that
-    would overlap a third body waits.
+    would overlap a third body waits. Where the latch counts meetings, faces that came within reach and left it between
+    two steps have met, too, and dock from where they are at the end of the step.
     """
 
     effect: Literal["bonding"] = "bonding"
@@ -42,7 +43,9 @@ class _Bonding(Action):
     def __init__(self, settings: Bonding, world: ViewOfWorld):
         self.world = world
         sideways = settings.sideways * world.bodies.edge
-        self.faces = CompatibleFaces(world, settings.capture_distance, settings.capture_angle, sideways)
+        self.faces = CompatibleFaces(
+            world, settings.capture_distance, settings.capture_angle, sideways, settings.latch.in_passing
+        )
         self.latch = settings.latch.attach(world, world.stream("bonding"))
 
     def after_step(self) -> None:

@@ -10,22 +10,64 @@ from kinetics.assembly import View
 from mechsim.effects.view import ViewOfWorld
 from mechsim.kernels.contact import facing_pairs
 
+FINEST = 1 / 64  # what is missed by it at the scene's step: `tests/benchmarks/bench_looks.py`
 
-class CompatibleFaces:
-    """Pairs of faces that look at each other within reach and may bond by the rules.
+
+class FacesWithinReach:
+    """Pairs of faces of different bodies that look at each other within reach.
 
     distance, sideways : length, largest gap along the bisecting normal and largest offset of the centres across it
     angle : degrees, smallest between the outward normals
-    `kind` (C, 6) numbers what the rules distinguish in a face (-1: it is covered); `allowed` says which kinds may bond.
+    in_passing : also those that were within reach since the last search, though they are no longer. A body younger
+        than that search was elsewhere, or another one: it is looked at only as it is
+    finest : share of the time since the last search; a passage that is shorter may be missed
+    `kind` (C, 6) numbers what is distinguished in a face (-1: it is covered); `allowed` says which kinds may pair.
     """
 
-    def __init__(self, world: ViewOfWorld, distance: float, angle: float, sideways: float):
+    def __init__(
+        self,
+        world: ViewOfWorld,
+        distance: float,
+        angle: float,
+        sideways: float,
+        in_passing: bool = False,
+        finest: float = FINEST,
+    ):
         self.world, self.distance, self.sideways = world, distance, sideways
+        self.in_passing, self.finest = in_passing, finest
         self.cosine = -math.cos(math.radians(angle))
-        self.kind = np.full((world.bodies.n_cubes, 6), -1, np.int64)
-        self.kinds: dict[View, int] = {}
-        self.allowed = np.zeros((0, 0), bool)
+        self.kind = np.zeros((world.bodies.n_cubes, 6), np.int64)
+        self.allowed = np.ones((1, 1), bool)
         self.found = np.zeros((64, 4), np.int64)
+        self.looked = -math.inf  # time of the last search; the poses then:
+        self.centre, self.axes = world.bodies.centre.copy(), world.bodies.axes.copy()
+
+    def within_reach(self) -> np.ndarray:
+        """Rows (cube, face, cube, face) of the pairs, in a fixed order; valid until the next call."""
+        b = self.world.bodies
+        while True:
+            count = facing_pairs(
+                b.body, b.centre, b.axes, self.kind, self.allowed, b.edge, self.distance, self.cosine, self.sideways,
+                b.born, self.looked, self.centre, self.axes, self.finest, self.found,
+            )  # fmt: skip
+            if count <= len(self.found):
+                break
+            self.found = np.zeros((2 * count, 4), np.int64)
+        if self.in_passing:
+            self.looked = self.world.time
+            np.copyto(self.centre, b.centre)
+            np.copyto(self.axes, b.axes)
+        return self.found[:count]
+
+
+class CompatibleFaces(FacesWithinReach):
+    """Those of them that may bond by the rules."""
+
+    def __init__(self, world: ViewOfWorld, distance: float, angle: float, sideways: float, in_passing: bool = False):
+        super().__init__(world, distance, angle, sideways, in_passing)
+        self.kind[:] = -1
+        self.allowed = np.zeros((0, 0), bool)
+        self.kinds: dict[View, int] = {}
         world.on_change(self.read_faces)
 
     def read_faces(self, slot: int) -> None:
@@ -44,18 +86,6 @@ class CompatibleFaces:
             book, known = self.world.book, list(self.kinds)
             self.allowed = np.array([[book.allows(a, b) for b in known] for a in known], bool)
         return self.kinds[signature]
-
-    def within_reach(self) -> np.ndarray:
-        """Rows (cube, face, cube, face) of the pairs within reach now, in a fixed order; valid until the next call."""
-        b = self.world.bodies
-        while True:
-            count = facing_pairs(
-                b.body, b.centre, b.axes, self.kind, self.allowed, b.edge,
-                self.distance, self.cosine, self.sideways, self.found,
-            )  # fmt: skip
-            if count <= len(self.found):
-                return self.found[:count]
-            self.found = np.zeros((2 * count, 4), np.int64)
 
     def still_may(self, i: int, face: int, j: int, other: int) -> bool:
         """May these faces bond as things stand? An earlier bond of this step may have covered one or joined both."""

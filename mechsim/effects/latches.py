@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -24,6 +24,7 @@ class Encounter(Settings):
         each other come within reach again and again, and that is still one meeting
     """
 
+    in_passing: ClassVar[bool] = True  # a meeting counts also where it begins and ends between two steps
     kind: Literal["encounter"] = "encounter"
     probability: float = Field(gt=0, le=1)
     refractory: float = Field(default=0.05, ge=0)
@@ -36,6 +37,7 @@ class Encounter(Settings):
 class MagnetDelay(Settings):
     """The magnet switches on after a memoryless delay while the faces stay within reach. rate : 1 / tu."""
 
+    in_passing: ClassVar[bool] = False  # steps within reach add up to the time there, which more looks would overstate
     kind: Literal["delay"] = "delay"
     rate: float = Field(gt=0)
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from kinetics.assembly import RuleBook, Structure
+from mechsim.effects.hits import Hit
 
 
 class ViewOfCubes(Protocol):
@@ -147,12 +148,12 @@ class ViewOfTouch(Protocol):
         """Slot of the other."""
 
     @property
-    def place(self) -> np.ndarray:
-        """(3,), length."""
+    def place(self) -> tuple[float, float, float]:
+        """Length."""
 
     @property
-    def impulse(self) -> np.ndarray:
-        """(3,) on `a`, mass length / tu; on `b` it is the opposite."""
+    def impulse(self) -> tuple[float, float, float]:
+        """On `a`, mass length / tu; on `b` it is the opposite."""
 
 
 class ViewOfEngine(Protocol):
@@ -232,5 +233,8 @@ class ViewOfWorld(Protocol):
     def join(self, keeper: int, other: int, joined: Structure) -> None:
         """Make one body of two."""
 
-    def part(self, slot: int, fragments: Sequence[tuple[Sequence[int], Structure]]) -> None:
-        """Split a body into fragments (indices of its cubes, structure)."""
+    def part(self, slot: int, fragments: Sequence[tuple[Sequence[int], Structure]], hit: Hit | None = None) -> None:
+        """Split a body into fragments (indices of its cubes, structure); hit: the collision that did it."""
+
+    def log_hit(self, hit: Hit) -> None:
+        """Have a hit logged; it changes nothing."""

@@ -1,4 +1,4 @@
-"""Compiled geometry of pairs of cubes: faces that look at each other, and overlaps."""
+"""Compiled geometry of pairs of cubes: faces that look at each other, now or since the last look, and overlaps."""
 
 import math
 
@@ -8,22 +8,51 @@ from kinetics.kernels.compiled import compiled
 
 
 @compiled(nogil=False, error_model="python")
-def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sideways, found):
+def facing_pairs(
+    body,
+    centre,
+    axes,
+    kind,
+    allowed,
+    edge,
+    capture,
+    cosine,
+    sideways,
+    born,
+    since,
+    last_centre,
+    last_axes,
+    finest,
+    found,
+):
     """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns their number.
 
     Two faces capture each other when they look at each other (n1 . n2 < -cosine), their cubes' gap along the
     bisecting normal n is below `capture`, and each cube's centre lies within `sideways` of the line of sight.
     The gap is measured between the cubes' supports along n: zero when they touch there, however they are tilted.
 
+    Bodies born before the time `since` of the last look are followed from their poses then to those of now, so that
+    a pair that was within reach only in between is found, too: centres and axes are interpolated linearly. That is how
+    a single cube's centre moves in a step; a turn by t shortens axes by at most t^2 / 8, and bends the path of a cube
+    r from its body's centre by at most r t^2 / 8. A passage shorter than the share `finest` of the time between the
+    looks may be missed. Looks until which a pair cannot have come within reach are skipped. A pair with a younger body
+    is looked at as it is now; with since = -inf, all are.
+
     body (C,) : slot of each cube; cubes of one body are never a pair
     kind (C, 6) : what the rules distinguish in a face, -1 where it is covered; allowed (kinds, kinds) : may they bond
+    born (B,) : time at which the body got its structure; last_centre (C, 3), last_axes (C, 3, 3) : at the last look
     found.shape[0] is a limit: the caller checks for a full table.
     """
     count = 0
-    # Furthest centres: each support is at most edge/2 (cos + sqrt 2 sin) of 22.5 degrees for any admissible angle
-    # up to 90.
-    reach = capture + 1.74 * edge
-    reach2 = reach * reach + sideways * sideways
+    # Supports are largest at the largest tilt of a face to the normal between the two, along a face's diagonal.
+    along = capture + edge * (math.sqrt(0.5 + 0.5 * cosine) + math.sqrt(1.0 - cosine))
+    reach = math.sqrt(along * along + sideways * sideways)
+    furthest = 0.0
+    for i in range(body.shape[0]):
+        if born[body[i]] < since:
+            furthest = max(furthest, _distance2(centre, last_centre, i))
+    wide = reach + 2.0 * math.sqrt(furthest)
+    between = np.empty((2, 3, 3))
     for i in range(body.shape[0]):
         for j in range(i + 1, body.shape[0]):
             if body[i] == body[j]:
@@ -32,40 +61,119 @@ def facing_pairs(body, centre, axes, kind, allowed, edge, capture, cosine, sidew
             dy = centre[j, 1] - centre[i, 1]
             dz = centre[j, 2] - centre[i, 2]
             d2 = dx * dx + dy * dy + dz * dz
-            if d2 > reach2:
+            if d2 > wide * wide:
                 continue
+            back_x = back_y = back_z = turn = 0.0
+            is_followed = born[body[i]] < since and born[body[j]] < since
+            if is_followed:
+                back_x = last_centre[j, 0] - last_centre[i, 0] - dx
+                back_y = last_centre[j, 1] - last_centre[i, 1] - dy
+                back_z = last_centre[j, 2] - last_centre[i, 2] - dz
+            move = math.sqrt(back_x * back_x + back_y * back_y + back_z * back_z)
+            distance = math.sqrt(d2)
+            if distance > reach + move:
+                continue
+            if is_followed:
+                turn = _turn(axes, last_axes, i) + _turn(axes, last_axes, j)
             for f in range(6):
                 kf = kind[i, f]
                 if kf < 0:
                     continue
                 sf = 1.0 - 2.0 * (f & 1)
-                ax, ay, az = sf * axes[i, 0, f >> 1], sf * axes[i, 1, f >> 1], sf * axes[i, 2, f >> 1]
-                if ax * dx + ay * dy + az * dz <= 0.0:
+                ahead = sf * (axes[i, 0, f >> 1] * dx + axes[i, 1, f >> 1] * dy + axes[i, 2, f >> 1] * dz)
+                if ahead <= -(move + turn * (distance + move)):
                     continue
                 for g in range(6):
                     kg = kind[j, g]
                     if kg < 0 or not allowed[kf, kg]:
                         continue
-                    sg = 1.0 - 2.0 * (g & 1)
-                    bx, by, bz = sg * axes[j, 0, g >> 1], sg * axes[j, 1, g >> 1], sg * axes[j, 2, g >> 1]
-                    if ax * bx + ay * by + az * bz > -cosine:
-                        continue
-                    nx, ny, nz = ax - bx, ay - by, az - bz
-                    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-                    nx, ny, nz = nx / norm, ny / norm, nz / norm
-                    along = nx * dx + ny * dy + nz * dz
-                    if along <= 0.0 or d2 - along * along > sideways * sideways:
-                        continue
-                    reach_i = reach_j = 0.0
-                    for k in range(3):
-                        reach_i += abs(nx * axes[i, 0, k] + ny * axes[i, 1, k] + nz * axes[i, 2, k])
-                        reach_j += abs(nx * axes[j, 0, k] + ny * axes[j, 1, k] + nz * axes[j, 2, k])
-                    if along - 0.5 * edge * (reach_i + reach_j) > capture:
-                        continue
-                    if count < found.shape[0]:
-                        found[count, 0], found[count, 1], found[count, 2], found[count, 3] = i, f, j, g
-                    count += 1
+                    free = _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways, move, turn)
+                    back = 0.0  # share of the way back to the last look
+                    while free >= 0.0:
+                        back += max(free, finest)
+                        if back >= 1.0:
+                            break
+                        for k in range(3):
+                            for m in range(3):
+                                between[0, k, m] = axes[i, k, m] + back * (last_axes[i, k, m] - axes[i, k, m])
+                                between[1, k, m] = axes[j, k, m] + back * (last_axes[j, k, m] - axes[j, k, m])
+                        free = _out_of_reach(
+                            between, 0, 1, f, g, dx + back * back_x, dy + back * back_y, dz + back * back_z,
+                            edge, capture, cosine, sideways, move, turn,
+                        )  # fmt: skip
+                    if free < 0.0:
+                        if count < found.shape[0]:
+                            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = i, f, j, g
+                        count += 1
     return count
+
+
+@compiled(nogil=False, error_model="python")
+def _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways, move, turn):
+    """Share of the step for which face f of cube i and g of j surely stay out of reach, 1 for all of it; -1: they are
+    within reach.
+
+    In a step the distance vector d of the centres changes by `move` and each axis by no more than `turn`, both evenly.
+    So n changes by at most 2 turn / (|u| + |u'|), where u, u' is the difference of the normals now and when they are
+    within reach; the gap, the offset and what lies ahead change with d and n, the supports with n and the axes.
+    """
+    free = -1.0
+    sf, sg = 1.0 - 2.0 * (f & 1), 1.0 - 2.0 * (g & 1)
+    ax, ay, az = sf * axes[i, 0, f >> 1], sf * axes[i, 1, f >> 1], sf * axes[i, 2, f >> 1]
+    bx, by, bz = sg * axes[j, 0, g >> 1], sg * axes[j, 1, g >> 1], sg * axes[j, 2, g >> 1]
+    over = ax * bx + ay * by + az * bz + cosine
+    if over > 0.0:
+        if over >= turn:
+            return 1.0
+        free = over / turn
+    nx, ny, nz = ax - bx, ay - by, az - bz
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if norm < 1e-9:
+        return max(free, 0.0)
+    nx, ny, nz = nx / norm, ny / norm, nz / norm
+    d2 = dx * dx + dy * dy + dz * dz
+    swing = 2.0 * turn / (norm + 1.3)  # 1.3: less than the least |u'|, 2^.5 of axes shortened by a turn of .7
+    longest = math.sqrt(d2) + move
+    shift = move + swing * longest
+    along = nx * dx + ny * dy + nz * dz
+    behind = -min(ax * dx + ay * dy + az * dz, along)
+    if behind >= 0.0:
+        pass_by = move + max(turn, swing) * longest
+        if behind >= pass_by:
+            return 1.0
+        free = max(free, behind / pass_by)
+    aside = math.sqrt(max(d2 - along * along, 0.0)) - sideways
+    if aside > 0.0:
+        if aside >= shift:
+            return 1.0
+        free = max(free, aside / shift)
+    supports = 0.0
+    for k in range(3):
+        supports += abs(nx * axes[i, 0, k] + ny * axes[i, 1, k] + nz * axes[i, 2, k])
+        supports += abs(nx * axes[j, 0, k] + ny * axes[j, 1, k] + nz * axes[j, 2, k])
+    gap = along - 0.5 * edge * supports - capture
+    if gap > 0.0:
+        close = shift + 0.8661 * edge * (2.0 * swing + turn)  # 3^.5 / 2: from a vector's length to its sum
+        if gap >= close:
+            return 1.0
+        free = max(free, gap / close)
+    return free
+
+
+@compiled(nogil=False, error_model="python")
+def _distance2(a, b, i):
+    """Square of the distance of two points."""
+    return (a[i, 0] - b[i, 0]) ** 2 + (a[i, 1] - b[i, 1]) ** 2 + (a[i, 2] - b[i, 2]) ** 2
+
+
+@compiled(nogil=False, error_model="python")
+def _turn(a, b, i):
+    """Largest change of a unit vector between two rotations: 2 sin(t / 2) for the angle t between them."""
+    total = 0.0
+    for k in range(3):
+        for m in range(3):
+            total += (a[i, k, m] - b[i, k, m]) ** 2
+    return math.sqrt(0.5 * total)
 
 
 @compiled(nogil=False, error_model="python")

@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -16,16 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
+from kinetics.network import Tank
 from kinetics.runs import RESTART, JumpPath
+from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
+from mechsim.effects.hits import Hit
+from mechsim.runs.load_log import JOIN, SEVERAL, WALL, LoadLog
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
-    from mechsim.world.world import World
+    from mechsim.world.world import BondEvent, World
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
-PHYSICS = 1
+PHYSICS = 2
 FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500
@@ -137,14 +140,13 @@ class RunSpec:
 
     @property
     def streams(self) -> np.random.SeedSequence:
-        """Root of the run's random streams, from the seed, the CRC-32 of the composition and the run's number.
+        """Root of the run's random streams, from the seed, the SHA-256 of the composition and the run's number.
 
-        Runs of different compositions draw different numbers unless these 32 bits agree, as they do for one pair of
-        compositions in 4e9 (90 pairs among 430,255 compositions); two such runs with the same seed and number share
-        their streams.
+        Runs of the same seed and number but of different compositions draw different numbers, unless numpy mixes both
+        keys into the same 128 bits: by chance one pair in 3e38.
         """
         start = json.dumps(self.inputs["composition"], sort_keys=True)
-        return np.random.SeedSequence(self.seed, spawn_key=(zlib.crc32(start.encode()), self.run))
+        return np.random.SeedSequence(self.seed, spawn_key=(*words_of(start), self.run))
 
     @cached_property
     def key(self) -> str:
@@ -164,8 +166,16 @@ class RunRecord:
     """The record of one run: its inputs and what happened.
 
     outcome : "completed", or "stopped: " and the guard's reason; such a run is not used in calibration
-    arrays : initial (S,), times (E,), channels (E,); with poses also pose_times (K,), centres (K, C, 3), axes
-        (K, C, 3, 3; columns) and body slots (K, C) of all cubes, the last frame at the run's end
+    arrays : initial (S,), times (E,), channels (E,), and of each event
+        bonds (E, 2) : the two cubes whose bond was made or broken, -1 at a restart. Cubes are numbered from 0 in the
+            order of `RunSpec.start`. A number stays with its cube between restarts; at a restart, bodies that are no
+            longer as at the start are dealt out anew
+        partners (E,) : what broke a bond: the index of another body's species, WALL, SEVERAL (more than one at once, or
+            no collision); JOIN where no bond broke
+        With a log of hits (`Breaking.log_above`), by collision: load_time (H,), load_channel (H,), the break that it
+        makes or would make, load_partner (H,), a species or WALL, load_value (H,) and load_flags (H,), bits SHARED and
+        BROKE; see `load_log`. With poses: pose_times (K,), centres (K, C, 3), axes (K, C, 3, 3; columns) and body slots
+        (K, C) of all cubes, the last frame at the run's end
     facts : end (tu), species, channels, open_channels, steps
     cost : cpu_seconds and wall_seconds; not part of the digest
     """
@@ -205,7 +215,16 @@ class RunRecord:
             channels=self.arrays["channels"],
             end=self.facts["end"],
             open_channels=np.array(self.facts["open_channels"], bool),
+            tank=Tank(self.spec.scene.tank.size),
         )
+
+
+@dataclass(frozen=True)
+class _Event:
+    time: float
+    channel: int
+    bond: tuple[int, int] = (-1, -1)
+    partner: int = JOIN
 
 
 class _Watch:
@@ -214,18 +233,33 @@ class _Watch:
     def __init__(self, derivation: Derivation, composition: dict[str, int], until: str | None):
         self.derivation = derivation
         self.initial = derivation.network.state(composition)
-        self.times: list[float] = []
-        self.channels: list[int] = []
-        self.time = 0.0
+        self.events: list[_Event] = []
+        self.log = LoadLog()
+        self.step, self.time = 0, 0.0
         self.until = None if until is None else derivation.network.index(until)
         self.is_reached = False
 
-    def __call__(self, before: tuple[Structure, ...], after: tuple[Structure, ...]) -> None:
-        index = self.derivation.species_of
-        self.times.append(self.time)
-        made = [index(s) for s in after]
-        self.channels.append(self.derivation.channel([index(s) for s in before], made))
+    def __call__(self, event: BondEvent) -> None:
+        species, hit = self.derivation.species_of, event.hit
+        made = [species(s) for s in event.after]
+        channel = self.derivation.channel([species(s) for s in event.before], made)
+        if len(event.before) > 1:
+            partner = JOIN
+        elif hit is None or hit.is_shared:
+            partner = SEVERAL
+        else:
+            partner = WALL if hit.partner is None else species(hit.partner)
+        self.events.append(_Event(self.time, channel, event.cubes, partner))
         self.is_reached |= self.until in made
+
+    def log_hit(self, hit: Hit) -> None:
+        self.log.add(self.step, self.time, hit)
+
+    def break_channel(self, structure: Structure, bond: tuple[int, int]) -> int:
+        """Of the break of this bond (two indices of cubes)."""
+        species = self.derivation.species_of
+        parts = self.derivation.book.break_bond(structure, *bond)
+        return self.derivation.channel([species(structure)], [species(part) for _, part in parts])
 
 
 def execute(
@@ -250,24 +284,23 @@ def execute(
     outcome = COMPLETED
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
         world.listeners.append(watch)
+        world.hit_listeners.append(watch.log_hit)
         world.populate(start)
         for step in range(1, steps + 1):
             if every is not None and (step - 1) % every == 0:
                 frames.append(world.snapshot())
             if look is not None:
                 look(world)
-            seen = len(watch.times)
-            watch.time = step * world.step_size
+            seen = len(watch.events)
+            watch.step, watch.time = step, step * world.step_size
             try:
                 world.step()
             except Stopped as reason:
                 outcome = f"stopped: {reason}"
                 break
-            if spec.restart and len(watch.times) > seen:
+            if spec.restart and len(watch.events) > seen:
                 # Only the first event counts; a second one within the same step belongs to a state nobody chose.
-                del watch.times[seen + 1 :], watch.channels[seen + 1 :]
-                watch.times.append(watch.time)
-                watch.channels.append(RESTART)
+                watch.events[seen + 1 :] = [_Event(watch.time, RESTART)]
                 world.populate(start)
             if progress is not None and step % PROGRESS_STEPS == 0:
                 progress(world.time)
@@ -278,11 +311,16 @@ def execute(
             look(world)
         if every is not None:
             frames.append(world.snapshot())
-    arrays = {
+    arrays: dict[str, np.ndarray] = {
         "initial": watch.initial,
-        "times": np.array(watch.times, np.float64),
-        "channels": np.array(watch.channels, np.int64),
+        "times": np.array([event.time for event in watch.events], np.float64),
+        "channels": np.array([event.channel for event in watch.events], np.int64),
+        "bonds": np.array([event.bond for event in watch.events], np.int16).reshape(-1, 2),
+        "partners": np.array([event.partner for event in watch.events], np.int16),
     }
+    breaking = spec.scene.provider("breaking")
+    if breaking is not None and breaking.log_above is not None:
+        arrays |= watch.log.arrays(lru_cache(None)(watch.break_channel), derivation.species_of)
     if every is not None:
         for name, values in zip(("pose_times", "centres", "axes", "slots"), zip(*frames, strict=True), strict=True):
             arrays[name] = np.array(values)

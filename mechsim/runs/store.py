@@ -7,7 +7,8 @@
     folder/quarantine/KEY.json  a run that failed every time, and why
 
 There is no index to damage: a study is the set of runs it names. A run file is a header (magic, format, size), the
-SHA-256 of header and payload, and the payload: an uncompressed npz of the arrays with a `manifest.json`.
+SHA-256 of header and payload, and the payload: an npz of the arrays with a `manifest.json`, in which members of up to
+a megabyte are compressed. Larger ones are not, so that no file can claim much more than it holds.
 """
 
 from __future__ import annotations
@@ -28,15 +29,18 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from mechsim.runs.load_log import JOIN, SEVERAL, WALL
 from mechsim.runs.record import RunRecord, RunSpec
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FORMAT = 1
+FORMAT = 2
 MAGIC = b"wellmixed run\0"
 HEADER = struct.Struct(f"<{len(MAGIC)}sHQ")  # magic, format, bytes of payload
 START = HEADER.size + hashlib.sha256().digest_size  # of the payload
+SMALL = 1 << 20  # bytes, of a member that is compressed
+MOST_MEMBERS = 64
 ENTRIES = {"key", "title", "inputs", "outcome", "facts", "cost", "digest"}
 
 Contents = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -150,7 +154,8 @@ class RunStore:
         """Table of runs (one row each: inputs, outcome, facts, cost) and table of events (key, time in tu, channel).
 
         A nested setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where a run was
-        reset to its initial state.
+        reset to its initial state. Where the run tells, an event also has its two cubes, cube_a and cube_b, and the
+        partner that broke the bond: a species, `wall` or `several`.
         """
         import pandas as pd
 
@@ -160,6 +165,13 @@ class RunStore:
             channels = [*manifest["facts"]["channels"], "restart"]  # RESTART = -1 is the last one
             named = [channels[index] for index in arrays["channels"]]
             events.append(pd.DataFrame({"key": manifest["key"], "time": arrays["times"], "channel": named}))
+            if "bonds" in arrays:
+                who = {WALL: "wall", SEVERAL: "several", JOIN: None} | dict(enumerate(manifest["facts"]["species"]))
+                for column, cubes in zip(("cube_a", "cube_b"), arrays["bonds"].T, strict=True):
+                    events[-1][column] = cubes
+                events[-1]["partner"] = pd.Series(
+                    [who[partner] for partner in arrays["partners"].tolist()], dtype="object"
+                )
             runs.append(dict(_columns(manifest)) | {"events": int((arrays["channels"] >= 0).sum())})
         table = pd.DataFrame(runs, columns=None if runs else ["key", "title", "outcome", "digest", "events"])
         for name in map(str, table):
@@ -226,11 +238,12 @@ def encode(record: RunRecord) -> bytes:
         "digest": record.digest,
     }
     payload = io.BytesIO()
-    with zipfile.ZipFile(payload, "w", zipfile.ZIP_STORED) as archive:
-        archive.writestr("manifest.json", json.dumps(manifest))
+    with zipfile.ZipFile(payload, "w") as archive:
+        _add(archive, "manifest.json", json.dumps(manifest).encode())
         for name, array in record.arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.asarray(array), version=(1, 0), allow_pickle=False)
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.asarray(array), version=(1, 0), allow_pickle=False)
+            _add(archive, f"{name}.npy", content.getbuffer())
     data = payload.getvalue()
     header = HEADER.pack(MAGIC, FORMAT, len(data))
     return header + hashlib.sha256(header + data).digest() + data
@@ -256,9 +269,7 @@ def decode(data: bytes, source: Path) -> Contents:
     try:
         with zipfile.ZipFile(io.BytesIO(payload)) as archive:
             members = archive.infolist()
-            stored = all(member.compress_type == zipfile.ZIP_STORED for member in members)
-            if not stored or sum(member.file_size for member in members) > len(payload):
-                raise ValueError("its members claim more bytes than it has")
+            _check_sizes(members, len(payload))
             manifest = json.loads(archive.read("manifest.json"))
             arrays = {m.filename.removesuffix(".npy"): _array(archive.read(m)) for m in members[1:]}
         if set(manifest) != ENTRIES:
@@ -266,6 +277,22 @@ def decode(data: bytes, source: Path) -> Contents:
     except (ValueError, TypeError, LookupError, OSError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise DamagedRunError(str(error)) from error
     return manifest, arrays
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes | memoryview) -> None:
+    compression = zipfile.ZIP_DEFLATED if len(content) <= SMALL else zipfile.ZIP_STORED
+    archive.writestr(zipfile.ZipInfo(name), bytes(content), compression)
+
+
+def _check_sizes(members: Sequence[zipfile.ZipInfo], size: int) -> None:
+    """ValueError where a payload of `size` bytes could unfold into much more memory than what we write takes."""
+    kinds = {member.compress_type for member in members}
+    stored = sum(member.file_size for member in members if member.compress_type == zipfile.ZIP_STORED)
+    packed = [member.file_size for member in members if member.compress_type == zipfile.ZIP_DEFLATED]
+    if not kinds <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or stored > size or max(packed, default=0) > SMALL:
+        raise ValueError("its members claim more bytes than it has")
+    if len(members) > MOST_MEMBERS:
+        raise ValueError(f"it has {len(members)} members; at most {MOST_MEMBERS} are read")
 
 
 def _array(data: bytes) -> np.ndarray:

@@ -55,8 +55,8 @@ class Touch(NamedTuple):
 
     a: int
     b: int
-    place: np.ndarray
-    impulse: np.ndarray
+    place: tuple[float, float, float]
+    impulse: tuple[float, float, float]
 
 
 class Engine:
@@ -174,17 +174,19 @@ class Engine:
 
         of_structures : only those with a body of several cubes
         """
-        found, members = [], self.bodies.members
+        found, members, step = [], self.bodies.members, self.step_size
         for _, a, b, _, _, _, place, (n0, n1, n2), _, push, rub, (s0, s1, s2), rub2, (t0, t1, t2), *_ in self._contacts:
             if push == 0.0:
                 continue
             one, other = self._slot.get(a, -1), self._slot.get(b, -1)
-            if of_structures and all(slot < 0 or len(members[slot]) < 2 for slot in (one, other)):
+            if of_structures and (one < 0 or len(members[one]) < 2) and (other < 0 or len(members[other]) < 2):
                 continue
-            impulse = np.array(
-                [push * n0 + rub * s0 + rub2 * t0, push * n1 + rub * s1 + rub2 * t1, push * n2 + rub * s2 + rub2 * t2]
+            impulse = (
+                (push * n0 + rub * s0 + rub2 * t0) * step,
+                (push * n1 + rub * s1 + rub2 * t1) * step,
+                (push * n2 + rub * s2 + rub2 * t2) * step,
             )
-            found.append(Touch(one, other, np.array(place), impulse * self.step_size))
+            found.append(Touch(one, other, place, impulse))
         return found
 
     def in_force(self) -> dict[str, float]:

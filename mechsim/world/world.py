@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from kinetics.assembly import RuleBook, Structure, placements
+from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import Action, Effect, FlowSource, Stopped
+from mechsim.effects.hits import Hit
 from mechsim.kernels.contact import blocked
 from mechsim.kernels.motion import TROUBLES, coast, not_finite, trouble
 from mechsim.scene import Scene
@@ -20,6 +22,21 @@ from mechsim.world.placement import scatter
 
 # Steps after which every body is read back: rounding between our free flight and the engine's cannot build up.
 RESYNC = 100
+
+
+@dataclass(frozen=True, eq=False)
+class BondEvent:
+    """A join or a break.
+
+    before, after : the structures that it turned into each other
+    cubes : numbers of the two cubes whose bond was made or broken; the first pair where a join made several bonds
+    hit : the collision that broke it
+    """
+
+    before: tuple[Structure, ...]
+    after: tuple[Structure, ...]
+    cubes: tuple[int, int]
+    hit: Hit | None = None
 
 
 class World:
@@ -44,7 +61,8 @@ class World:
         self.bodies = Bodies(n_cubes, scene.cubes.edge, scene.cubes.density * scene.cubes.edge**3)
         self.engine = Engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
         self.set_drag_points(np.zeros((0, 3)))
-        self.listeners: list[Callable[[tuple[Structure, ...], tuple[Structure, ...]], None]] = []
+        self.listeners: list[Callable[[BondEvent], None]] = []
+        self.hit_listeners: list[Callable[[Hit], None]] = []
         self._changed: list[Callable[[int], None]] = []
         self._placing = self.stream("placement")
         effects: tuple[Effect, ...] = scene.effects
@@ -67,7 +85,7 @@ class World:
 
     def stream(self, name: str) -> np.random.Generator:
         """The random stream of one named part of this world."""
-        key = (*self._seed.spawn_key, zlib.crc32(name.encode()))
+        key = (*self._seed.spawn_key, *words_of(name))
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._seed.entropy, spawn_key=key)))
 
     def on_change(self, hook: Callable[[int], None]) -> None:
@@ -146,21 +164,28 @@ class World:
         self._remove(other)
         self._create(keeper, joined, members, motion)
         self._settle()
-        self._tell(before, (joined,))
+        self._tell(BondEvent(before, (joined,), _bond_between(joined, members, members[: len(before[0])])))
 
-    def part(self, slot: int, fragments: Sequence[tuple[Sequence[int], Structure]]) -> None:
+    def part(self, slot: int, fragments: Sequence[tuple[Sequence[int], Structure]], hit: Hit | None = None) -> None:
         """Split a body into fragments (indices of its cubes, structure); each goes on as it moved. Momenta are kept
-        exactly."""
+        exactly. hit : the collision that did it."""
         b = self.bodies
         before = b.held(slot)
         motions = [b.fragment_motion(slot, structure) for _, structure in fragments]
-        members = [tuple(b.members[slot][i] for i in part) for part, _ in fragments]
+        cubes_before = b.members[slot]
+        members = [tuple(cubes_before[i] for i in part) for part, _ in fragments]
         self._remove(slot)
         free = [s for s in range(b.n_cubes) if not b.members[s]]
         for (_, structure), cubes, motion in zip(fragments, members, motions, strict=True):
             self._create(free.pop(0), structure, cubes, motion)
         self._settle()
-        self._tell((before,), tuple(structure for _, structure in fragments))
+        bond = _bond_between(before, cubes_before, members[0])
+        self._tell(BondEvent((before,), tuple(structure for _, structure in fragments), bond, hit))
+
+    def log_hit(self, hit: Hit) -> None:
+        """Hand a hit to those who log them."""
+        for hook in self.hit_listeners:
+            hook(hit)
 
     def snapshot(self) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Time, and of all cubes the centres (C, 3), axes (C, 3, 3) and body slots (C,)."""
@@ -259,9 +284,14 @@ class World:
         self.bodies.index()
         self.bodies.locate()
 
-    def _tell(self, before: tuple[Structure, ...], after: tuple[Structure, ...]) -> None:
+    def _tell(self, event: BondEvent) -> None:
         for hook in self.listeners:
-            hook(before, after)
+            hook(event)
+
+
+def _bond_between(whole: Structure, members: tuple[int, ...], part: tuple[int, ...]) -> tuple[int, int]:
+    """The cubes of the first bond of `whole` (cubes `members`) between `part` and the rest."""
+    return next((members[i], members[j]) for i, j in whole.bonds if (members[i] in part) != (members[j] in part))
 
 
 def _overrides(action: Action, hook: str) -> bool:

@@ -39,5 +39,5 @@ def put(world, slot, position, axes=None, velocity=(0, 0, 0), spin=(0, 0, 0)):
 def events_of(world):
     """A list that gets (sizes before, sizes after) of every join and break from now on."""
     seen = []
-    world.listeners.append(lambda before, after: seen.append(([len(s) for s in before], [len(s) for s in after])))
+    world.listeners.append(lambda e: seen.append(([len(s) for s in e.before], [len(s) for s in e.after])))
     return seen

@@ -16,6 +16,7 @@ from calibration.validating.over_sizes import ComparedSizes
 from calibration.validating.power import power
 from kinetics.assembly import RuleBook, derive
 from kinetics.rates import Rates
+from kinetics.rates.break_terms import BreakTerms
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 from mechsim.runs.store import RunStore
@@ -52,11 +53,8 @@ def watched(rates, constants, seed, runs=RUNS, number=0, most=GROUPS, groups=GRO
 
 def p_values(studies, rates):
     """Of joins, breaks and each channel, and of their scatter, where the true rates come from the posterior."""
-    posterior = calibrated()
-    names = list(posterior.channels)
-    order = [names.index(channel) for channel in line_network().channels]
-    true = posterior.sample(np.random.default_rng(8), studies)[:, order]
-    rows = [event_rows([watched(rates, true[i], seed=i)], 30) for i in range(studies)]
+    true = calibrated().draw_constants(line_network(), np.random.default_rng(8), studies)
+    rows = [event_rows([watched(rates, true[i], seed=i)], "30 cubes") for i in range(studies)]
     return np.array([[row.p for row in each] for each in rows]), np.array(
         [[row.p_scatter for row in each] for each in rows]
     )
@@ -90,7 +88,7 @@ def test_numbers_are_those_of_a_count_by_hand():
     network = line_network()
     paths = [sample_path(network, START, END, seed=2, run=i) for i in range(4)]
     simulated = SimulatedGroups(network, rates, START, 4, 1)
-    row = {row.group: row for row in event_rows([WatchedEvents.of(simulated, paths, END, GROUPS, GROUPS)], 30)}
+    row = {row.group: row for row in event_rows([WatchedEvents.of(simulated, paths, END, GROUPS, GROUPS)], "30 cubes")}
     counted = [count(path) for path in paths]
     constants = simulated.mean_constants
     events = np.sum([each.events for each in counted], axis=0)
@@ -136,8 +134,8 @@ def test_more_groups_only_where_it_is_doubtful_and_pooled_over_experiments():
         [watched(good, line_network().known_rates * factor, 5, 20, number, most=1999) for number in (0, 1)]
         for factor in (1.0, 2.0)
     )
-    assert all(row.p > 0.05 and row.least == 2 / (GROUPS + 1) for row in event_rows(right, None) if row.p > 0.05)
-    (joins, *_) = event_rows(wrong, None)
+    assert all(row.p > 0.05 and row.least == 2 / (GROUPS + 1) for row in event_rows(right, "all sizes") if row.p > 0.05)
+    (joins, *_) = event_rows(wrong, "all sizes")
     assert joins.p == joins.least == 2 / 2000
     assert joins.seen == sum(int(each.observed.seen[0, 0]) for each in wrong)
     # the same draws of the rates in both experiments, but other runs
@@ -161,7 +159,9 @@ def test_a_channel_never_seen_in_calibration_excuses_few_events():
     seen = []
     for rate in (0.0, 0.3):
         constants[place] = rate
-        (row,) = [row for row in event_rows([watched(changed, constants, 3, most=1999)], 30) if row.group == "4->2+2"]
+        (row,) = [
+            row for row in event_rows([watched(changed, constants, 3, most=1999)], "30 cubes") if row.group == "4->2+2"
+        ]
         assert row.expected > 0
         assert np.isfinite([row.low, row.high]).all()
         seen.append((row.seen, row.p))
@@ -240,3 +240,28 @@ def test_all_sizes_together(at_120):
     assert alone.is_consistent
     assert "consistent with the prediction in all 15 checks" in alone.verdict.sentence
     assert "joins off by 20 % with probability" in alone.verdict.sentence
+
+
+def test_breaks_by_collisions_are_counted_with_their_partners():
+    """Expected breaks are the sum over their partners."""
+    network = line_network()
+    known = calibrated()
+    breaks = BreakTerms(model="collision", shape={"alpha": 2.0})
+    unknown = dict.fromkeys(("low", "high", "events", "exposure"))
+    thinner = {
+        name: known.channels[name].model_copy(update=unknown | {"rate": known.channels[name].rate / 50})
+        for name in event_groups(network)["breaks"]
+    }
+    collisions = known.model_copy(update={"breaks": breaks, "channels": known.channels | thinner})
+    simulated = SimulatedGroups(network, collisions, START, 2, 1)
+    expansion = collisions.expansion(network)
+    assert len(simulated.model.channels) == 4 + 4 * 4
+    path = sample_path(simulated.model, START, END, seed=4)
+    base = JumpPath(network, START, path.times, expansion.base_of[path.channels], END)
+    seen = WatchedEvents.of(simulated, [base, base], END, GROUPS, GROUPS)
+    by_hand = count(path).exposure * simulated.mean_constants
+    is_break = [" by " in name for name in simulated.model.channels]
+    row = {row.group: row for row in event_rows([seen], "30 cubes")}
+    assert row["breaks"].expected == pytest.approx(2 * by_hand[is_break].sum())
+    assert row["breaks"].seen == 2 * np.count_nonzero(np.array(is_break)[path.channels])
+    assert list(row) == list(event_groups(network))

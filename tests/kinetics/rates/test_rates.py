@@ -131,7 +131,7 @@ def test_unreadable_files(tmp_path):
 
 
 def test_draws_follow_the_posterior():
-    draws = measured(events=3).sample(np.random.default_rng(2), 20_000)
+    draws = measured(events=3).draw_constants(bare_line(), np.random.default_rng(2), 20_000)
     assert draws.shape == (20_000, 8)
     for column in draws.T:
         assert_follows_cdf(column, gamma(3.5, scale=1e-4 / 3).cdf)
@@ -141,7 +141,7 @@ def test_draws_follow_the_posterior():
 
 def test_draws_without_evidence_are_the_rates_themselves():
     rates = Rates.load("table3")
-    draws = rates.sample(np.random.default_rng(2), 3)
+    draws = rates.draw_constants(bare_line(), np.random.default_rng(2), 3)
     assert_array_equal(draws, [rates.apply(bare_line()).rate_constants] * 3)
     assert rates.without_evidence() == list(rates.channels)
     assert measured().without_evidence() == []

@@ -11,7 +11,7 @@ from mechsim.accuracy import diagram, plot
 from mechsim.accuracy.diagram import change_of, measure
 from mechsim.accuracy.plan import plan
 from mechsim.accuracy.trial import AccuracyTrial, counter, execute_trial, unbound, with_numerics
-from mechsim.kernels.contact import facing_pairs
+from mechsim.effects.faces import FacesWithinReach
 from mechsim.runs.ensemble import Outcome, Quarantined, run_all
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes
@@ -19,7 +19,7 @@ from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 from wellmixed import main
 
-SMALL = {"cubes": 2, "duration": 0.3, "rounds": 2, "budget": 1e9, "seed": 3}
+SMALL = {"cubes": 2, "duration": 0.3, "rounds": 2, "budget": 1e9, "seed": 6}  # two cubes that meet
 SCENE = """
 name = "two knobs"
 rules = "line4"
@@ -153,14 +153,10 @@ def test_meetings_are_counted_as_a_slow_look_counts_them(scene_of):
         count = counter(scene, world)
         world.populate([book.monomer()] * 6)
         last, slow = {}, 0
-        b, found = world.bodies, np.zeros((99, 4), np.int64)
+        faces = FacesWithinReach(world, 0.02, 135.0, 0.5 * world.bodies.edge, in_passing=True)
         for _ in range(800):
             world.step()
-            n = facing_pairs(
-                b.body, b.centre, b.axes, np.zeros((6, 6), np.int64), np.ones((1, 1), bool), b.edge, 0.02,
-                np.cos(np.pi / 4), 0.5 * b.edge, found,
-            )  # fmt: skip
-            for pair in map(tuple, found[:n].tolist()):
+            for pair in map(tuple, faces.within_reach().tolist()):
                 # Placed side by side at the start is not met.
                 slow += world.step_count > 1 and world.time - last.get(pair, -9.0) > 0.03
                 last[pair] = world.time
@@ -171,18 +167,15 @@ def test_meetings_are_counted_as_a_slow_look_counts_them(scene_of):
 
 def test_meetings_of_any_faces_are_a_fixed_multiple_of_those_that_may_bond(make_world, scene_of):
     """All six faces are mechanically alike: of the 36 pairs of types line4 allows n, so a share n / 36 of meetings."""
-    scene = scene_of("agitation", "drag", "walls", "contact", tank=[0.6, 0.6, 0.6])
+    scene = scene_of("agitation", "drag", "walls", "contact", tank=[0.65, 0.65, 0.65])
     world = make_world({"monomer": 12}, scene)
-    b, found = world.bodies, np.zeros((999, 4), np.int64)
+    faces = FacesWithinReach(world, 0.02, 135.0, 0.5 * world.bodies.edge)
     seen = np.zeros((6, 6))
     for step in range(3000):
         world.step()
         if step % 4 == 0:
-            n = facing_pairs(
-                b.body, b.centre, b.axes, np.zeros((12, 6), np.int64), np.ones((1, 1), bool), b.edge, 0.02,
-                np.cos(np.pi / 4), 0.5 * b.edge, found,
-            )  # fmt: skip
-            np.add.at(seen, (found[:n, 1], found[:n, 3]), 1)
+            found = faces.within_reach()
+            np.add.at(seen, (found[:, 1], found[:, 3]), 1)
     share = seen.sum(axis=0) / seen.sum() + seen.sum(axis=1) / seen.sum()
     # One in six each; time correlations leave some 150 independent looks a face, so 0.15 is more than five sigma.
     np.testing.assert_allclose(share, 1 / 3, atol=0.15)

@@ -15,13 +15,17 @@ EDGE, CAPTURE, SIDEWAYS = 0.15, 0.02, 0.075
 COSINE = math.cos(math.radians(45))
 
 
-def find(centre, axes, body=None):
+def find(centre, axes, body=None, before=None, born=None, sideways=SIDEWAYS):
+    """Pairs within reach; before: centres and axes at the last look, at time 1; born: of the bodies, else long ago."""
     n = len(centre)
     found = np.zeros((200, 4), np.int64)
     body = np.arange(n) if body is None else np.array(body)
+    centre, axes = np.array(centre, float), np.array(axes, float)
+    last = (centre, axes) if before is None else tuple(np.array(item, float) for item in before)
     count = facing_pairs(
-        body, np.array(centre, float), np.array(axes, float), np.zeros((n, 6), np.int64), np.ones((1, 1), bool),
-        EDGE, CAPTURE, COSINE, SIDEWAYS, found,
+        body, centre, axes, np.zeros((n, 6), np.int64), np.ones((1, 1), bool),
+        EDGE, CAPTURE, COSINE, sideways, np.zeros(n) if born is None else np.array(born, float),
+        -math.inf if before is None else 1.0, *last, 1 / 64, found,
     )  # fmt: skip
     return {tuple(row) for row in found[:count].tolist()}
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import Structure
-from mechsim.effects.breaking import CRITERIA, bridges
+from mechsim.effects.breaking import CRITERIA
+from mechsim.effects.bridges import Bridges
 from mechsim.kernels.loads import bond_loads
 
 MASS, EDGE = 0.7, 0.3
@@ -65,9 +66,9 @@ def test_both_sides_of_every_bond_tell_the_same():
 def test_bonds_in_a_loop_are_not_bridges():
     ring = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
     tail = (2, 0, 0)
-    bonds, sides = bridges(Structure((*ring, tail), (0,) * 5, ("a",) * 5))
-    assert bonds.tolist() == [[1, 4]]
-    assert sides.tolist() == [[True, True, True, True, False]]
+    bridges = Bridges.of(Structure((*ring, tail), (0,) * 5, ("a",) * 5))
+    assert bridges.bonds.tolist() == [[1, 4]]
+    assert bridges.sides.tolist() == [[True, True, True, True, False]]
 
 
 def collide(make_world, scene, speed):

@@ -11,14 +11,14 @@ from click.testing import CliRunner
 from mechsim.commands.replay import replay as command
 from mechsim.inspection.replay import replay, spec_of
 from mechsim.runs.record import RunSpec, execute
-from mechsim.runs.store import RunStore
+from mechsim.runs.store import RunStore, decode
 
 
 @pytest.fixture(scope="module")
 def stopped(line4, tmp_path_factory):
     """A run stopped by the guard, and its file."""
     wild = line4.changed("agitation", sigma=7.5)
-    record = execute(RunSpec(wild, {"monomer": 12, "dimer": 2}, 5.0, seed=1, run=0))
+    record = execute(RunSpec(wild, {"monomer": 12, "dimer": 2}, 5.0, seed=4, run=0))
     assert record.outcome.startswith("stopped: spin beyond what a step resolves: body")
     assert record.facts["steps"] > 30
     return record, RunStore(tmp_path_factory.mktemp("runs")).write(record)
@@ -59,7 +59,7 @@ def test_a_stored_run_of_the_study_begins_as_it_did():
         manifest, arrays = next(run for run in stored if run[0]["inputs"]["composition"] == {"monomer": n})
         spec = spec_of(manifest["inputs"])
         if spec.inputs["physics"] != manifest["inputs"]["physics"]:
-            pytest.skip("made with other versions of the engine or of numpy")
+            pytest.skip("made with another physics, or other versions of the engine or of numpy")
         begun = execute(replace(spec, duration=float(arrays["times"][1]) + 0.1)).arrays  # of the same random streams
         assert len(begun["times"]) >= 2
         for name in ("times", "channels"):
@@ -71,6 +71,9 @@ def test_a_stored_run_of_the_study_begins_as_it_did():
 def test_a_stored_run_of_the_study_comes_out_the_same():
     """All 2,000 tu of it."""
     file = min(path for path in RESULTS.glob("*.run"))
+    manifest, _ = decode(file.read_bytes(), file)
+    if spec_of(manifest["inputs"]).inputs["physics"] != manifest["inputs"]["physics"]:
+        pytest.skip("made with another physics, or other versions of the engine or of numpy")
     assert replay(file).is_same
 
 
@@ -92,9 +95,9 @@ def test_what_cannot_be_replayed_is_refused(stopped, tmp_path, monkeypatch):
         replay(cut)
     with pytest.raises(ValueError, match="last = 0; expected 1 step or more"):
         replay(file, last=0)
-    monkeypatch.setattr("mechsim.runs.record.PHYSICS", 2)
+    monkeypatch.setattr("mechsim.runs.record.PHYSICS", 1000)
     with pytest.raises(
-        ValueError, match=r"cannot be made again here: physics differ; it was made with .*'wellmixed': 1"
+        ValueError, match=r"cannot be made again here: physics differ; it was made with .*'wellmixed': \d,"
     ):
         replay(file)
 

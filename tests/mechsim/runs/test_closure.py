@@ -3,7 +3,9 @@
 The oracle knows nothing of the derivation: it tries every face of every cube at every twist, and breaks every bond.
 """
 
+import json
 from collections import Counter
+from hashlib import sha256
 from itertools import combinations_with_replacement, product
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import ROTATIONS, RuleBook, Structure, placements
+from mechsim.inspection.replay import spec_of
 from mechsim.runs.record import RunRecord, RunSpec, book_of, execute
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -95,6 +98,19 @@ def replay(request):
 
 def stored(study):
     return list(RunStore(RESULTS / study / "runs").contents())
+
+
+@pytest.mark.parametrize("study", ["line4", "t5", "pyramid45"])
+def test_a_stored_run_keeps_the_physics_that_made_it(study):
+    """Its name is that of its own inputs, whatever the physics of today, for which only its equals are taken."""
+    store = RunStore(RESULTS / study / "runs")
+    manifests = [manifest for manifest, _ in store.contents()]
+    assert manifests
+    for manifest in manifests:
+        inputs = manifest["inputs"]
+        assert sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest() == manifest["key"]
+        spec = spec_of(inputs)
+        assert (store.read(spec) is not None) == (spec.inputs["physics"] == inputs["physics"])
 
 
 def test_every_stored_reaction_is_one_of_the_rules(replay):

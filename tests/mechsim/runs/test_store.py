@@ -124,7 +124,9 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
     lying[entry + 20 : entry + 28] = 2 * (1 << 30).to_bytes(4, "little")
     for payload, reason in [
         (b"not a zip", "zip"),
-        (archive(good, zipfile.ZIP_DEFLATED), "more bytes"),  # where a bomb could hide
+        (archive(good, zipfile.ZIP_LZMA), "more bytes"),
+        (archive(good | {"times.npy": bytes((1 << 20) + 1)}, zipfile.ZIP_DEFLATED), "more bytes"),  # a bomb
+        (archive(good | {f"{k}.npy": b"" for k in range(64)}), "members"),
         (bytes(lying), "more bytes"),
         (archive(good | {"times.npy": giant}), "too small"),
         (archive(good | {"times.npy": objects}), "objects"),
@@ -136,8 +138,19 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
         (archive({"manifest.json": b"3"}), ""),
     ]:
         assert_refused(store, sealed(payload), reason)
-    store.path(SPEC).write_bytes(sealed(archive(good)))  # the control
-    assert store.read(SPEC).digest == record_of(SPEC).digest
+    for compression in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the controls
+        store.path(SPEC).write_bytes(sealed(archive(good, compression)))
+        assert store.read(SPEC).digest == record_of(SPEC).digest
+
+
+def test_only_large_arrays_are_kept_uncompressed(tmp_path):
+    few, many = np.zeros(1 << 16), np.zeros(1 << 17)  # of 8 bytes, beside their headers
+    store = RunStore(tmp_path)
+    record = replace(record_of(SPEC), arrays={"few": few, "many": many})
+    assert many.nbytes < len(encode(record)) < many.nbytes + 10_000
+    store.write(record)
+    for name, array in record.arrays.items():
+        np.testing.assert_array_equal(store.read(SPEC).arrays[name], array, strict=True)
 
 
 def test_a_run_under_another_name_is_refused(tmp_path):

@@ -51,7 +51,7 @@ def test_impulses_account_for_every_change_of_velocity(make_world, line4, sub_cy
             touched += 1
             for slot, sign in ((touch.a, 1), (touch.b, -1)):
                 if slot >= 0:
-                    change[slot] += sign * touch.impulse / b.mass[slot]
+                    change[slot] += sign * np.array(touch.impulse) / b.mass[slot]
         world.engine.read(b.live.tolist())
         np.testing.assert_allclose((b.velocity - before)[b.live], change[b.live], atol=1e-10)
         world.step_count += 1

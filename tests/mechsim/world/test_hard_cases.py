@@ -287,7 +287,7 @@ def test_many_steps_without_leak_or_drift(make_world, line4, steps, record_prope
         for touch in world.engine.touches():
             for slot, sign in ((touch.a, 1), (touch.b, -1)):
                 if slot >= 0:
-                    change[slot] += sign * touch.impulse / b.mass[slot]
+                    change[slot] += sign * np.array(touch.impulse) / b.mass[slot]
         told = b.mass[b.live, None] * change[b.live]
         pushed += told.sum(axis=0)
         received += (b.mass[b.live, None] * (b.velocity - before)[b.live]).sum(axis=0)

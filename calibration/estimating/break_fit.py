@@ -1,0 +1,221 @@
+"""Fits of break models to runs, their comparison, and the choice that the data make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.estimating.break_rates import BreakRates
+from calibration.estimating.estimate import Calibration
+from calibration.estimating.likelihood import PathLikelihood
+from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
+from calibration.estimating.shape_posterior import shape_posterior
+from kinetics.breaks import BREAK_MODELS, BreakModel, break_model, is_break
+from kinetics.network import Network
+from kinetics.runs import JumpPath
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from kinetics.rates import Rates
+
+FOLDS = 5
+CLOSE = 2.0  # of AIC: within it of the smallest, the model with the fewest parameters is taken
+
+
+def break_channels(network: Network) -> tuple[str, ...]:
+    """The channels by which structures break."""
+    return tuple(np.array(network.channels, dtype=object)[is_break(network)])
+
+
+def fit_breaks(law: BreakModel, paths: Iterable[JumpPath], fixed: Mapping[str, float] | None = None) -> RateFit:
+    """Fit a break model by maximum likelihood to all breaks of runs of one network, in the tank of the first run.
+
+    fixed : shape parameters to hold, by name
+
+    Cost: one pass over the runs, then milliseconds.
+    """
+    runs = tuple(paths)
+    if not runs:
+        raise ValueError("no runs to fit; give at least one path")
+    network = runs[0].network
+    channels = break_channels(network)
+    if not channels:
+        raise ValueError("no channel of this network is a break, so that there is no break model to fit")
+    if len({run.tank is None for run in runs}) > 1:
+        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
+    return fit_rates(BreakRates.of(law, network, runs[0].tank), runs, channels, fixed)
+
+
+def log_score(fit: RateFit, paths: Sequence[JumpPath]) -> float:
+    """Log-likelihood of the breaks of held-out runs under rates from a fit to others.
+
+    The coefficients are the posterior means under Jeffreys' prior, (events + 1/2) / exposure, because a largest
+    likelihood of 0 would call every break of a channel impossible that the fit has not seen.
+    """
+    seen = fit.likelihood.evidence(fit.model)
+    means = np.array([[(len(e.at_events) + 0.5) / e.exposure[0] if e.exposure[0] > 0 else np.nan for e in seen]])
+    return PathLikelihood(fit.model, tuple(paths), fit.likelihood.channels).value(means)
+
+
+@dataclass(frozen=True, eq=False)
+class BreakComparison:
+    """Break models fitted to the same runs.
+
+    fits : in the order of `BREAK_MODELS`
+    """
+
+    fits: tuple[RateFit, ...]
+
+    @classmethod
+    def of(cls, paths: Iterable[JumpPath], models: Sequence[BreakModel] = BREAK_MODELS) -> BreakComparison:
+        """Fit all models that the network admits."""
+        runs = tuple(paths)
+        return cls(tuple(fit_breaks(law, runs) for law in models if admits(law, runs[0].network)))
+
+    def __getitem__(self, name: str) -> RateFit:
+        for fit in self.fits:
+            if fit.model.name == name:
+                return fit
+        raise ValueError(f"no fit of break model {name!r}; there are {', '.join(fit.model.name for fit in self.fits)}")
+
+    @cached_property
+    def chosen(self) -> RateFit:
+        """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC."""
+        least = min(fit.aic for fit in self.fits)
+        close = [fit for fit in self.fits if fit.aic <= least + CLOSE]
+        return min(close, key=lambda fit: (fit.free_parameters, fit.aic))
+
+    @property
+    def reason(self) -> str:
+        """Why that one was chosen, in a sentence."""
+        best = min(self.fits, key=lambda fit: fit.aic)
+        chosen = self.chosen
+        others = sorted((fit for fit in self.fits if fit is not chosen), key=lambda fit: fit.aic)
+        if not others:
+            return f"{chosen.model.name}: the only break model that this network admits"
+        if chosen is best:
+            return (
+                f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "
+                f"{others[0].model.name}"
+            )
+        return (
+            f"{chosen.model.name} has the fewest parameters of the models within {CLOSE:g} of the smallest AIC: "
+            f"{chosen.aic - best.aic:.1f} above {best.model.name}, which has "
+            f"{best.free_parameters - chosen.free_parameters} more"
+        )
+
+    def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
+        """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""
+        nested = getattr(fit.model, "law").nested  # noqa: B009 - only fits of break models are held here
+        known = {each.model.name: each for each in self.fits}
+        return fit.test_against(known[nested]) if nested in known else None
+
+    @cached_property
+    def scores(self) -> dict[str, float]:
+        """Log score of each model on runs left out, a fifth of the runs at a time; the larger is the better."""
+        runs = self.fits[0].likelihood.paths
+        if len(runs) < FOLDS:
+            return {fit.model.name: float("nan") for fit in self.fits}
+        parts = [[run for i, run in enumerate(runs) if i % FOLDS == fold] for fold in range(FOLDS)]
+        totals = {}
+        for fit in self.fits:
+            law = break_model(fit.model.name)
+            totals[fit.model.name] = sum(
+                log_score(fit_breaks(law, [run for other in parts if other is not part for run in other]), part)
+                for part in parts
+            )
+        return totals
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a model: parameters, log-likelihood, AIC above the smallest, test against the model it extends,
+        log score on runs left out, deviance of the breaks by group of runs with its p-value, shape with intervals."""
+        least = min(fit.aic for fit in self.fits)
+        rows = []
+        for fit in self.fits:
+            ratio = self.ratio(fit)
+            fits_data = deviance(fit)
+            rows.append(
+                {
+                    "model": fit.model.name,
+                    "is_chosen": fit is self.chosen,
+                    "free_parameters": fit.free_parameters,
+                    "log_likelihood": fit.log_likelihood,
+                    "aic_above_least": fit.aic - least,
+                    "p_against_nested": None if ratio is None else ratio.p_value,
+                    "log_score": self.scores[fit.model.name],
+                    "deviance": fits_data.statistic,
+                    "freedom": fits_data.freedom,
+                    "p_deviance": fits_data.p_value,
+                    "shape": {
+                        name: {"estimate": value, "interval": list(fit.interval(name))}
+                        for name, value in fit.model.shape_values.items()
+                    },
+                }
+            )
+        return rows
+
+
+def admits(law: BreakModel, network: Network) -> bool:
+    """Whether the model can be asked of this network: weights by size need sizes."""
+    try:
+        law.weights(network, {parameter.name: parameter.start for parameter in law.parameters(network)})
+    except ValueError:
+        return False
+    return True
+
+
+def deviance(fit: RateFit) -> LikelihoodRatio:
+    """Breaks seen and expected by channel and group of runs alike in tank and initial counts: does one model fit all?
+
+    The p-value is by the chi-square distribution, for which a group should expect a few breaks.
+    """
+    from scipy.special import chdtrc, xlogy
+
+    groups: dict[tuple[object, ...], list[JumpPath]] = {}
+    for path in fit.likelihood.paths:
+        groups.setdefault((path.tank, *path.initial.tolist()), []).append(path)
+    seen, expected = [], []
+    chosen = list(fit.likelihood.channels)
+    width = max(chosen) + 1
+    for paths in groups.values():
+        expected.append(sum(fit.integrated_hazards(path).sum(axis=0) for path in paths))
+        seen.append(sum(np.bincount(path.channels[path.channels >= 0], minlength=width)[chosen] for path in paths))
+    n, mean = np.array(seen, dtype=float), np.array(expected, dtype=float)
+    possible = mean > 0
+    statistic = 2 * float((xlogy(n[possible], n[possible] / mean[possible]) - n[possible] + mean[possible]).sum())
+    freedom = int(possible.sum()) - fit.free_parameters
+    return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)) if freedom > 0 else float("nan"))
+
+
+def rates_with_breaks(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
+    """The rates of joins as measured, and of breaks by the fit of a break model to the same runs."""
+    from kinetics.rates import Rates
+
+    plain = calibration.rates(evidence)
+    model = fit.model
+    if not isinstance(model, BreakRates):
+        raise ValueError(f"{model.name} is no break model; give the result of `fit_breaks`")
+    parts = fit.likelihood
+    exposures = [evidence.exposure for evidence in parts.parts(model)]
+    channels = {name: channel.model_dump(exclude_none=True) for name, channel in plain.channels.items()}
+    weights = model.mixture()[0]
+    for i, name in enumerate(fit.channels):
+        low, high = fit.interval(f"b {name}")
+        b = float(fit.best.coefficients[0, i])
+        channels[name] |= {
+            "rate": b,
+            "low": min(low, b),
+            "high": max(high, b),
+            "exposure": float(weights @ exposures[i]),
+            "exposures": tuple(exposures[i].tolist()),
+        }
+    posterior = shape_posterior(fit)
+    breaks: dict[str, Any] = {"model": model.name, "shape": model.shape_values}
+    if posterior is not None:
+        breaks["posterior"] = posterior.model_dump()
+    return Rates.model_validate(plain.model_dump(exclude_none=True) | {"channels": channels, "breaks": breaks})

@@ -1,0 +1,134 @@
+"""The plan of a study: which runs measure the rates, which are held out, and by which rules the verdict falls.
+
+It is a file of its own, so that it can be written down before the first run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from kinetics.support.config import Settings, read_toml, validated, write_toml
+from mechsim.runs.record import RunSpec
+from mechsim.scene import Scene
+
+
+class Tanks(Settings):
+    """Runs alike in all but their random numbers.
+
+    composition : species -> copies at time 0
+    tank : edges; None for the scene's own
+    runs, duration : how many, and how long each, tu
+    restart : whether a tank is put back to its composition after every event
+    along : for the reader, the time on the predicted path at which the composition is expected, tu
+    """
+
+    composition: dict[str, int] = Field(min_length=1)
+    tank: tuple[float, float, float] | None = None
+    runs: int = Field(ge=1)
+    duration: float = Field(gt=0)
+    restart: bool = False
+    along: float | None = None
+
+
+class PlannedRuns(Settings):
+    """Runs of one seed. Runs of different tanks have different numbers, so that none share random numbers."""
+
+    seed: int = Field(ge=0)
+    tanks: tuple[Tanks, ...] = Field(min_length=1)
+
+
+class VerdictRules(Settings):
+    """What counts as a prediction that holds, stated beforehand.
+
+    p_row : smallest predictive p-value of any row of seen and expected events
+    ratio, from_events : range of seen / expected wherever at least `from_events` events are expected
+    pooled_ratio : the same over all sizes together, for joins and for breaks
+    p_pit : smallest p-value of the randomised PIT over all single runs
+    control : a break model that must fail these rules
+    """
+
+    p_row: float = 0.01
+    ratio: tuple[float, float] = (0.85, 1.15)
+    from_events: float = 150.0
+    pooled_ratio: tuple[float, float] = (0.9, 1.1)
+    p_pit: float = 0.05
+    control: str = "first-order"
+
+
+class StudyPlan(Settings):
+    """A calibration and its test on held-out runs, as planned.
+
+    scene : name or file
+    log_above : loads on bonds above this are logged in every run, see the effect `breaking`; None: no log
+    breaks : name of a break model, or `auto` for the one that the calibration runs choose
+    purpose : for the reader, what the plan is to find out and how its numbers were chosen
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)
+    purpose: str = ""
+    scene: str
+    log_above: float | None = Field(default=None, gt=0)
+    breaks: str = "auto"
+    calibration: PlannedRuns
+    held_out: PlannedRuns
+    verdict: VerdictRules = VerdictRules()
+
+    @model_validator(mode="after")
+    def _held_out_is_held_out(self) -> Self:
+        if self.calibration.seed == self.held_out.seed:
+            raise ValueError(f"seed {self.calibration.seed} for both; held-out runs need a seed of their own")
+        for tanks in self.held_out.tanks:
+            if tanks.restart:
+                raise ValueError("held-out runs are not restarted: they are to show a whole assembly")
+            if tanks.runs < 2:
+                raise ValueError(f"runs = {tanks.runs} of a held-out tank; a scatter needs at least 2")
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> StudyPlan:
+        """Read a TOML file."""
+        source = Path(path)
+        if not source.is_file():
+            raise ValueError(f"plan {source} does not exist; give the path of a TOML file")
+        return validated(cls, read_toml(source), source.name)
+
+    def save(self, path: str | Path) -> None:
+        """Write as TOML, whole or not at all."""
+        write_toml(self.model_dump(exclude_none=True), Path(path))
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the plan's content (not of its file)."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+    def scene_of(self, tanks: Tanks) -> Scene:
+        """The scene of some runs: the plan's, with their tank and with the log of loads."""
+        scene = Scene.load(self.scene)
+        if self.log_above is not None:
+            scene = scene.changed("breaking", log_above=self.log_above)
+        if tanks.tank is not None:
+            data = scene.model_dump(mode="json") | {"tank": {"size": tanks.tank}}
+            scene = validated(Scene, data, f"scene {scene.name} in a tank of {tanks.tank}")
+        return scene
+
+    def specs(self, part: PlannedRuns) -> list[RunSpec]:
+        """All runs of one part, `calibration` or `held_out`, in order."""
+        specs: list[RunSpec] = []
+        for tanks in part.tanks:
+            scene = self.scene_of(tanks)
+            specs += [
+                RunSpec(scene, tanks.composition, tanks.duration, part.seed, len(specs) + i, restart=tanks.restart)
+                for i in range(tanks.runs)
+            ]
+        return specs
+
+
+def is_plan(path: str | Path) -> bool:
+    """Whether this is the file of a plan, rather than a scene."""
+    source = Path(path)
+    return source.suffix == ".toml" and source.is_file() and "held_out" in read_toml(source)

@@ -1,0 +1,76 @@
+"""The base of all break models: by whom, and how often, a structure is broken."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+ALONE = ""  # in the place of a partner: the structure breaks by itself
+WALL = "wall"
+
+
+class ShapeParameter(NamedTuple):
+    """A parameter that several channels share, such as an exponent: where its search starts, and its closed range."""
+
+    name: str
+    low: float
+    high: float
+    start: float = 1.0
+
+
+class BreakModel(ABC):
+    """A model of breaks: the partners that break a structure X, and the weight of each.
+
+    propensity of break c of X = b_c * N_c * sum over partners Y of w_Y * (pairs of X with Y)
+
+    b_c : the channel's own coefficient, 1/tu per way and partner of weight 1, in the tank of the rates
+    w_Y : weight of a partner, from shape parameters that all breaks share
+    pairs : x y; x (x - 1) for like bodies, because either copy may break; x for a wall, or for a structure alone
+
+    Meetings of bodies scale with 1 / volume, hits on a wall with surface / volume.
+
+    To add a model:
+    1. write a class with a `name`, whose docstring states its assumption and its source;
+    2. give `partners`, `parameters` if it has any, and `weights`;
+    3. import it in `kinetics.breaks.models`: command lines, estimation, prediction and tests/contracts/test_breaks.py
+       read the tuple made there.
+    """
+
+    name: ClassVar[str]
+    nested: ClassVar[str | None] = None  # the model of which this one is an extension, for likelihood-ratio tests
+
+    @abstractmethod
+    def partners(self, network: Network) -> tuple[str, ...]:
+        """P names: species, `WALL`, or `ALONE`."""
+
+    def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
+        """The shape parameters; none where the weights are known."""
+        return ()
+
+    @abstractmethod
+    def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
+        """Weights (P,) >= 0 of the partners at these values of the shape parameters."""
+
+
+def body_sizes(network: Network) -> Floats:
+    """Parts (S,) in a body of each species: its one conserved quantity.
+
+    ValueError where the network has none, or several.
+    """
+    if len(network.conserved) != 1:
+        known = ", ".join(network.conserved) or "none"
+        raise ValueError(
+            f"weights by size need one conserved quantity, the parts in each species; the network has {known}: "
+            "use the break model 'first-order', or give one by `with_conserved`"
+        )
+    (sizes,) = network.conserved.values()
+    if not (sizes > 0).all():
+        names = [network.species[s] for s in np.flatnonzero(sizes <= 0)]
+        raise ValueError(f"{', '.join(names)} without parts; weights by size need at least one in every species")
+    return sizes

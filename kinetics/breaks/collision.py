@@ -1,0 +1,33 @@
+"""The collision model of breaks: other bodies break a structure, the larger ones more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kinetics.breaks.base import BreakModel, ShapeParameter, body_sizes
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+EXPONENT = ShapeParameter("alpha", -1.0, 4.0, 1.0)
+
+
+class Collision(BreakModel):
+    """X + Y -> parts + Y with weight size(Y)^alpha, for every species Y.
+
+    The weight holds both how often a partner of that size comes and how hard it hits. Bodies alike in every other way
+    would come with an exponent between 0 and 1; heavy partners hit harder, which adds to it.
+    """
+
+    name = "collision"
+
+    def partners(self, network: Network) -> tuple[str, ...]:
+        """Every species."""
+        return network.species
+
+    def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
+        """The exponent alpha."""
+        return (EXPONENT,)
+
+    def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
+        """The sizes to the power of alpha; 1 for a single part."""
+        return body_sizes(network) ** shape["alpha"]

@@ -1,0 +1,33 @@
+"""The collision model of breaks with a free weight for every species."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinetics.breaks.base import BreakModel, ShapeParameter
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+
+class CollisionSpecies(BreakModel):
+    """X + Y -> parts + Y with a weight for every species Y, 1 for the first one.
+
+    It asks nothing of sizes, and tests whether a power of the size, as in `Collision`, is good enough.
+    """
+
+    name = "collision-species"
+    nested = "collision"
+
+    def partners(self, network: Network) -> tuple[str, ...]:
+        """Every species."""
+        return network.species
+
+    def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:
+        """The weights of all species but the first."""
+        return tuple(ShapeParameter(f"weight {name}", 0.0, 1e3, 1.0) for name in network.species[1:])
+
+    def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
+        """As given, after 1 for the first species."""
+        return np.array([1.0, *(shape[f"weight {name}"] for name in network.species[1:])])

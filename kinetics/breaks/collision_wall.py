@@ -1,0 +1,35 @@
+"""The collision model of breaks with walls: other bodies and the walls break a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinetics.breaks.base import WALL, BreakModel, ShapeParameter, body_sizes
+from kinetics.breaks.collision import EXPONENT
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+
+class CollisionWall(BreakModel):
+    """X + Y -> parts + Y with weight size(Y)^alpha for every species Y, and X -> parts at the walls.
+
+    The walls count as one more partner, of weight `wall` in the tank of the rates: as many single parts as would break
+    structures as often. One weight for all structures supposes that what a wall breaks, a body breaks in proportion.
+    """
+
+    name = "collision-wall"
+    nested = "collision"
+
+    def partners(self, network: Network) -> tuple[str, ...]:
+        """Every species, and the wall."""
+        return (*network.species, WALL)
+
+    def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
+        """The exponent alpha and the weight of the walls."""
+        return (EXPONENT, ShapeParameter("wall", 0.0, 1e4, 1.0))
+
+    def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
+        """The sizes to the power of alpha, then the weight of the walls."""
+        return np.append(body_sizes(network) ** shape["alpha"], shape["wall"])

@@ -1,0 +1,25 @@
+"""The first-order break model: bonds break whatever else is in the tank."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinetics.breaks.base import ALONE, BreakModel
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+
+class FirstOrder(BreakModel):
+    """A structure breaks at a constant rate, whatever else is in the tank, as the paper assumes (table III)."""
+
+    name = "first-order"
+
+    def partners(self, network: Network) -> tuple[str, ...]:  # noqa: ARG002
+        """The structure is alone."""
+        return (ALONE,)
+
+    def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:  # noqa: ARG002
+        """One."""
+        return np.ones(1)

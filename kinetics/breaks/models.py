@@ -1,0 +1,21 @@
+"""Break models, one file each; a model imported here is registered."""
+
+# ruff: noqa: F401, I001 - the imports are the list, in this order
+
+from kinetics.breaks.base import BreakModel
+from kinetics.support.families import members
+
+from kinetics.breaks.first_order import FirstOrder
+from kinetics.breaks.collision import Collision
+from kinetics.breaks.collision_wall import CollisionWall
+from kinetics.breaks.collision_species import CollisionSpecies
+
+BREAK_MODELS: tuple[BreakModel, ...] = tuple(kind() for kind in members(globals(), BreakModel))
+
+
+def break_model(name: str) -> BreakModel:
+    """The model of this name."""
+    known = {model.name: model for model in BREAK_MODELS}
+    if name not in known:
+        raise ValueError(f"unknown break model {name!r}; expected one of {', '.join(known)}")
+    return known[name]

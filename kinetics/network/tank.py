@@ -1,0 +1,48 @@
+"""The tank: rates of meetings scale with one over its volume, rates of hitting its wall with surface over volume."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetics.support.arrays import reals
+
+
+@dataclass(frozen=True)
+class Tank:
+    """A box of edges `size` (3,), in the unit of length in which the parts are measured.
+
+    >>> Tank((2.0, 2.0, 3.0)).volume
+    12.0
+    """
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        size = reals("tank", self.size, (3,), minimum=0)
+        if not (size > 0).all():
+            raise ValueError(f"tank = {tuple(size.tolist())}; expected three lengths above 0, such as 2 2 3")
+        object.__setattr__(self, "size", tuple(size.tolist()))
+
+    @property
+    def volume(self) -> float:
+        """Product of the edges."""
+        return float(np.prod(self.size))
+
+    @property
+    def surface(self) -> float:
+        """Area of the six walls."""
+        a, b, c = self.size
+        return 2 * (a * b + b * c + c * a)
+
+    def dilution(self, other: Tank) -> float:
+        """How much rarer a meeting of two given bodies is in the other tank: this volume over that one."""
+        return self.volume / other.volume
+
+    def wall_factor(self, other: Tank) -> float:
+        """How much more often a body hits a wall in the other tank: the ratio of their surfaces over volumes."""
+        return (other.surface / other.volume) / (self.surface / self.volume)
+
+    def __str__(self) -> str:
+        return " x ".join(f"{edge:g}" for edge in self.size)

@@ -1,0 +1,90 @@
+"""How the breaks of a rates file depend on their partners: the break model, its shape, and what is known of it."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from kinetics.breaks import BreakModel, break_model
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+from kinetics.support.config import Settings
+
+
+class ShapePosterior(Settings):
+    """The posterior of the shape parameters on a grid, given the coefficients' own prior.
+
+    points : (G, K) values of the K shape parameters, in the order of `shape`
+    weights : (G,) probabilities
+    """
+
+    points: tuple[tuple[float, ...], ...] = Field(min_length=1)
+    weights: tuple[float, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if len(self.points) != len(self.weights) or len({len(point) for point in self.points}) != 1:
+            raise ValueError(
+                f"{len(self.points)} points and {len(self.weights)} weights; expected one weight a point, and points "
+                "of equal length"
+            )
+        if min(self.weights) < 0 or not np.isclose(sum(self.weights), 1, rtol=1e-6):
+            raise ValueError(f"weights add up to {sum(self.weights):g}; expected probabilities, which add up to 1")
+        return self
+
+
+class BreakTerms(Settings):
+    """The break model of a rates file.
+
+    model : name of a break model
+    shape : its shape parameters at their largest likelihood
+    posterior : what the evidence leaves of them; None where they are taken as known
+    like_pairs : how a pair of like bodies is counted
+    """
+
+    model: str = "first-order"
+    shape: dict[str, float] = Field(default_factory=dict)
+    posterior: ShapePosterior | None = None
+    like_pairs: Literal["either copy may break: x (x - 1)"] = "either copy may break: x (x - 1)"
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        break_model(self.model)
+        if self.posterior is not None and len(self.posterior.points[0]) != len(self.shape):
+            known = ", ".join(self.shape) or "none"
+            raise ValueError(f"points of {len(self.posterior.points[0])} shape parameters; expected {known}")
+        return self
+
+    @property
+    def law(self) -> BreakModel:
+        """The break model itself."""
+        return break_model(self.model)
+
+    def check(self, network: Network) -> None:
+        """ValueError where the shape parameters are not those of the model in this network."""
+        wanted = {parameter.name: parameter for parameter in self.law.parameters(network)}
+        if list(self.shape) != list(wanted):
+            raise ValueError(
+                f"break model {self.model!r} has the shape parameters {', '.join(wanted) or 'none'}; "
+                f"{', '.join(self.shape) or 'none'} came"
+            )
+        for name, value in self.shape.items():
+            low, high = wanted[name].low, wanted[name].high
+            if not low <= value <= high:
+                raise ValueError(f"{name} = {value:g} of break model {self.model!r}; expected {low:g} to {high:g}")
+
+    def weights(self, network: Network) -> Floats:
+        """Weights (P,) of the partners at the largest likelihood."""
+        return self.law.weights(network, self.shape)
+
+    def weight_draws(self, network: Network, rng: np.random.Generator, n: int) -> Floats:
+        """Weights (n, P) under draws from the posterior of the shape."""
+        if self.posterior is None:
+            return np.tile(self.weights(network), (n, 1))
+        table = np.array(
+            [self.law.weights(network, dict(zip(self.shape, p, strict=True))) for p in self.posterior.points]
+        )
+        share = np.array(self.posterior.weights)
+        return np.asarray(table[rng.choice(share.size, size=n, p=share / share.sum())])

@@ -1,0 +1,56 @@
+"""The command `wellmixed loads`: rates of breaks at any threshold, from the hits that runs have logged."""
+
+from __future__ import annotations
+
+import click
+
+from kinetics.support.cli.options import echo_json, json_option, picture_of
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, type=click.Path(exists=True))
+@click.option(
+    "--at",
+    "thresholds",
+    multiple=True,
+    metavar="LOAD",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Threshold at which rates of breaks are wanted; may be repeated.  [default: that of the runs]",
+)
+@click.option("--plot", metavar="FILE", callback=picture_of, help="Draw the tails of loads by struck species.")
+@json_option
+def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot: str | None, as_json: bool) -> None:
+    """Measure rates of hits and of breaks from the logs of RUNS, folders of runs or KEY.run files.
+
+    A run has a log if its scene's effect breaking has log_above. The table gives the rate of hits above several loads,
+    the exponent with which hits grow with the partner's size, and the rate of breaks at the threshold, extrapolated
+    from the tail of loads, with 95 % limits and whether answers from several levels agree. Runs without a log, or
+    stopped by the guard, are left out. The command draws no random numbers.
+    """
+    from pathlib import Path
+
+    from mechsim.inspection.gauge.report import gauge, plot_tails
+    from mechsim.inspection.poses import record_at
+    from mechsim.runs.store import RunStore
+
+    files = []
+    for name in map(Path, runs):
+        files += sorted(RunStore.found(name).folder.glob("*.run")) if name.is_dir() else [name]
+    records = [record_at(str(file), file.parent) for file in dict.fromkeys(files)]
+    logged = [record for record in records if record.completed and "load_value" in record.arrays]
+    if not logged:
+        raise ValueError(
+            f"{', '.join(runs)}: none of {len(records)} runs has a log of hits; expected runs of a scene whose effect "
+            "breaking has log_above"
+        )
+    found = gauge(logged, thresholds)
+    if plot is not None:
+        from kinetics.support.plots import save
+
+        save(plot, lambda ax: plot_tails(ax, found))
+    if as_json:
+        echo_json(found.as_dict() | {"left_out": len(records) - len(logged)})
+    else:
+        click.echo(str(found))
+        if len(logged) < len(records):
+            click.echo(f"\n{len(records) - len(logged)} runs without a log, or stopped, are left out")

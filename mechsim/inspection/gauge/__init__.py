@@ -1,0 +1,1 @@
+"""A gauge for rare breaks, from the loads that runs have logged."""
