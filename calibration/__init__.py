@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
-    from calibration.validating.crossvalidation import CrossValidation, crossvalidate
+    from calibration.validating.comparison import CrossValidation
+    from calibration.validating.crossvalidation import crossvalidate
     from calibration.validating.first_times import FirstTimes, compare_first_times
     from kinetics.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
@@ -43,7 +44,8 @@ _HOMES = {
     "calibration.estimating.rate_model": ("RateModel",),
     "kinetics.breaks": ("ShapeParameter",),
     "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
-    "calibration.validating.crossvalidation": ("CrossValidation", "crossvalidate"),
+    "calibration.validating.comparison": ("CrossValidation",),
+    "calibration.validating.crossvalidation": ("crossvalidate",),
     "calibration.validating.first_times": ("FirstTimes", "compare_first_times"),
     "kinetics.support.intervals": ("exact_limits",),
 }

@@ -161,6 +161,59 @@ def first_times(
     return ax
 
 
+def event_ratios(ax: Axes, names: Sequence[str], seen: ArrayLike, expected: Limited, title: str) -> Axes:
+    """Events seen over expected, a line a group of channels, beside their range under the model; logarithmic.
+
+    seen : (G,); expected : (G,) with the limits of the range. Nothing seen is an arrow at the left end.
+    """
+    events, centre = np.asarray(seen, float), np.asarray(expected.values, float)
+    known = np.flatnonzero(centre > 0)
+    low, high = (np.asarray(limit, float)[known] / centre[known] for limit in (expected.low, expected.high))
+    ratio = events[known] / centre[known]
+    above = np.concatenate([low, ratio])
+    left = 0.5 * min(above[above > 0].min(initial=1.0), 0.8)
+    right = 1.6 * max(high.max(initial=1.2), ratio.max(initial=1.2))
+    ends = np.maximum(low, left)
+    label = "95 % under the model"
+    ax.barh(known, high - ends, 0.5, ends, color=PREDICTED, alpha=0.25, label=label)
+    ax.axvline(1.0, color=PREDICTED, linewidth=0.8)
+    some = ratio > 0
+    ax.plot(ratio[some], known[some], "o", color=OBSERVED, label="mechanics")
+    ax.plot(np.full(np.count_nonzero(~some), left * 1.05), known[~some], "<", color=OBSERVED)
+    for i in range(len(names)):
+        text = f"{events[i]:.0f} / {centre[i]:.{0 if centre[i] >= 100 else 1}f}"
+        ax.annotate(text, (1.01, i), xycoords=ax.get_yaxis_transform(), va="center", fontsize="small")
+    ax.set_xscale("log")
+    ax.set_xlim(left, right)
+    ticks = [tick for tick in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0) if left <= tick <= right]
+    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.minorticks_off()
+    _one_line_each(ax, names)
+    ax.set_ylim(bottom=len(names) + 0.6)  # room for the legend
+    ax.set_xlabel("events seen / expected")
+    ax.set_title(title)
+    ax.legend(frameon=False, fontsize="small", loc="lower center", ncols=2)
+    return ax
+
+
+def pit_histogram(ax: Axes, pit: Floats, low: Floats, high: Floats, p_value: float) -> Axes:
+    """How many PITs of single runs fall into each bin, beside the range of 95 % of the simulated groups.
+
+    pit : (runs, values); low, high : (bins,)
+    """
+    edges = np.linspace(0.0, 1.0, low.size + 1)
+    tally, _ = np.histogram(pit, edges)
+    ax.stairs(high, edges, baseline=low, fill=True, color=PREDICTED, alpha=0.25, label="95 % under the model")
+    ax.stairs(tally, edges, color=OBSERVED, linewidth=1.5, label=f"mechanics, {len(pit)} runs")
+    ax.set_xlim(0, 1)
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("predicted share below the run (PIT)")
+    ax.set_ylabel("values of single runs")
+    ax.set_title(f"p = {p_value:.2g}")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
 def rates_by_point(ax: Axes, channel: str, points: Sequence[str], rates: Limited, events: Sequence[int]) -> Axes:
     """The rate of one channel at each point, with its limits and events."""
     for i, (row, n) in enumerate(zip(zip(*map(np.asarray, rates), strict=True), events, strict=True)):

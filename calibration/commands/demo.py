@@ -66,6 +66,9 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
                 "rates": str(rates_file),
                 "report": str(written),
                 "channels": calibrated.calibration.table(),
+                "is_consistent": validated.is_consistent,
+                "verdict": validated.verdict.sentence,
+                "events": [row.to_dict() for row in validated.events],
                 "summary": validated.summary(),
                 "seed": seed,
             }

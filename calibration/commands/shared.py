@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from calibration.validating.predictive import shown_p
 from kinetics.support.cli.options import in_a_folder
 from kinetics.support.tables import text_table
 from mechsim.commands.options import PARTIAL
@@ -66,19 +67,24 @@ def comparison_table(study: ValidationStudy) -> str:
     """One line a size, for people."""
     rows = []
     for row in study.summary():
-        first = ("-", "-", "-")
+        first = ("-", "-", "-", "-")
         if "first_mean" in row:
             seen = f"{row['runs'] - row['first_censored']} of {row['runs']}"
             observed = f"{row['first_observed']:.4g} [{row['first_low']:.4g}, {row['first_high']:.4g}]"
             error = f" ± {row['first_predicted_error']:.1g}" if row["first_predicted_error"] else ""
-            first = (seen, observed, f"{row['first_predicted']:.4g}{error}")
+            first = (seen, observed, f"{row['first_predicted']:.4g}{error}", f"{row['p_first']:.2g}")
         rows.append(
             (
                 row["label"],
                 str(row["runs"]),
-                f"{row['coverage']:.0%}",
+                "yes" if row["is_consistent"] else "no",
+                f"{row['coverage']:.0%} ({row['coverage_low']:.0%}-{row['coverage_high']:.0%})",
+                f"{row['run_coverage']:.0%} ({row['run_coverage_low']:.0%}-{row['run_coverage_high']:.0%})",
+                f"{row['misfit']:.2g}",
+                f"{row['p_misfit']:.2g}",
                 f"{row['crps']:.3g} ({row['crps_floor']:.3g})",
                 f"{row['p_crps']:.2g}",
+                f"{row['p_single_runs']:.2g}",
                 *first,
                 f"{row['cpu_mechanics_s']:.0f}",
                 f"{row['cpu_ssa_s']:.2g} ({row['ssa_runs']} runs)",
@@ -86,15 +92,35 @@ def comparison_table(study: ValidationStudy) -> str:
             )
         )
     titles = (
-        *("size", "runs", "coverage", "CRPS (floor)", "p", "first seen", "mean wait (tu)", "predicted"),
+        *("size", "runs", "consistent", "coverage", "of runs", "misfit", "p", "CRPS (floor)", "p", "p of PIT"),
+        *("first seen", "mean wait (tu)", "predicted", "p"),
         *("CPU mechanics (s)", "SSA", "exact"),
     )
     note = (
-        "Coverage of a predicted 95 % band; waits for the first finished structure count to the end of a run at most."
+        "Coverage of a predicted 95 % band by the mean and by single runs, with 95 % of what the model itself gives;\n"
+        "misfit of the mean, about 1; waits for the first finished structure count to the end of a run at most."
     )
     if any(not comparison.is_exact for comparison in study.comparisons):
         note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
-    return text_table(titles, rows) + "\n" + note
+    return "\n".join([text_table(titles, rows), note, "", _event_table(study), "", study.verdict.sentence])
+
+
+def _event_table(study: ValidationStudy) -> str:
+    """Events seen and expected, one line a size and group of channels."""
+    rows = [
+        (
+            row.size,
+            row.group,
+            str(row.seen),
+            f"{row.expected:.1f} ({row.low:.1f}-{row.high:.1f})",
+            shown_p(row.p, row.least),
+            f"{row.scatter:.2f} ({row.scatter_low:.2f}-{row.scatter_high:.2f})",
+            shown_p(row.p_scatter, row.least_scatter),
+        )
+        for row in study.events
+    ]
+    titles = ("size", "events", "seen", "expected (95 %)", "", "scatter between runs (95 %)", "")
+    return text_table(titles, rows)
 
 
 def leave(problems: list[str]) -> None:

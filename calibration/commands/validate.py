@@ -64,9 +64,11 @@ def validate(
 ) -> None:
     """Compare predictions with mechanics runs of SCENE that the rates never saw.
 
-    Coverage is the share of times and species at which the runs' mean lies in its predicted 95 % band. CRPS, the
-    continuous ranked probability score, is the mean distance of a run from the predicted distribution, in copies; it is
-    shown beside the model's score against its own runs. Exit code 4: some runs were stopped by the guard or given up.
+    The verdict rests on the events of every channel, seen and expected, on their scatter between runs, on mean counts,
+    single runs and first times, each by an exact p-value that carries the uncertainty of the rates. Coverage is the
+    share of times and species at which the runs' mean lies in its predicted 95 % band. CRPS, the continuous ranked
+    probability score, is the mean distance of a run from the predicted distribution, in copies; it is shown beside the
+    model's score against its own runs. Exit code 4: some runs were stopped by the guard or given up.
     """
     from calibration.pipeline.study import check_held_out, run_validation, validation_specs
     from kinetics.rates import Rates
@@ -99,6 +101,9 @@ def validate(
                 "duration": duration,
                 "runs": runs,
                 "seed": seed,
+                "is_consistent": study.is_consistent,
+                "verdict": study.verdict.sentence,
+                "events": [row.to_dict() for row in study.events],
                 "comparisons": [comparison.to_dict() for comparison in study.comparisons],
                 "digest": study.outcome.digest,
                 "problems": study.problems,

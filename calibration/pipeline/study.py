@@ -17,7 +17,8 @@ from calibration.estimating.diagnostics import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
 from calibration.pipeline.plan import StudyPlan
-from calibration.validating.crossvalidation import CrossValidation, crossvalidate
+from calibration.validating.crossvalidation import crossvalidate
+from calibration.validating.over_sizes import ComparedSizes
 from kinetics.assembly import Derivation
 from kinetics.breaks import BREAK_MODELS, break_model
 from kinetics.network import Tank
@@ -273,22 +274,17 @@ def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class ValidationStudy:
+class ValidationStudy(ComparedSizes):
     """Held-out runs beside their prediction, one comparison a system size."""
 
     rates: Rates
     outcome: Outcome
-    comparisons: tuple[CrossValidation, ...]
 
     @property
     def problems(self) -> list[str]:
         """Runs that were stopped by the guard or given up, in words."""
         stopped = [f"{r.spec.title}: {r.outcome}" for r in self.outcome.records if not r.completed]
         return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in self.outcome.quarantined]
-
-    def summary(self) -> list[dict[str, Any]]:
-        """One row a size."""
-        return [comparison.summary() for comparison in self.comparisons]
 
 
 def validation_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> list[RunSpec]:
@@ -333,7 +329,7 @@ def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Out
     for spec in specs:
         groups.setdefault((spec.scene.tank.size, spec.n_cubes), []).append(spec)
     comparisons = []
-    for (size, n), alike in groups.items():
+    for number, ((size, n), alike) in enumerate(groups.items()):
         label = f"{n} cubes" if size == scene.tank.size else f"{n} cubes in {Tank(size)}"
         records = [finished[spec.key] for spec in alike if spec.key in finished]
         if len(records) < 2:
@@ -348,9 +344,10 @@ def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Out
                 label=label,
                 seed=alike[0].seed,
                 mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
+                number=number,
             )
         )
-    return ValidationStudy(rates, outcome, tuple(comparisons))
+    return ValidationStudy(tuple(comparisons), rates, outcome)
 
 
 def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ from kinetics.rates import Rates
 if TYPE_CHECKING:
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.watched.study import WatchedStudy
+    from calibration.validating.comparison import CrossValidation
+    from calibration.validating.events import EventRow
 
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
@@ -27,6 +29,17 @@ ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
 runs, intrinsic noise and rate uncertainty together; the other band is a Student interval of the runs' mean. CRPS is the
 mean distance of a run from the predicted distribution, in copies, beside what the model scores against runs of its own.
+Coverage is the share of points inside a band; low and high are the middle 95 % of what simulated runs have of it.
+"""
+ABOUT_EVENTS = """
+Expected events are rate times exposure: what the rates promise in the states that the runs were in. The p-values are
+the ranks of seen over expected among simulated groups of as many runs, each under its own draw of the rates; so they
+are exact and carry the uncertainty of the rates. Scatter is the dispersion of events between runs, about 1 under the
+model.
+"""
+ABOUT_SINGLE_RUNS = """
+Each run's joins and breaks over those expected, and its final counts, as shares of their predicted distribution: evenly
+spread if the model holds. Their distance from that is judged among simulated groups of as many runs.
 """
 
 Draw = Callable[[Any], Any]
@@ -78,8 +91,29 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:
     species = study.comparisons[0].network.species[1:]
+    panels = [comparison.events for comparison in study.comparisons]
+    panels += [study.pooled] if study.pooled else []
     parts: list[Part] = [
         Heading("Predicted against simulated"),
+        Text(f"Verdict: {study.verdict.sentence}."),
+        Heading("Events"),
+        Text(ABOUT_EVENTS),
+        ReportTable("Events of joins, of breaks and of each channel.", _event_table(study), "events"),
+        Chart(
+            "Events seen over expected; the numbers on the right are both.",
+            partial(_draw_events, panels),
+            panels=len(panels),
+            name="events-figure",
+        ),
+        Heading("Single runs"),
+        Text(ABOUT_SINGLE_RUNS),
+        Chart(
+            "PIT of single runs, a panel a size.",
+            partial(_draw_single_runs, study.comparisons),
+            panels=len(study.comparisons),
+            name="pit",
+        ),
+        Heading("Counts over time"),
         Text(ABOUT_VALIDATION),
         ReportTable(
             "One column a size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"
@@ -102,6 +136,27 @@ def _testable(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         {key: "not testable" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
         for row in rows
     ]
+
+
+def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
+    """Rows of events, the size in words."""
+    return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
+
+
+def _draw_events(panels: Sequence[Sequence[EventRow]], axes: Any) -> None:
+    """One panel a size, and one of all sizes."""
+    from calibration import plots
+
+    for rows, ax in zip(panels, [axes] if len(panels) == 1 else axes, strict=True):
+        expected = plots.Limited([r.expected for r in rows], [r.low for r in rows], [r.high for r in rows])
+        plots.event_ratios(ax, [r.group for r in rows], [r.seen for r in rows], expected, rows[0].size)
+
+
+def _draw_single_runs(comparisons: Sequence[CrossValidation], axes: Any) -> None:
+    """One panel a size."""
+    for comparison, ax in zip(comparisons, [axes] if len(comparisons) == 1 else axes, strict=True):
+        comparison.single_runs.plot(ax)
+        ax.set_title(f"{comparison.label}, {ax.get_title()}")
 
 
 def _one_column_each(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

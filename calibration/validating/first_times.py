@@ -10,7 +10,7 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.runs import JumpPath
-from kinetics.sampling import Direct
+from kinetics.sampling import Direct, simulate_draws
 from kinetics.solving.states import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
@@ -130,8 +130,8 @@ def compare_first_times(
         observed=times,
         horizon=horizon,
         observed_mean=float(cut.mean()),
-        low=max(float(low), 0.0),  # a wait is not negative, whatever the t interval of few runs says
-        high=float(high),
+        low=max(float(low), 0.0),  # no wait is negative or beyond the horizon, whatever the t interval of few runs says
+        high=min(float(high), horizon),
         predicted_mean=float(np.trapezoid(1 - curve, grid)),
         predicted_error=passage.mean_error,
         mean=passage.mean,
@@ -212,17 +212,11 @@ def _drawn_levels(
     # With nothing that uses up the species, it is there at a time if and only if it has come by then.
     stays = network.reactants[:, index] == 0
     levels = np.empty((len(rate_draws), n))
-    for g, drawn in enumerate(rate_draws):
-        runs = Direct().simulate(
-            network.with_rates(drawn * stays),
-            paths[0].initial,
-            times,
-            runs=n,
-            seed=seed,
-            threads=1,
-            first_run=first_run + g * n,
-        )
-        cell = (runs.counts[:, :, index] < 1).sum(axis=1)
+    made = simulate_draws(
+        network, rate_draws * stays, paths[0].initial, times, n, seed, method=Direct(), first_run=first_run
+    )
+    for g, counts in enumerate(made):
+        cell = (counts[:, :, index] < 1).sum(axis=1)
         lower = bounds[np.maximum(cell - 1, 0)]
         upper = bounds[cell]
         levels[g] = np.where(np.isfinite(upper), lower + rng.random(n) * (upper - np.minimum(lower, upper)), np.inf)

@@ -29,6 +29,29 @@ class Score:
     p_value: float
 
 
+@dataclass(frozen=True)
+class BandShare:
+    """A share of points inside a band, and the middle 95 % of what simulated groups have of it.
+
+    Points at neighbouring times, and of different species, hang together, so that the share scatters widely.
+    """
+
+    share: float
+    low: float
+    high: float
+
+
+def share_inside(seen: np.ndarray, predicted: np.ndarray, low: Floats, high: Floats) -> BandShare:
+    """Share of `seen` (...) inside a band, beside those of predicted groups (groups, ...).
+
+    The band was made of the same groups, which pulls their shares up a little: by the order of 1 / groups.
+    """
+    axes = tuple(range(1, predicted.ndim))
+    shares = ((low <= predicted) & (predicted <= high)).mean(axis=axes)
+    limits = np.quantile(shares, [0.025, 0.975], method="inverted_cdf")
+    return BandShare(float(((low <= seen) & (seen <= high)).mean()), float(limits[0]), float(limits[1]))
+
+
 def group_scores(species: Sequence[str], counts: Ints, predicted: Counts) -> tuple[Score, ...]:
     """Scores of held-out runs `counts` (n, T, S) among predicted groups (groups, n, T, S): per species, then their sum.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from kinetics.passage import Passage, first_passage
 from kinetics.predicting.observables import Observables
 from kinetics.rates import Rates
 from kinetics.runs import EnsembleStatistics
-from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling import Auto, SamplingMethod, simulate_draws, simulate_statistics
 from kinetics.solving import Distribution, SolvingMethod, solve
 from kinetics.support.arrays import Floats, whole_number
 
@@ -132,8 +133,8 @@ def predict(
         unfinished = ""
     low = high = None
     if rates is not None and not _is_bare(rates) and not unfinished:
-        models = _drawn(network, model, rates, tank, seed, draws)
-        means, noise = _draw_means(models, initial, times, runs, seed, threads, report, observables)
+        constants = _constants(network, rates, tank, seed, draws)
+        means, noise = _draw_means(model, constants, initial, times, runs, seed, threads, report, observables)
         if len(means) < draws:
             unfinished = f"interrupted: {len(means)} of {draws} draws of the rates were made"
         if len(means) > 1:
@@ -173,10 +174,8 @@ def predict_passage(
     passage = first_passage(model, initial, species, copies)
     if rates is None or _is_bare(rates):
         return passage, None
-    means = [
-        first_passage(drawn, initial, species, copies).mean
-        for drawn in _drawn(network, model, rates, tank, seed, draws)
-    ]
+    drawn = [model.with_rates(constants) for constants in _constants(network, rates, tank, seed, draws)]
+    means = [first_passage(each, initial, species, copies).mean for each in drawn]
     # No interpolation between a finite mean and an infinite one.
     low, high = np.quantile(means, LIMITS, method="inverted_cdf")
     return passage, (float(low), float(high))
@@ -198,17 +197,17 @@ def _is_bare(rates: Rates) -> bool:
     return len(rates.without_evidence()) == len(rates.channels)
 
 
-def _drawn(network: Network, model: Network, rates: Rates, tank: Tank | None, seed: int, draws: int) -> list[Network]:
-    """The model, which the rates make of `network`, under each draw of its rate constants."""
+def _constants(network: Network, rates: Rates, tank: Tank | None, seed: int, draws: int) -> Floats:
+    """Draws (draws, R) of the rate constants of the model that the rates make of `network`."""
     # A stream of its own: spawned, so that it shares nothing with the runs of the same seed.
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1,))
     rng = np.random.default_rng(sequence)
-    table = rates.draw_constants(network, rng, whole_number("draws", draws, 2), tank)
-    return [model.with_rates(constants) for constants in table]
+    return rates.draw_constants(network, rng, whole_number("draws", draws, 2), tank)
 
 
 def _draw_means(
-    models: Sequence[Network],
+    model: Network,
+    constants: Floats,
     initial: ArrayLike,
     times: ArrayLike,
     runs: int,
@@ -218,20 +217,24 @@ def _draw_means(
     observables: Observables | None,
 ) -> tuple[list[Floats], list[Floats]]:
     """Mean counts (T, S) under each draw, and their squared Monte-Carlo errors; of the draws made before Ctrl-C."""
-    found: list[tuple[Floats, Floats]] = []
+    # Numbers beyond those of the prediction's own runs, so that all runs are independent.
+    made = simulate_draws(
+        model, constants, initial, times, RUNS_PER_DRAW, seed,
+        first_run=runs,
+        threads=len(os.sched_getaffinity(0)) if threads is None else threads,
+        weights=None if observables is None else observables.weights,
+    )  # fmt: skip
+    means, errors = [], []
     try:
-        for d, drawn in enumerate(models):
-            # Numbers beyond those of the prediction's own runs, so that all runs are independent.
-            first_run = runs + d * RUNS_PER_DRAW
-            sampling, shown = (
-                (Auto(), drawn) if observables is None else (observables.sampling(Auto(), drawn), observables.network)
-            )
-            sample = sampling.simulate(shown, initial, times, RUNS_PER_DRAW, seed, threads, first_run)
-            found.append((sample.mean(), sample.standard_error() ** 2))
-            report(f"{d + 1} of {len(models)} draws of the rates")
+        for d, counts in enumerate(made, start=1):
+            mean, squared_error = counts.mean(axis=0), counts.var(axis=0, ddof=1) / RUNS_PER_DRAW
+            means.append(mean)
+            errors.append(squared_error)
+            report(f"{d} of {len(constants)} draws of the rates")
     except KeyboardInterrupt:
         pass
-    return [mean for mean, _ in found], [error for _, error in found]
+    done = min(len(means), len(errors))  # Ctrl-C may come between the two
+    return means[:done], errors[:done]
 
 
 def _rounding(result: EnsembleStatistics | Distribution) -> str:

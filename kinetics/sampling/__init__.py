@@ -3,6 +3,7 @@
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.direct import Direct
+from kinetics.sampling.draws import exposures_of_draws, simulate_draws
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.general import General
 from kinetics.sampling.lockstep import Lockstep
@@ -21,7 +22,9 @@ __all__ = [
     "Lockstep",
     "PartialPropensities",
     "SamplingMethod",
+    "exposures_of_draws",
     "sample_path",
     "simulate",
+    "simulate_draws",
     "simulate_statistics",
 ]

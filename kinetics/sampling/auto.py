@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import ClassVar
+
+import numpy as np
 
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.exact_methods import EXACT_METHODS
+from kinetics.support.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -42,3 +46,7 @@ class Auto(SamplingMethod):
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for the chosen method."""
         return self.choose(network).prepared(network)
+
+    def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
+        """That of the chosen method, which does not depend on the rate constants."""
+        return self.choose(network.with_rates(np.ones(len(network.channels)))).sampler_of_rates(network)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import inf
@@ -113,6 +114,13 @@ class SamplingMethod(ABC):
         if refusal:
             raise ValueError(refusal)
         return self.prepared(network)
+
+    def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
+        """A function from rate constants (R,), checked before, to the network made ready with them.
+
+        A method overrides it where most of the work can be done once for all rate constants.
+        """
+        return lambda constants: self.sampler(network.with_rates(constants))
 
     def simulate(
         self,

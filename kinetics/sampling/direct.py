@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -38,6 +40,15 @@ class Direct(SamplingMethod):
             return RecomputingSampler(network)
         return updating_sampler(network)
 
+    def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
+        """Where every event computes all propensities, only their coefficients change."""
+        size = NetworkSize.of(network)
+        if _recomputing_cost(size) > _updating_cost(size):
+            return super().sampler_of_rates(network)
+        with_units = network.with_rates(np.ones(len(network.channels)))
+        self.sampler(with_units)  # refuses what it does not take
+        return RecomputingSampler(with_units).with_constants
+
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns."""
         return min(_recomputing_cost(size), _updating_cost(size))
@@ -57,6 +68,12 @@ class RecomputingSampler:
     def __init__(self, network: Network):
         self.model = mass_action(network)
         self.stoichiometry = np.ascontiguousarray(network.stoichiometry)
+
+    def with_constants(self, constants: Floats) -> RecomputingSampler:
+        """The same for other rate constants (R,), where those of this one are 1."""
+        other = copy(self)
+        other.model = self.model._replace(coefficients=self.model.coefficients * constants)
+        return other
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints

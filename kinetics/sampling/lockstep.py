@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -37,6 +39,14 @@ class Lockstep(SamplingMethod):
         """The network made ready for `kernels.lockstep`."""
         return LockstepSampler(network)
 
+    def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
+        """The coefficients alone change; the few runs that are made one by one are prepared when they come."""
+        with_units = network.with_rates(np.ones(len(network.channels)))
+        self.sampler(with_units)  # refuses what it does not take
+        one_by_one = Direct().sampler_of_rates(network)
+        ready = LockstepSampler(with_units)
+        return lambda constants: ready.with_constants(constants, one_by_one(constants))
+
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, in an ensemble that fills the lanes."""
         return 30.0 + 0.36 * size.n_channels if size.n_species > 8 else 3.0 + 0.8 * size.n_channels
@@ -50,6 +60,13 @@ class LockstepSampler:
         self.model = mass_action(network)
         self.stoichiometry = np.ascontiguousarray(network.stoichiometry)
         self.path = self.one_by_one.path
+
+    def with_constants(self, constants: Floats, one_by_one: Sampler) -> LockstepSampler:
+        """The same for other rate constants (R,), where those of this one are 1."""
+        other = copy(self)
+        other.one_by_one, other.path = one_by_one, one_by_one.path
+        other.model = self.model._replace(coefficients=self.model.coefficients * constants)
+        return other
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints

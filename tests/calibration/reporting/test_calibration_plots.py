@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from synthetic_runs import breaking_run, line_network, restarted_run
 
-from calibration import Exposure, crossvalidate, diagnose, estimate
+from calibration import Exposure, crossvalidate, diagnose, estimate, plots
 from calibration.estimating.estimate import per_combination
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
@@ -85,3 +85,18 @@ def test_trajectories_and_first_times(end):
     found.first.plot(ax)
     assert "mechanics, 5 runs" in texts(ax)
     assert ax.get_ylim() == (0.0, 1.0)
+    ax = axes()
+    found.single_runs.plot(ax)
+    assert "95 % under the model" in texts(ax)
+
+
+def test_event_ratios():
+    ax = axes()
+    expected = plots.Limited([100.0, 2.0, 0.0], [80.0, 0.0, 0.0], [120.0, 5.0, 0.0])
+    assert plots.event_ratios(ax, ["joins", "breaks", "never"], [130, 0, 0], expected, "60 cubes") is ax
+    assert texts(ax)[0] == "events seen / expected"
+    assert texts(ax)[-3:] == ["130 / 100", "0 / 2.0", "0 / 0.0"]
+    assert ax.get_xscale() == "log"
+    left, right = ax.get_xlim()
+    assert 0 < left < 0.8
+    assert right > 1.3

@@ -57,12 +57,13 @@ def test_holds_where_the_rates_are_right():
     The mean coverage of a repeat scatters by 0.1, so that of 40 by 0.016: the bounds are 6 of them below 95 %.
     """
     found = repeated(REPEATS)
-    assert 0.86 < np.mean([cv.coverage for cv in found]) < 0.995
-    assert 0.93 < np.mean([cv.run_coverage for cv in found]) < 0.995
+    assert 0.86 < np.mean([cv.coverage.share for cv in found]) < 0.995
+    assert 0.93 < np.mean([cv.run_coverage.share for cv in found]) < 0.995
     for p_values in (
         [cv.p_misfit for cv in found],
         [cv.scores[-1].p_value for cv in found],
         [cv.first.p_value for cv in found],
+        [cv.single_runs.p_value for cv in found],
     ):
         assert kstest(p_values, "uniform").pvalue > FALSE_ALARM
 
@@ -74,7 +75,7 @@ def test_holds_where_the_rates_are_right():
 )
 def test_controls_are_seen(rates_of, factor):
     found = repeated(REPEATS // 2, rates_of, factor=factor)
-    assert np.mean([cv.coverage for cv in found]) < 0.86
+    assert np.mean([cv.coverage.share for cv in found]) < 0.86
     assert kstest([cv.p_misfit for cv in found], "uniform").pvalue < FALSE_ALARM
 
 
@@ -83,13 +84,13 @@ def test_thirty_per_cent_are_seen_at_once_with_good_rates():
     network, rates = line_network(), calibrated(0, length=3000.0)
     same = crossvalidate(network, rates, held_out(1, n=100), TIMES, "quadmer", seed=1, groups=399)
     assert same.is_consistent
-    assert same.coverage > 0.8
+    assert same.coverage.share > 0.8
     assert np.nanmax(np.abs(same.z)) < 5
     for factor in (0.7, 1.3):
         off = crossvalidate(network, rates, held_out(1, n=100, factor=factor), TIMES, "quadmer", seed=1, groups=399)
         assert not off.is_consistent
         assert off.p_misfit == 1 / 400  # none of the 399 groups
-        assert off.coverage < 0.6
+        assert off.coverage.share < 0.6
         assert np.nanmax(np.abs(off.z)) > 5
 
 
@@ -115,6 +116,29 @@ def test_both_sides_and_their_cost_in_one_table(comparison):
     assert table[0]["observed"] == table[0]["predicted"] == 30.0
     assert np.isnan(table[0]["z"])  # nothing varies at time 0
     np.testing.assert_allclose(comparison.ssa_mean, comparison.predicted_mean, atol=6 * 3 / np.sqrt(50))
+
+
+def test_nothing_lies_beyond_what_is_possible(comparison):
+    """Counts between 0 and all cubes in that species, waits between 0 and the horizon, shares between 0 and 1."""
+    most = 30 // np.array([1, 2, 3, 4])
+    assert (comparison.observed_low >= 0).all()
+    assert (comparison.observed_high <= most).all()
+    few = crossvalidate(line_network(), calibrated(5), held_out(5, n=2), TIMES, "quadmer", runs=20, groups=99)
+    assert (few.observed_low == 0).any()
+    assert 0 <= few.first.low <= few.first.high <= TIMES[-1]
+    for share in (few.coverage, few.run_coverage):
+        assert 0 <= share.low <= share.high <= 1
+
+
+def test_every_output_states_the_verdict(comparison):
+    row = comparison.summary()
+    assert row["verdict"] == comparison.verdict.sentence
+    assert row["is_consistent"] == comparison.is_consistent
+    assert {"p_joins", "p_breaks", "p_scatter_joins", "p_single_runs", "p_misfit", "p_crps", "p_first"} <= row.keys()
+    assert all(np.isfinite(value) for value in row.values() if isinstance(value, float))
+    told = comparison.to_dict()
+    assert told["events"][0].keys() >= {"cubes", "tank", "group", "seen", "expected", "low", "high", "p"}
+    assert told["events"][0]["cubes"] == 30
 
 
 def test_is_json(comparison):

@@ -1,0 +1,267 @@
+"""Events seen in held-out runs beside those expected, group by group of channels, with exact predictive p-values.
+
+What is expected is rate times exposure, summed over the channels of a group and over the runs: the events that the
+rates promise in the states that these runs were in. The number of events alone says little where an assembly runs to
+its end, for then it hardly depends on the rates. What is ranked among simulated groups is seen / expected, where the
+simulated groups have their own states, events and draws of the rates: so the p-value carries the noise of the runs
+and the uncertainty of the calibration, and is exact where model and posterior hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.validating.groups import POOLED, SimulatedGroups, event_groups
+from calibration.validating.predictive import staged_p
+from calibration.validating.scores import Counts, central_band
+from kinetics.breaks import base_channel
+from kinetics.network import Network, Tank
+from kinetics.runs import JumpPath
+from kinetics.support.arrays import Floats, Ints
+
+LEVEL = 0.95
+AT_A_TIME = 500  # groups whose single runs are in memory
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """One group of channels at one size, or over all sizes.
+
+    size : the experiment in words
+    cubes : of a run; None for the pooled rows of all sizes
+    tank : edges of the tank, where it is known
+    group : `joins`, `breaks`, or a channel
+    seen, expected : events of all runs; what the posterior means of the rates give over the exposures of these runs
+    low, high : 95 % predictive interval of the events, given these exposures
+    p, least : two-sided predictive p-value, and the smallest that the simulated groups could give
+    scatter : Pearson's dispersion of the events between runs, about 1 under the model; nan for a single run
+    scatter_low, scatter_high, p_scatter, least_scatter : as above
+    """
+
+    size: str
+    cubes: int | None
+    tank: tuple[float, ...] | None
+    group: str
+    seen: int
+    expected: float
+    low: float
+    high: float
+    p: float
+    least: float
+    scatter: float
+    scatter_low: float
+    scatter_high: float
+    p_scatter: float
+    least_scatter: float
+
+    def to_dict(self) -> dict[str, object]:
+        """The row, without what only says how finely its p-values are resolved."""
+        return {name: value for name, value in vars(self).items() if not name.startswith("least")}
+
+
+@dataclass(frozen=True, eq=False)
+class EventTotals:
+    """Totals of D groups of runs in G groups of channels, arrays (D, G).
+
+    seen, expected : events, and those expected over the exposures
+    chi_squared : of the events of the runs about their common seen / expected, with `freedom` = n - 1
+    """
+
+    seen: Ints
+    expected: Floats
+    chi_squared: Floats
+    freedom: int
+
+    @property
+    def ratio(self) -> Floats:
+        """seen / expected (D, G); 0 where neither is, inf where events came that the rates call impossible."""
+        known = self.expected > 0
+        nothing = np.where(self.seen > 0, np.inf, 0.0)
+        return np.divide(self.seen, self.expected, out=nothing, where=known)
+
+    @property
+    def scatter(self) -> Floats:
+        """Pearson's dispersion (D, G); nan for a single run."""
+        return self.chi_squared / self.freedom if self.freedom else np.full(self.chi_squared.shape, np.nan)
+
+    @classmethod
+    def of(cls, events: Ints, expected: Floats) -> EventTotals:
+        """From each run's events and expected events (D, n, G)."""
+        seen, total = events.sum(axis=1), expected.sum(axis=1)
+        factor = np.divide(seen, total, out=np.zeros(total.shape), where=total > 0)
+        fitted = expected * factor[:, None]
+        squares = np.divide((events - fitted) ** 2, fitted, out=np.zeros(fitted.shape), where=fitted > 0)
+        return cls(seen, total, squares.sum(axis=1), events.shape[1] - 1)
+
+    @classmethod
+    def joined(cls, parts: Sequence[EventTotals]) -> EventTotals:
+        """Groups of runs one after the other."""
+        return cls(
+            np.concatenate([part.seen for part in parts]),
+            np.concatenate([part.expected for part in parts]),
+            np.concatenate([part.chi_squared for part in parts]),
+            parts[0].freedom,
+        )
+
+    @classmethod
+    def pooled(cls, parts: Sequence[EventTotals]) -> EventTotals:
+        """The same groups of several experiments, summed; each experiment keeps its own seen / expected."""
+        return cls(
+            np.sum([part.seen for part in parts], axis=0),
+            np.sum([part.expected for part in parts], axis=0),
+            np.sum([part.chi_squared for part in parts], axis=0),
+            sum(part.freedom for part in parts),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedEvents:
+    """Events of n held-out runs until a time, and of simulated groups of n runs.
+
+    names : of the G groups of channels
+    seen, expected : (n, G) of the held-out runs
+    first, most : numbers of groups simulated at first, and where a p-value is below 0.05
+    """
+
+    groups: SimulatedGroups
+    until: float
+    names: tuple[str, ...]
+    seen: Ints
+    expected: Floats
+    first: int
+    most: int
+
+    @classmethod
+    def of(
+        cls, groups: SimulatedGroups, paths: Sequence[JumpPath], until: float, first: int, most: int
+    ) -> WatchedEvents:
+        """Count the events of `paths` until a time, tu, none of which ends before it."""
+        names, members = _membership(groups.network, groups.network.channels)
+        cut = [_until(path, until) for path in paths]
+        seen = np.array([np.bincount(path.channels, minlength=len(path.network.channels)) for path in cut])
+        exposures = np.array([_exposures(path, groups.model) for path in cut])
+        expected = exposures * groups.mean_constants @ _membership(groups.network, groups.model.channels)[1]
+        return cls(groups, until, names, seen @ members, expected, first, most)
+
+    @cached_property
+    def observed(self) -> EventTotals:
+        """Of the held-out runs, D = 1."""
+        return EventTotals.of(self.seen[None], self.expected[None])
+
+    @cached_property
+    def first_runs(self) -> tuple[Ints, Floats]:
+        """Events and expected events (first, n, G) of every run of the groups simulated at first."""
+        pieces = list(self._grouped(self.groups.events(0, self.first, self.until)))
+        events, expected = zip(*pieces, strict=True)
+        return np.array(events), np.array(expected)
+
+    @cached_property
+    def first_totals(self) -> EventTotals:
+        """Of the groups simulated at first."""
+        return EventTotals.of(*self.first_runs)
+
+    @cached_property
+    def all_totals(self) -> EventTotals:
+        """Of all groups, the first ones among them."""
+        if self.most <= self.first:
+            return self.first_totals
+        return EventTotals.joined(
+            [self.first_totals, self._totals(self.groups.events(self.first, self.most, self.until))]
+        )
+
+    @property
+    def tank(self) -> Tank | None:
+        """That of the runs, where it is known."""
+        return self.groups.tank
+
+    def run_values(
+        self, counts: Ints, simulated: Counts, species: Sequence[str]
+    ) -> tuple[tuple[str, ...], Floats, Floats]:
+        """What a single run is judged by: names, and values (n, Q) and (first, n, Q) of joins, breaks, final counts.
+
+        counts, simulated : (n, S) and (first, n, S) at the end. Events are taken over the expected ones.
+        """
+        pooled = [g for g, name in enumerate(self.names) if name in POOLED]
+        names = (*(self.names[g] for g in pooled), *species)
+        values = []
+        for events, expected, final in ((self.seen, self.expected, counts), (*self.first_runs, simulated)):
+            ratio = np.divide(events, expected, out=np.zeros(expected.shape), where=expected > 0)
+            values.append(np.concatenate([ratio[..., pooled], final], axis=-1))
+        return names, values[0], values[1]
+
+    def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
+        """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
+        _, members = _membership(self.groups.network, self.groups.model.channels)
+        factors = np.where(members[:, self.names.index(group)] > 0, factor, 1.0)
+        return self._totals(self.groups.events_off(factors, groups, self.until, part))
+
+    def _totals(self, made: Iterator[tuple[Ints, Floats]]) -> EventTotals:
+        grouped, parts = self._grouped(made), []
+        while piece := list(islice(grouped, AT_A_TIME)):
+            events, expected = zip(*piece, strict=True)
+            parts.append(EventTotals.of(np.array(events), np.array(expected)))
+        return EventTotals.joined(parts)
+
+    def _grouped(self, made: Iterator[tuple[Ints, Floats]]) -> Iterator[tuple[Ints, Floats]]:
+        """Events and expected events (n, G), from events and exposures (n, R) of the model's channels."""
+        _, members = _membership(self.groups.network, self.groups.model.channels)
+        weights = self.groups.mean_constants[:, None] * members
+        for events, exposures in made:
+            yield events @ members, exposures @ weights
+
+
+def event_rows(
+    watched: Sequence[WatchedEvents], size: str, cubes: int | None = None, tank: Tank | None = None
+) -> tuple[EventRow, ...]:
+    """A row for each group of channels: of one experiment, or of several pooled.
+
+    First some 2,000 groups are simulated, and 49,999 where a p-value is below 0.05, see `staged_p`.
+    """
+    observed = EventTotals.pooled([each.observed for each in watched])
+    first = EventTotals.pooled([each.first_totals for each in watched])
+
+    def everything() -> EventTotals:
+        return EventTotals.pooled([each.all_totals for each in watched])
+
+    rng = np.random.default_rng(np.random.SeedSequence(watched[0].groups.seed, spawn_key=(5,)))
+    p, least = staged_p(observed.ratio[0], first.ratio, lambda: everything().ratio, rng)
+    low, high = central_band(first.ratio, LEVEL)
+    p_scatter = least_scatter = scatter_low = scatter_high = np.full(p.shape, np.nan)
+    if observed.freedom:
+        p_scatter, least_scatter = staged_p(observed.scatter[0], first.scatter, lambda: everything().scatter, rng)
+        scatter_low, scatter_high = central_band(first.scatter, LEVEL)
+    expected = observed.expected[0]
+    return tuple(
+        EventRow(
+            size, cubes, tank.size if tank else None, name, int(observed.seen[0, g]), float(expected[g]),
+            float(expected[g] * low[g]), float(expected[g] * high[g]), float(p[g]), float(least[g]),
+            float(observed.scatter[0, g]), float(scatter_low[g]), float(scatter_high[g]),
+            float(p_scatter[g]), float(least_scatter[g]),
+        )
+        for g, name in enumerate(watched[0].names)
+    )  # fmt: skip
+
+
+def _membership(network: Network, channels: Sequence[str]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Names of the groups of channels, and (R, G) 1 where a channel is in a group."""
+    groups = event_groups(network)
+    table = [[int(base_channel(channel) in members) for members in groups.values()] for channel in channels]
+    return tuple(groups), np.array(table, dtype=np.int64).reshape(len(channels), len(groups))
+
+
+def _until(path: JumpPath, end: float) -> JumpPath:
+    """The path as if it had been watched until `end` only."""
+    kept = path.times <= end
+    return JumpPath(path.network, path.initial, path.times[kept], path.channels[kept], end)
+
+
+def _exposures(path: JumpPath, model: Network) -> Floats:
+    """Integrals (R,) of ways * combinations over a path, tu, for the channels of the simulated network."""
+    waits = np.diff(np.concatenate([[0.0], path.times, [path.end]]))
+    return model.ways * (waits @ model.combinations_of(path.states))

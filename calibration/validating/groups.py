@@ -1,0 +1,105 @@
+"""Simulated groups: what as many runs as were held out would show, each group under its own draw of the rates.
+
+Draw d has the same rate constants in every experiment of a study, as one calibration serves them all; the runs of
+different experiments share no random numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kinetics.network import Network, Tank
+from kinetics.rates import Rates
+from kinetics.sampling import Direct, exposures_of_draws, simulate_draws
+from kinetics.support.arrays import Floats, Ints
+
+POOLED = {"joins": 2, "breaks": 1}  # groups of channels by their number of reactants
+BLOCK = 2000  # draws that come from one random stream
+# First run number of each part of an experiment; no part makes as many runs as lie between two of them.
+EXPERIMENT, GROUPS, FIRST_TIMES, OFF = 2**40, 2**36, 2**37, 2**38
+
+
+def event_groups(network: Network) -> dict[str, tuple[str, ...]]:
+    """Joins (channels of two copies), breaks (of one), then every channel by itself: name -> channels."""
+    copies = dict(zip(network.channels, network.reactants.sum(axis=1), strict=True))
+    pooled = {
+        group: tuple(name for name in network.channels if copies[name] == taken) for group, taken in POOLED.items()
+    }
+    return {name: members for name, members in pooled.items() if members} | {
+        name: (name,) for name in network.channels if name not in pooled
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedGroups:
+    """Groups of `runs` runs each, from one initial state.
+
+    network : the derived network; rates : their posterior is drawn from
+    initial : (S,) counts; runs : n
+    number : of the experiment in its study
+    tank : that of the runs; None where it is not known, which is then that of the rates
+    """
+
+    network: Network
+    rates: Rates
+    initial: Ints
+    runs: int
+    seed: int
+    number: int = 0
+    tank: Tank | None = None
+
+    @cached_property
+    def model(self) -> Network:
+        """The network that is simulated, at the point rates."""
+        return self.rates.apply(self.network, self.tank)
+
+    @cached_property
+    def mean_constants(self) -> Floats:
+        """Posterior means (R,) of the rate constants, from the first block of draws."""
+        return self.constants(0, BLOCK).mean(axis=0)
+
+    def first_run(self, part: int) -> int:
+        """Number of the first run of a part of this experiment, such as GROUPS."""
+        return self.number * EXPERIMENT + part
+
+    def constants(self, begin: int, end: int) -> Floats:
+        """Rate constants (end - begin, R) of these draws."""
+        blocks = [self._block(b) for b in range(begin // BLOCK, -(-end // BLOCK))]
+        skipped = begin - begin % BLOCK
+        return np.concatenate(blocks)[begin - skipped : end - skipped]
+
+    def _block(self, b: int) -> Floats:
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, b)))
+        return self.rates.draw_constants(self.network, rng, BLOCK, self.tank)
+
+    def counts(self, groups: int, times: Floats) -> np.ndarray:
+        """Counts (groups, n, T, S) of the first groups; int32, which halves the memory."""
+        counts = np.empty((groups, self.runs, times.size, len(self.model.species)), dtype=np.int32)
+        made = simulate_draws(
+            self.model, self.constants(0, groups), self.initial, times, self.runs, self.seed,
+            method=Direct(), first_run=self.first_run(GROUPS),
+        )  # fmt: skip
+        for group, drawn in zip(counts, made, strict=True):
+            group[:] = drawn
+        return counts
+
+    def events(self, begin: int, end: int, until: float) -> Iterator[tuple[Ints, Floats]]:
+        """Events and exposures (n, R) of the groups begin to end, until a time, tu: of the runs of `counts`."""
+        return exposures_of_draws(
+            self.model, self.constants(begin, end), self.initial, until, self.runs, self.seed,
+            first_run=self.first_run(GROUPS) + begin * self.runs,
+        )  # fmt: skip
+
+    def events_off(self, factors: Floats, groups: int, until: float, part: int) -> Iterator[tuple[Ints, Floats]]:
+        """The same for other runs, as if the rate constants were these factors (R,) times what they are.
+
+        part : of those asked for of one experiment, its number
+        """
+        return exposures_of_draws(
+            self.model, self.constants(0, groups) * factors, self.initial, until, self.runs, self.seed,
+            first_run=self.first_run(OFF) + part * groups * self.runs,
+        )  # fmt: skip

@@ -1,0 +1,49 @@
+"""Several comparisons of one study together: pooled events, and one verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from calibration.validating.comparison import CrossValidation
+from calibration.validating.events import EventRow, event_rows
+from calibration.validating.power import powers
+from calibration.validating.verdict import Verdict, event_checks, judged
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedSizes:
+    """Held-out runs of several sizes beside one prediction; their comparisons have different numbers."""
+
+    comparisons: tuple[CrossValidation, ...]
+
+    @cached_property
+    def pooled(self) -> tuple[EventRow, ...]:
+        """Events over all sizes; none where there is only one.
+
+        Simulated groups of one number share their draw of the rates over all sizes, as the held-out runs share the
+        true rates.
+        """
+        return event_rows([each.watched for each in self.comparisons], "all sizes") if len(self.comparisons) > 1 else ()
+
+    @property
+    def events(self) -> list[EventRow]:
+        """Events of every size, then of all sizes pooled."""
+        return [row for comparison in self.comparisons for row in comparison.events] + list(self.pooled)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """All checks of all sizes together, and of the pooled rows, corrected for their number."""
+        checks = [check for each in self.comparisons for check in each.checks]
+        checks += event_checks(self.pooled, "at all sizes")
+        return judged(checks, powers([each.watched for each in self.comparisons], len(checks)))
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether no check failed at 1 %, corrected for their number."""
+        return self.verdict.is_consistent
+
+    def summary(self) -> list[dict[str, Any]]:
+        """One row a size."""
+        return [comparison.summary() for comparison in self.comparisons]

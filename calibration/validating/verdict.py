@@ -1,0 +1,83 @@
+"""The verdict on held-out runs: all checks together, corrected for their number, in one sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.validating.events import EventRow
+from calibration.validating.groups import POOLED
+from calibration.validating.power import LEVEL, Power
+from calibration.validating.predictive import shown_p
+
+
+@dataclass(frozen=True)
+class ConsistencyCheck:
+    """One thing that held-out runs were tested for.
+
+    what : in words, with what was seen and expected
+    p, least : p-value, and the smallest that the test can give
+    """
+
+    what: str
+    p: float
+    least: float
+
+    @property
+    def sentence(self) -> str:
+        """What and p."""
+        return f"{self.what}, {shown_p(self.p, self.least)}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the held-out runs are consistent with the prediction.
+
+    checks : all of them, the smallest p-value first
+    failed : those that fail at 1 % by Holm's (1979) correction for their number
+    """
+
+    checks: tuple[ConsistencyCheck, ...]
+    failed: tuple[ConsistencyCheck, ...]
+    powers: tuple[Power, ...] = ()
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether no check failed."""
+        return not self.failed
+
+    @property
+    def sentence(self) -> str:
+        """The verdict, and what failed or what would have shown."""
+        if self.failed:
+            return "not consistent: " + "; ".join(check.sentence for check in self.failed)
+        words = f"consistent with the prediction in all {len(self.checks)} checks at {100 * LEVEL:g} %"
+        if self.checks:
+            words += f" (closest: {self.checks[0].sentence})"
+        if self.powers:
+            words += "; this many runs would have shown " + ", ".join(power.sentence for power in self.powers)
+        return words
+
+
+def judged(checks: Sequence[ConsistencyCheck], powers: Sequence[Power] = ()) -> Verdict:
+    """The verdict by Holm's step-down procedure; checks without a p-value are left out."""
+    ordered = sorted((check for check in checks if not math.isnan(check.p)), key=lambda check: check.p)
+    failed = []
+    for i, check in enumerate(ordered):
+        if check.p > LEVEL / (len(ordered) - i):
+            break
+        failed.append(check)
+    return Verdict(tuple(ordered), tuple(failed), tuple(powers))
+
+
+def event_checks(rows: Sequence[EventRow], where: str) -> list[ConsistencyCheck]:
+    """Of every group of channels its events; of joins and breaks also their scatter between runs."""
+    checks = []
+    for row in rows:
+        band = f"{row.expected:.3g} ({row.low:.3g}-{row.high:.3g}) expected"
+        checks.append(ConsistencyCheck(f"{row.group} {where} {row.seen} seen, {band}", row.p, row.least))
+        if row.group in POOLED:
+            band = f"{row.scatter:.2g} times Poisson's ({row.scatter_low:.2g}-{row.scatter_high:.2g} expected)"
+            checks.append(ConsistencyCheck(f"scatter of {row.group} {where} {band}", row.p_scatter, row.least_scatter))
+    return checks

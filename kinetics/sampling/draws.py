@@ -1,0 +1,117 @@
+"""Runs under many draws of the rate constants: the network is made ready once, and each draw costs some microseconds.
+
+A draw is one row of rate constants, from the posterior of a calibration, say. Run i of draw d is number
+first_run + d * runs + i of its stream, so all runs are independent, and draws may be asked for in parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network
+from kinetics.sampling.auto import Auto
+from kinetics.sampling.base import SamplingMethod, check_numbers, check_outcome, stream_key
+from kinetics.sampling.direct import RecomputingSampler
+from kinetics.support.arrays import Floats, Ints, integers, reals, rising_times
+from kinetics.support.memory import check_memory
+
+PIECE_BYTES = 2**26  # of all counts of a draw that are there at a time, where only sums of them are asked for
+BATCH = 16  # draws a thread at a time
+
+
+def simulate_draws(
+    network: Network,
+    constants: ArrayLike,
+    initial: ArrayLike,
+    times: ArrayLike,
+    runs: int,
+    seed: int = 0,
+    *,
+    method: SamplingMethod | None = None,
+    first_run: int = 0,
+    threads: int = 1,
+    weights: ArrayLike | None = None,
+) -> Iterator[Ints]:
+    """Counts (runs, T, S) at `times` (T,), tu, under each of `constants` (D, R), 1/tu, draw after draw.
+
+    method : how the runs are made; Auto() by default
+    weights : (S, V) whole weights, for the sums of counts (runs, T, V) instead
+
+    Only one draw a thread, and a few more, is in memory at a time. The same seed gives the same runs for any number of
+    threads. Beyond its runs a draw costs some 20 us where the method is the direct one or in lockstep.
+    """
+    table, start = _checked(network, constants, initial, runs, first_run)
+    check_numbers(runs, threads, first_run)
+    grid = rising_times(times)
+    if not grid.size:
+        raise ValueError("times is empty; give at least one time")
+    sums = None if weights is None else integers("weights", weights, (start.size, None), minimum=0)
+    piece = runs if sums is None else min(runs, max(1, PIECE_BYTES // (8 * grid.size * start.size)))
+    check_memory(
+        f"counts of {piece} runs of {start.size} species at {grid.size} times",
+        8.0 * piece * grid.size * start.size,
+        "ask for fewer runs or times",
+    )
+    key, sampler_of = stream_key(seed), (method or Auto()).sampler_of_rates(network)
+
+    def draw(d: int) -> Ints:
+        sampler = sampler_of(table[d])
+        parts = []
+        for begin in range(0, runs, piece):
+            out = np.empty((min(piece, runs - begin), grid.size, start.size), dtype=np.int64)
+            check_outcome(*sampler.ensemble(start, grid, key, first_run + d * runs + begin, out))
+            parts.append(out if sums is None else out @ sums)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    if threads == 1:
+        yield from map(draw, range(len(table)))
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        for begin in range(0, len(table), BATCH * threads):
+            yield from list(pool.map(draw, range(begin, min(begin + BATCH * threads, len(table)))))
+
+
+def exposures_of_draws(
+    network: Network,
+    constants: ArrayLike,
+    initial: ArrayLike,
+    end: float,
+    runs: int,
+    seed: int = 0,
+    *,
+    first_run: int = 0,
+) -> Iterator[tuple[Ints, Floats]]:
+    """Events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
+
+    The runs are those of `simulate_draws`. An exposure is the integral of ways * combinations, tu. Mass action only;
+    an event costs some 30 ns plus 3 ns a channel, a draw some 15 us.
+    """
+    table, start = _checked(network, constants, initial, runs, first_run)
+    if not network.is_mass_action:
+        raise ValueError("the network has rate laws or events; exposures are those of mass action alone")
+    horizon = float(rising_times([end])[0])
+    ready = RecomputingSampler(network.with_rates(np.ones(len(network.channels))))
+    key, shape = stream_key(seed), (runs, len(network.channels))
+
+    from kinetics.kernels import exposures
+
+    units = ready.model.coefficients
+    for d, row in enumerate(table):
+        model = ready.with_constants(row).model
+        seen, watched = np.empty(shape, dtype=np.int64), np.empty(shape)
+        first = first_run + d * runs
+        check_outcome(*exposures.ensemble(model, units, ready.stoichiometry, start, horizon, key, first, seen, watched))
+        yield seen, watched
+
+
+def _checked(
+    network: Network, constants: ArrayLike, initial: ArrayLike, runs: int, first_run: int
+) -> tuple[Floats, Ints]:
+    """The draws (D, R) and the initial counts (S,)."""
+    check_numbers(runs, None, first_run)
+    table = reals("constants", constants, (None, len(network.channels)), minimum=0)
+    return table, network.state(initial)

@@ -1,0 +1,105 @@
+"""Ranks, single runs and the verdict: exact where they say so, and sharp where they must be."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from calibration.validating.power import Power
+from calibration.validating.predictive import least_p, predictive_p, shown_p, staged_p, upper_p
+from calibration.validating.scores import share_inside
+from calibration.validating.single_runs import judge_single_runs
+from calibration.validating.verdict import ConsistencyCheck, judged
+
+FALSE_ALARM = 1e-6
+
+
+def test_predictive_p_is_uniform_with_many_ties():
+    """20,000 counts of a Poisson variable of mean 0.3 among 199: nearly all are ties, broken at random."""
+    rng = np.random.default_rng(1)
+    counts = rng.poisson(0.3, size=(200, 20_000)).astype(float)
+    p = predictive_p(counts[0], counts[1:], rng)
+    values, tally = np.unique(np.rint(p * 100).astype(int), return_counts=True)
+    np.testing.assert_array_equal(values, np.arange(1, 101))
+    assert p.min() == least_p(199) == 0.01
+    chi_squared = ((tally - 200) ** 2 / 200).sum()
+    assert chi_squared < 99 + 6 * np.sqrt(2 * 99)
+    off = predictive_p(rng.poisson(0.4, 20_000).astype(float), counts[1:], rng)  # control
+    assert kstest(off, "uniform").pvalue < FALSE_ALARM
+
+
+def test_two_stages_keep_the_level():
+    """At each level at most that share, 5 standard errors allowed; and the small p-values are those of all groups."""
+    rng = np.random.default_rng(2)
+    values = rng.normal(size=(1000, 20_000))
+    p, least = staged_p(values[0], values[1:100], lambda: values[1:], rng)
+    for level in (0.004, 0.01, 0.05, 0.2, 0.5):
+        assert (p <= level).mean() < level + 5 * np.sqrt(level * (1 - level) / 20_000)
+    assert p.min() < 0.01
+    np.testing.assert_allclose(least[p < 0.02], 2 / 1000)
+    np.testing.assert_allclose(least[p > 0.2], 2 / 100)
+
+
+def test_nothing_is_made_where_nothing_is_doubtful():
+    def never():
+        raise AssertionError("more groups were asked for")
+
+    p, _ = staged_p(np.array([0.0]), np.linspace(-1, 1, 99)[:, None], never, np.random.default_rng(0))
+    assert p[0] > 0.9
+
+
+def test_p_values_in_words():
+    assert shown_p(4e-5, 4e-5) == "p ≤ 4e-05"
+    assert shown_p(0.0123, 4e-5) == "p = 0.012"
+    assert upper_p(3.0, np.array([1.0, 2.0, 3.0, 4.0])) == 0.6
+
+
+def groups_of_runs(rng, repeats, scale=1.0):
+    """Whole values (1 + 99, 6, 2) of runs that share a rate, as under a posterior; scale : on the first group's."""
+    for _ in range(repeats):
+        rates = rng.gamma(20.0, 0.1, size=(100, 1, 1)) * np.ones((1, 6, 2))
+        rates[0] *= scale
+        yield rng.poisson(rates).astype(float)
+
+
+@pytest.mark.parametrize(("scale", "holds"), [(1.0, True), (2.0, False)])
+def test_single_runs_have_the_exact_p_value(scale, holds):
+    """Runs of a group share their rate, so the textbook's Kolmogorov-Smirnov law would be wrong; the rank is not."""
+    found = [
+        judge_single_runs(("a", "b"), values[0], values[1:], seed=i)
+        for i, values in enumerate(groups_of_runs(np.random.default_rng(3), 300, scale))
+    ]
+    assert (kstest([each.p_value for each in found], "uniform").pvalue > FALSE_ALARM) == holds
+    textbook = [kstest(each.pit.ravel(), "uniform").pvalue for each in found]
+    assert kstest(textbook, "uniform").pvalue < FALSE_ALARM
+    assert all(each.pit.min() >= 0 and each.pit.max() <= 1 for each in found)
+
+
+def test_shares_stand_beside_their_range():
+    """Each point is inside its band in 95 %, but a share of 40 that go together ranges far wider."""
+    rng = np.random.default_rng(4)
+    together = rng.normal(size=(1000, 1)) + 0.1 * rng.normal(size=(1000, 40))
+    low, high = np.quantile(together, [0.025, 0.975], axis=0)
+    found = share_inside(together[0], together, low, high)
+    assert found.high == 1.0
+    assert found.low < 0.5
+    apart = rng.normal(size=(1000, 40))
+    low, high = np.quantile(apart, [0.025, 0.975], axis=0)
+    assert share_inside(apart[0], apart, low, high).low > 0.85
+
+
+def test_holm_and_the_sentence():
+    check = partial(ConsistencyCheck, least=1e-4)
+    some = [check("a", 0.004), check("b", 0.0049), check("c", 0.02), check("d", float("nan"))]
+    verdict = judged(some)
+    assert [each.what for each in verdict.checks] == ["a", "b", "c"]
+    assert verdict.is_consistent  # 0.004 > 0.01 / 3, and nothing after it counts
+    assert verdict.sentence.startswith("consistent with the prediction in all 3 checks at 1 % (closest: a, p = 0.004)")
+    worse = judged([check("a", 0.003), *some[1:]])
+    assert worse.sentence == "not consistent: a, p = 0.003; b, p = 0.0049"  # 0.01 / 3, then 0.01 / 2
+    assert not worse.is_consistent
+    powers = [Power("joins", 0.2, 0.95, 0.56)]
+    assert judged(some, powers).sentence.endswith(
+        "; this many runs would have shown joins off by 20 % with probability 95 % (p < 0.05; 56 % by the verdict)"
+    )

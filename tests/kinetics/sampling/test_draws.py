@@ -1,0 +1,110 @@
+"""Runs under many draws of the rate constants are those of the network with these constants."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from known_systems import line
+
+from kinetics.network import Network
+from kinetics.sampling import Auto, Direct, General, Lockstep, PartialPropensities, exposures_of_draws, simulate_draws
+
+TIMES = np.array([0.0, 100.0, 700.0, 2000.0])
+START = [60, 0, 0, 0]
+N_CHANNELS = 8
+
+
+def draws_of(n, seed=0):
+    """Powers of two times the constants, so that rounding is the same in whichever order factors are taken."""
+    powers = np.random.default_rng(seed).integers(-1, 2, size=(n, N_CHANNELS))
+    return line().known_rates * 2.0**powers
+
+
+def three_of_one_kind():
+    return Network.from_reactions(
+        {"join": ({"A": 3}, {"B": 1}), "break": ({"B": 1}, {"A": 3})}, [0.01, 0.5], ways=[2.0, 1.0]
+    )
+
+
+@pytest.mark.parametrize("method", [Direct(), Lockstep(), PartialPropensities(), General(), Auto()])
+@pytest.mark.parametrize("runs", [3, 20])  # lockstep makes few runs one by one
+def test_runs_are_those_of_each_network(method, runs):
+    constants = draws_of(4)
+    made = list(simulate_draws(line(), constants, START, TIMES, runs, seed=5, method=method, first_run=7))
+    for d, (counts, drawn) in enumerate(zip(made, constants, strict=True)):
+        expected = method.simulate(line().with_rates(drawn), START, TIMES, runs, seed=5, first_run=7 + d * runs)
+        np.testing.assert_array_equal(counts, expected.counts)
+    assert not np.array_equal(made[0], made[1])
+
+
+def test_draws_may_come_in_parts_and_in_threads():
+    constants = draws_of(40)
+    whole = list(simulate_draws(line(), constants, START, TIMES, 3, seed=5))
+    later = list(simulate_draws(line(), constants[30:], START, TIMES, 3, seed=5, first_run=30 * 3))
+    threads = list(simulate_draws(line(), constants, START, TIMES, 3, seed=5, threads=2))
+    np.testing.assert_array_equal(whole[30:], later)
+    np.testing.assert_array_equal(whole, threads)
+    other = list(simulate_draws(line(), constants, START, TIMES, 3, seed=6))
+    assert not np.array_equal(whole, other)
+
+
+def test_only_the_draws_asked_for_are_made():
+    """Ctrl-C, or a reader that stops, keeps what was made."""
+    assert len(list(islice(simulate_draws(line(), draws_of(10**5), START, TIMES, 2), 3))) == 3
+
+
+def test_sums_of_counts():
+    weights = np.array([[1, 1], [2, 0], [3, 0], [4, 0]])
+    plain = next(simulate_draws(line(), draws_of(1), START, TIMES, 3))
+    (sums,) = simulate_draws(line(), draws_of(1), START, TIMES, 3, weights=weights)
+    np.testing.assert_array_equal(sums, plain @ weights)
+    assert (sums[:, :, 0] == 60).all()
+
+
+@pytest.mark.parametrize(
+    ("network", "start", "end"), [(line(), START, 500.0), (three_of_one_kind(), [30, 2], 2.0)], ids=["pairs", "triples"]
+)
+def test_events_and_exposures_are_those_of_the_paths(network, start, end):
+    constants = network.known_rates * np.array([[1.0], [2.0]])
+    runs = 2
+    for d, (events, exposures) in enumerate(exposures_of_draws(network, constants, start, end, runs, 3, first_run=9)):
+        for i in range(runs):
+            drawn = network.with_rates(constants[d])
+            path = Direct().sample_path(drawn, start, end, seed=3, run=9 + d * runs + i)
+            waits = np.diff(np.concatenate([[0.0], path.times, [end]]))
+            assert path.channels.size > 5
+            np.testing.assert_array_equal(events[i], np.bincount(path.channels, minlength=len(network.channels)))
+            expected = network.ways * (waits @ network.combinations_of(path.states))
+            np.testing.assert_allclose(exposures[i], expected, rtol=1e-12, atol=1e-9)
+
+
+def test_exposures_meet_the_events_on_average():
+    """Events less rate times exposure is a martingale: its mean over 4,000 runs is 0 within 5 of its errors."""
+    constants = np.tile(line().known_rates, (200, 1))
+    made = list(exposures_of_draws(line(), constants, START, 2000.0, 20, seed=1))
+    events, exposures = (np.concatenate(part) for part in zip(*made, strict=True))
+    for factor, is_right in ((1.0, True), (1.1, False)):
+        off = events - factor * line().known_rates * exposures
+        z = off.mean(axis=0) / (off.std(axis=0, ddof=1) / np.sqrt(len(off)))
+        assert (np.abs(z) < 5).all() == is_right
+
+
+def test_bad_input():
+    for constants, message in (
+        (np.ones(8), "constants has shape"),
+        (np.ones((2, 7)), r"expected \(any, 8\)"),
+        (np.full((1, 8), np.nan), "finite"),
+        (np.full((1, 8), -1.0), "at least 0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            next(simulate_draws(line(), constants, START, TIMES, 2))
+    with pytest.raises(ValueError, match="runs = 0"):
+        next(simulate_draws(line(), draws_of(1), START, TIMES, 0))
+    with pytest.raises(ValueError, match="times is empty"):
+        next(simulate_draws(line(), draws_of(1), START, [], 1))
+    with pytest.raises(ValueError, match="weights has shape"):
+        next(simulate_draws(line(), draws_of(1), START, TIMES, 1, weights=np.ones((3, 1))))
+    law = Network.from_reactions({"grow": ({}, {"A": 1})}, ["1 + A"])
+    with pytest.raises(ValueError, match="mass action"):
+        next(exposures_of_draws(law, [[1.0]], [0], 1.0, 1))
+    assert next(simulate_draws(law, [[1.0]], [0], [1.0], 2)).shape == (2, 1, 1)
