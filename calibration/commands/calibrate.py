@@ -106,7 +106,12 @@ def calibrate(
                 "out": out,
                 "channels": study.calibration.table(),
                 "evidence": study.rates.evidence,
-                "diagnostics": study.diagnosis.table(),
+                "diagnostics": {
+                    "verdict": study.diagnosis.verdict,
+                    "doubtful": study.diagnosis.doubtful,
+                    "by_test": study.diagnosis.verdicts(),
+                    "results": study.diagnosis.table(),
+                },
                 "problems": study.problems,
                 "seed": seed,
             }

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.estimating.diagnostics import Diagnosis, diagnose
+from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
 from calibration.validating.crossvalidation import CrossValidation, crossvalidate
@@ -138,7 +138,7 @@ class CalibrationStudy:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """Are waits exponential, and rates the same in all runs?"""
+        """Are the runs those of a well-mixed Markov chain?"""
         return diagnose([record.path for record in self.sound])
 
     @cached_property
