@@ -25,7 +25,9 @@ class Ages(SpreadDiagnostic):
     question = "Is a rate the same just after a start or restart as later?"
     single = "all its exposure is in one class of ages"
     remedy = "the tank is not mixed at its start: try the weibull model, or leave out the first time of each run"
-    measured = ""
+    measured = (
+        "size 5.7 % at a level of 5 %; power .88 where the rate is half as large again in the first 2 tu, at 650 events"
+    )
 
     def __post_init__(self) -> None:
         if len(self.edges) < 3 or self.edges[0] != 0 or not all(a < b for a, b in pairwise(self.edges)):

@@ -18,7 +18,9 @@ class BetweenRuns(SpreadDiagnostic):
     question = "Is a rate the same in all runs?"
     single = "one run alone could fire it"
     remedy = "runs differ by more than chance: look for a setting that they do not share, and calibrate at each value"
-    measured = ""
+    measured = (
+        "size 5.3 % at a level of 5 %; power .77 where half of 10 runs have a rate 35 % above the others, at 650 events"
+    )
 
     def groups(self, watched: Watched) -> Groups:
         """The runs."""

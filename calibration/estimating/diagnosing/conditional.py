@@ -9,7 +9,7 @@ level alpha has a size of at most alpha (Harrison 2012, doi:10.1093/biomet/asr07
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -66,6 +66,23 @@ class DirichletMultinomial:
         return np.asarray(rising - gammaln(whole + self.n) + gammaln(whole) - counts @ np.log(self.null))
 
 
+class Independent:
+    """Counts of several tables, one after the other, each with its own distribution."""
+
+    def __init__(self, tables: Sequence[Multinomial]) -> None:
+        self.tables = tables
+        self.ends = np.cumsum([table.share.size for table in tables])
+
+    def draw(self, rng: np.random.Generator, size: int) -> Ints:
+        """Counts (size, G)."""
+        return np.concatenate([table.draw(rng, size) for table in self.tables], axis=1)
+
+    def log_ratio(self, counts: Ints) -> Floats:
+        """Of its probability to the null's."""
+        parts = np.split(counts, self.ends[:-1], axis=1)
+        return np.sum([table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)], axis=0)
+
+
 def spread_test(events: Ints, exposure: Floats, rng: np.random.Generator) -> tuple[float, float]:
     """Pearson's dispersion, about 1 where one rate holds in all groups (G,), and its p-value (one-sided: too large).
 
@@ -78,38 +95,53 @@ def spread_test(events: Ints, exposure: Floats, rng: np.random.Generator) -> tup
     def statistic(counts: Ints) -> Floats:
         return np.asarray(((counts - expected) ** 2 / expected).sum(axis=-1))
 
-    p_value = weighted_p_value(events, share, proposals, statistic, rng)
+    p_value = weighted_p_value(events, Multinomial(n, share, share), proposals, statistic, rng)
     return float(statistic(events)) / (events.size - 1), p_value
 
 
-def trend_test(events: Ints, exposure: Floats, values: Floats, rng: np.random.Generator) -> tuple[float, float]:
-    """Does the rate rise or fall with `values` (G,), not all equal? The score, in standard deviations, and its p-value.
+class Trended(NamedTuple):
+    """Events and exposure (G,) of one channel in groups with known values (G,), not all equal; one event at least."""
 
-    The score test of a rate proportional to exp(beta * value), two-sided (Cox & Lewis 1966, chapter 3, where the value
-    is the time). One event at least.
+    events: Ints
+    exposure: Floats
+    values: Floats
+
+
+def trend_test(channels: Sequence[Trended], rng: np.random.Generator) -> tuple[float, float]:
+    """Do the rates of one or more channels rise or fall with a value? The score, in standard deviations, and its p.
+
+    The score test of rates proportional to exp(beta * value), one beta for all channels and a constant for each;
+    two-sided (Cox & Lewis 1966, chapter 3, where the value is the time).
     """
-    n, share = int(events.sum()), exposure / exposure.sum()
-    centred = values - share @ values
-    spread = float(np.sqrt(share @ centred**2))
-    score = centred / (spread * np.sqrt(n))
-    # As far as the counts can go; a further tilt would only put all events into one group.
-    slopes = [sign * tilt for tilt in TILTS for sign in (-1, 1)]
-    proposals = [Multinomial(n, share * np.exp(slope * (score - (slope * score).max() / slope)), share)
-                 for slope in slopes]  # fmt: skip
-    p_value = weighted_p_value(events, share, proposals, lambda counts: np.abs(counts @ score), rng)
-    return float(events @ score), p_value
+    shares = [table.exposure / table.exposure.sum() for table in channels]
+    sums = [int(table.events.sum()) for table in channels]
+    centred = [table.values - share @ table.values for table, share in zip(channels, shares, strict=True)]
+    variance = sum(n * (share @ c**2) for n, share, c in zip(sums, shares, centred, strict=True))
+    scores = [c / np.sqrt(variance) for c in centred]
+
+    def tilted(slope: float) -> Independent:
+        """Of counts whose rates do go as exp(slope * score)."""
+        logs = [slope * score for score in scores]
+        shifted = [share * np.exp(log - log.max()) for share, log in zip(shares, logs, strict=True)]
+        return Independent([Multinomial(*each) for each in zip(sums, shifted, shares, strict=True)])
+
+    every = np.concatenate(scores)
+    seen = np.concatenate([table.events for table in channels])
+    p_value = weighted_p_value(
+        seen, tilted(0.0), [tilted(sign * t) for t in TILTS for sign in (-1, 1)], lambda x: np.abs(x @ every), rng
+    )
+    return float(seen @ every), p_value
 
 
 def weighted_p_value(
     seen: Ints,
-    share: Floats,
+    null: Proposal,
     proposals: Sequence[Proposal],
     statistic: Callable[[Ints], Floats],
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> float:
-    """P-value of `statistic(seen)`, large values being extreme, for counts that are multinomial with shares (G,)."""
-    null = Multinomial(int(seen.sum()), share, share)
+    """P-value of `statistic(seen)` for counts (G,) that follow `null`; large values are extreme."""
     each = draws // 2 // max(len(proposals), 1)
     sizes = [draws - each * len(proposals), *[each] * len(proposals)]
     mixed = [null, *proposals]

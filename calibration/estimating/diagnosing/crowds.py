@@ -16,7 +16,10 @@ class Crowds(TrendDiagnostic):
     name = "crowd"
     question = "Is a rate the same among many bodies and among few?"
     single = "there were {value} whenever it could fire"
-    measured = ""
+    measured = (
+        "size 4.6 % at a level of 5 %; "
+        "power .98 for a rate half as large again among 40 bodies as among 20, at 400 events"
+    )
 
     def values(self, watched: Watched) -> list[Floats]:
         """Bodies of all species in every state."""

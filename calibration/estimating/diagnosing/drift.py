@@ -21,7 +21,10 @@ class Drift(ChannelDiagnostic):
 
     name = "drift"
     question = "Is a rate the same from the first run to the last, and from the beginning of a run to its end?"
-    measured = ""
+    measured = (
+        "size 5.0 % at a level of 5 %; "
+        "power .85 against a rate that rises by half from the first run to the last at 650 events"
+    )
 
     def judge(self, watched: Watched, channel: int) -> Judged:
         """The test of one channel."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from calibration.estimating.diagnosing.base import ChannelDiagnostic, Judged
-from calibration.estimating.diagnosing.conditional import spread_test, trend_test
+from calibration.estimating.diagnosing.base import ChannelDiagnostic, DiagnosticResult, Judged
+from calibration.estimating.diagnosing.conditional import Trended, spread_test, trend_test
 from calibration.estimating.diagnosing.watched import Watched
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import exact_limits
@@ -115,31 +115,58 @@ class TrendDiagnostic(ChannelDiagnostic):
     def remedy(self, watched: Watched, channel: int) -> str:
         """The model to try next."""
 
+    def results(self, watched: Watched) -> list[DiagnosticResult]:
+        """One result a channel, then one of all joins and one of all breaks, whose trends add up."""
+        single = super().results(watched)
+        pooled = []
+        for name, kind in (("all joins", False), ("all breaks", True)):
+            mine = [j for j in range(len(single)) if watched.is_break(j) == kind]
+            chosen = [j for j in mine if single[j].p_value is not None]
+            n = sum(single[j].events for j in mine)
+            if len(chosen) > 1:
+                pooled.append(DiagnosticResult(self.name, name, n, **self._judge(watched, name, chosen)._asdict()))
+            else:
+                pooled.append(DiagnosticResult(self.name, name, n, reason="fewer than two channels can be tested"))
+        return [*single, *pooled]
+
     def judge(self, watched: Watched, channel: int) -> Judged | str:
         """The test of one channel."""
-        at = self.values(watched)
-        values = np.unique(np.concatenate(at))
-        events, exposure = watched.grouped([np.searchsorted(values, each) for each in at], values.size)
-        # Two events in one step leave a state without duration between them: such an event is in no group.
+        values, events, exposure = self._grouped(watched)
         is_watched = exposure[:, channel] > 0
         if is_watched.sum() < 2:
             return self.single.format(value=f"{values[0]:g} {self.unit(watched)}")
-        values = values[is_watched]
-        events, exposure = events[is_watched, channel], exposure[is_watched, channel]
-        if not events.any():
+        # Two events in one step leave a state without duration between them: such an event is in no group.
+        if not events[is_watched, channel].any():
             return "its events fell into stretches without duration"
-        score, p_value = trend_test(events, exposure, values, watched.random(self.name, channel))
-        labels, classes = _classes(values, exposure)
+        return self._judge(watched, watched.network.channels[channel], [channel])
+
+    def _judge(self, watched: Watched, name: str, channels: Sequence[int]) -> Judged:
+        values, events, exposure = self._grouped(watched)
+        tables = []
+        for j in channels:
+            there = exposure[:, j] > 0
+            tables.append(Trended(events[there, j], exposure[there, j], values[there]))
+        score, p_value = trend_test(tables, watched.random(self.name, name))
+        expected = sum(exposure[:, j] * events[:, j].sum() / exposure[:, j].sum() for j in channels)
+        is_watched = np.asarray(expected) > 0
+        labels, classes = _classes(values[is_watched], expected[is_watched])
         found = GroupRates(
-            watched.network.channels[channel],
+            name,
             tuple(f"{label} {self.unit(watched)}" for label in labels),
-            np.bincount(classes, events).astype(np.int64),
-            np.bincount(classes, exposure).astype(float),
+            np.bincount(classes, events[:, list(channels)].sum(axis=1)[is_watched]).astype(np.int64),
+            np.bincount(classes, expected[is_watched]).astype(float),
         )
         seen = (
             f"{found.rates[-1]:.2f} of the pooled rate at {found.labels[-1]}, {found.rates[0]:.2f} at {found.labels[0]}"
         )
-        return Judged(score, p_value, seen, self.remedy(watched, channel), partial(found.plot, p_value=p_value))
+        remedy = self.remedy(watched, channels[0])
+        return Judged(score, p_value, seen, remedy, partial(found.plot, p_value=p_value))
+
+    def _grouped(self, watched: Watched) -> tuple[Floats, Ints, Floats]:
+        """Distinct values (G,) of the quantity, and events and exposure (G, R) at each."""
+        at = self.values(watched)
+        values = np.unique(np.concatenate(at))
+        return values, *watched.grouped([np.searchsorted(values, each) for each in at], values.size)
 
 
 def _classes(values: Floats, exposure: Floats, n: int = 4) -> tuple[list[str], Ints]:
