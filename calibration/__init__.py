@@ -10,14 +10,9 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from calibration.estimating.diagnostics import (
-        Diagnosis,
-        Homogeneity,
-        WaitingTimes,
-        diagnose,
-        homogeneity,
-        waiting_times,
-    )
+    from calibration.estimating.diagnosing import DIAGNOSTICS
+    from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
+    from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
     from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
     from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
@@ -32,10 +27,9 @@ if TYPE_CHECKING:
     from kinetics.support.intervals import exact_limits
 
 _HOMES = {
-    "calibration.estimating.diagnostics": (
-        *("Diagnosis", "Homogeneity", "WaitingTimes"),
-        *("diagnose", "homogeneity", "waiting_times"),
-    ),
+    "calibration.estimating.diagnosing": ("DIAGNOSTICS",),
+    "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
+    "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
     "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
     "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
@@ -51,16 +45,18 @@ _HOMES = {
 }
 
 __all__ = [
+    "DIAGNOSTICS",
     "RATE_MODELS",
     "Calibration",
     "Chart",
     "CrossValidation",
     "Crowded",
     "Diagnosis",
+    "Diagnostic",
+    "DiagnosticResult",
     "Exposure",
     "FirstTimes",
     "Heading",
-    "Homogeneity",
     "HtmlReport",
     "LikelihoodRatio",
     "MassActionRates",
@@ -70,7 +66,6 @@ __all__ = [
     "ReportTable",
     "ShapeParameter",
     "Text",
-    "WaitingTimes",
     "Weibull",
     "by_age",
     "by_initial",
@@ -82,11 +77,9 @@ __all__ = [
     "estimate",
     "exact_limits",
     "fit_rates",
-    "homogeneity",
     "paper_estimate",
     "pooled",
     "rate_model",
-    "waiting_times",
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

@@ -63,16 +63,64 @@ def forest(ax: Axes, names: Sequence[str], sets: Mapping[str, Limited], label: s
     return ax
 
 
-def homogeneity(
-    ax: Axes, channel: str, labels: Sequence[str], rates: Limited, pooled_rate: float, p_value: float
-) -> Axes:
-    """The rate of one channel, group by group, with its limits, beside the rate of all groups together."""
+def homogeneity(ax: Axes, channel: str, labels: Sequence[str], rates: Limited, p_value: float) -> Axes:
+    """The rate of one channel, group by group, with its limits, in units of the rate of all groups together."""
     for i, row in enumerate(zip(*map(np.asarray, rates), strict=True)):
         forest_row(ax, i, *row)
-    ax.axvline(pooled_rate, color=OBSERVED, linestyle="--", label="pooled")
+    ax.axvline(1.0, color=OBSERVED, linestyle="--", label="pooled")
     _one_line_each(ax, labels)
-    ax.set_xlabel("rate constant k (1/tu)")
+    ax.set_xlabel("rate in units of the pooled rate")
     ax.set_title(f"{channel}, p = {p_value:.2g}")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def drift(ax: Axes, channel: str, positions: Floats) -> Axes:
+    """Share of events by share of integrated hazard (n,), with the band that 95 % of steady rates keep to."""
+    from scipy.stats import kstwo
+
+    n = positions.size
+    reach = kstwo.ppf(0.95, n)
+    ax.fill_between(
+        [0, 1], [-reach, 1 - reach], [reach, 1 + reach], color=OBSERVED, alpha=0.2, linewidth=0, label="95 % if steady"
+    )
+    ax.plot([0, 1], [0, 1], color=OBSERVED, label="steady rate")
+    shares = np.arange(n + 1) / n
+    ax.step(np.append(0.0, np.sort(positions)), shares, where="post", color=PREDICTED, label=f"{n} events")
+    ax.set_xlim(0, 1)
+    ax.set_ylim(0, 1)
+    ax.set_xlabel("share of the integrated hazard")
+    ax.set_ylabel("share of the events")
+    ax.set_title(channel)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def seen_and_expected(ax: Axes, title: str, seen: int, expected: float) -> Axes:
+    """Events seen beside the Poisson distribution about those expected."""
+    from scipy.stats import poisson
+
+    low, high = (float(poisson.ppf(q, expected)) for q in (1e-4, 1 - 1e-4))
+    counts = np.arange(max(low, 0), max(high, 3) + 1)
+    ax.bar(counts, poisson.pmf(counts, expected), color=OBSERVED, alpha=0.3, label=f"{expected:.3g} expected")
+    ax.axvline(seen, color=PREDICTED, label=f"{seen} seen")
+    ax.set_xlabel("inverse joins within the window")
+    ax.set_ylabel("probability")
+    ax.set_title(title)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def p_values(ax: Axes, rising: Sequence[float], names: Sequence[str]) -> Axes:
+    """All p-values, rising, beside those expected of as many true nulls; the first ones by name."""
+    shown = np.maximum(rising, 1e-300)
+    expected = (np.arange(shown.size) + 0.5) / max(shown.size, 1)
+    ax.loglog(expected, expected, color=OBSERVED, label="if the model holds")
+    ax.loglog(expected, shown, "o", color=PREDICTED, mfc="none", label=f"{shown.size} tests")
+    for x, y, name in zip(expected, shown, names[:8], strict=False):
+        ax.annotate(name, (x, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize="x-small")
+    ax.set_xlabel("p expected at this rank")
+    ax.set_ylabel("p of the test")
     ax.legend(frameon=False, fontsize="small")
     return ax
 

@@ -4,6 +4,7 @@ cheaper.
 The demonstration makes a calibration and held-out runs; `calibrate` and `validate` then find these runs in its folder.
 """
 
+import html
 import json
 import os
 import signal
@@ -17,6 +18,7 @@ import pandas as pd
 import pytest
 from command_line import COMMAND, run_here
 
+from calibration import DIAGNOSTICS
 from calibration.pipeline.study import calibration_specs
 from mechsim.runs.record import RunSpec
 from mechsim.runs.store import RunStore
@@ -187,7 +189,13 @@ def test_calibrate(place, calibrated):
     assert {name: channel["events"] for name, channel in rates["channels"].items()} == {
         row["channel"]: row["events"] for row in data["channels"]
     }
-    assert "Rates of line4" in (place / "calibration.html").read_text(encoding="utf-8")
+    diagnostics = data["diagnostics"]
+    assert [row["test"] for row in diagnostics["by_test"]] == [test.name for test in DIAGNOSTICS]
+    assert diagnostics["doubtful"] == rates["evidence"]["doubtful_tests"]
+    report = (place / "calibration.html").read_text(encoding="utf-8")
+    assert "Rates of line4" in report
+    for words in (diagnostics["verdict"], *(row["verdict"] for row in diagnostics["by_test"])):
+        assert html.escape(words) in report
 
 
 def test_calibrate_again_writes_the_same_rates(wellmixed_here, place, demonstrated, calibrated):

@@ -120,8 +120,12 @@ def calibrate(
                 "out": out,
                 "channels": study.calibration.table(),
                 "evidence": study.rates.evidence,
-                "diagnostics": study.diagnosis.table(),
-                "not_testable": study.diagnosis.not_testable,
+                "diagnostics": {
+                    "verdict": study.diagnosis.verdict,
+                    "doubtful": study.diagnosis.doubtful,
+                    "by_test": study.diagnosis.verdicts(),
+                    "results": study.diagnosis.table(),
+                },
                 "problems": study.problems,
                 "seed": None if events else seed,
             }

@@ -13,6 +13,7 @@ from kinetics.support.tables import text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
+    from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.watched.study import WatchedStudy
 
@@ -52,15 +53,18 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
         for row in study.calibration.table()
     ]
     lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
-    lines += [f"doubtful: {name}" for name in study.diagnosis.doubtful]
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for test, channels in study.diagnosis.not_testable.items():
-        alike.setdefault(tuple(channels), []).append(test)
-    for group, tests in alike.items():
-        whose = "any channel" if len(group) == len(rows) else ", ".join(group)
-        lines.append(f"not testable: {', '.join(tests)} of {whose}")
+    lines += ["", *diagnosis_lines(study.diagnosis), ""]
     lines.append(study.source)
     return "\n".join(lines)
+
+
+def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
+    """P-values of all tests channel by channel, - where not testable, then the verdict and what to try, for people."""
+    rows = diagnosis.p_values()
+    cells = [["-" if isinstance(v, float) and math.isnan(v) else v for v in row.values()] for row in rows]
+    shown = [[cell if isinstance(cell, str) else f"{cell:.2g}" for cell in line] for line in cells]
+    lines = [text_table(tuple(rows[0]), shown), diagnosis.verdict]
+    return lines + [f"doubtful: {f.title}: {f.seen}; {f.remedy}" for f in diagnosis.failed]
 
 
 def comparison_table(study: ValidationStudy) -> str:

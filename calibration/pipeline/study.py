@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.break_fit import BreakComparison, break_channels, rates_with_breaks
-from calibration.estimating.diagnostics import Diagnosis, diagnose
+from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
 from calibration.pipeline.plan import StudyPlan
@@ -171,7 +171,7 @@ class CalibrationStudy:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """Are waits exponential, and rates the same in all runs?"""
+        """Are the runs those of a well-mixed Markov chain?"""
         return diagnose([record.path for record in self.sound])
 
     @cached_property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -11,19 +10,20 @@ from calibration.reporting.report import Chart, Heading, HtmlReport, Part, Repor
 from kinetics.rates import Rates
 
 if TYPE_CHECKING:
+    from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
-    from calibration.watched.study import WatchedStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
+    from calibration.watched.study import WatchedStudy
 
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
 exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
 """
 ABOUT_DIAGNOSTICS = """
-Dispersion is the variance of a channel's counts between runs over that of a Poisson count: 1 on average. The p-values
-test for equal rates in all runs, at all ages of a run and from all initial states, for waits without drift, and for
-exponential waits.
+Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
+means that the runs cannot tell. Every test conditions on the number of events of a channel, so that only the shape of
+its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm 1979).
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -69,8 +69,6 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     references = {"paper, Table III": table3} if is_papers_line else None
-    doubtful = ", ".join(study.diagnosis.doubtful)
-    verdict = f"Doubtful at 1 %, corrected for their number: {doubtful}." if doubtful else "None fails at 1 %."
     return [
         Heading("Rates"),
         Text(f"{study.source}. {study.made} {ABOUT_RATES}"),
@@ -78,15 +76,37 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
-        Heading("Do the runs behave like a Markov chain?"),
-        Text(f"{ABOUT_DIAGNOSTICS} {verdict}"),
-        ReportTable("Diagnostics, a row a channel.", _testable(study.diagnosis.table()), "diagnostics"),
+        *diagnosis_parts(study.diagnosis),
+    ]
+
+
+def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:
+    """The diagnostics of a set of runs: verdicts in words, all p-values, and of each test its most doubtful figure.
+
+    name : of the tables and charts; two sets of runs in one report need two
+    """
+    parts: list[Part] = [
+        Heading("Do the runs behave like a well-mixed Markov chain?"),
+        Text(f"{ABOUT_DIAGNOSTICS} {diagnosis.verdict}"),
+        ReportTable(
+            "Verdicts, a row a test, with the size and power that each was measured to have.",
+            diagnosis.verdicts(),
+            f"{name}-verdicts",
+        ),
+        ReportTable("P-values, a row a channel.", diagnosis.p_values(), f"{name}-p"),
         Chart(
-            "Waits of any event, rescaled by the hazard: unit exponential if the model holds.",
-            study.diagnosis.waits[-1].plot,
-            name="waits",
+            "All p-values beside those of as many tests of a true model.",
+            diagnosis.plot,
+            rows=diagnosis.table(),
+            name=name,
         ),
     ]
+    for test in diagnosis.tests:
+        worst = diagnosis.worst(test.name)
+        if worst is not None:
+            caption = f"{test.question} Least likely, {worst.title}: {worst.seen}; p = {worst.p_value:.2g}."
+            parts.append(Chart(caption, worst.plot, name=f"{name}-{test.name}"))
+    return parts
 
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:
@@ -128,14 +148,6 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
             first = comparison.first
             parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
     return parts
-
-
-def _testable(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with words in the place of figures that do not exist."""
-    return [
-        {key: "not testable" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
-        for row in rows
-    ]
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:

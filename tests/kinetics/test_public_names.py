@@ -75,7 +75,7 @@ def test_a_list_that_differs_from_its_homes_is_seen():
         ("kinetics", "Simulate", "did you mean 'simulate'"),
         ("kinetics.assembly", "Event", "did you mean 'StructureEvent'"),
         ("calibration", "Table", "did you mean 'ReportTable'"),
-        ("calibration", "homogeneities", "did you mean 'homogeneity'"),
+        ("calibration", "diagnoses", "did you mean 'diagnose'"),
     ],
 )
 def test_an_unknown_name_is_answered_by_near_ones(package, name, hint):

@@ -18,8 +18,9 @@ from calibration import (
     count,
     estimate,
     fit_rates,
-    waiting_times,
 )
+from calibration.estimating.diagnosing.renewal import waiting_times
+from calibration.estimating.diagnosing.watched import Watched
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 
@@ -153,16 +154,17 @@ def test_waits_are_rescaled_by_any_model():
     _, k = known_parameters(MassActionRates(), pair_network(), STATES[0])
     runs = pair_runs(Weibull(2.0), k, rng, n=20, end=20.0)
     fit = fit_rates(Weibull(), runs)
-    for channel in ("join", None):
-        assert waiting_times(runs, channel, fit).shape_test()[1] > 1e-3  # a fixed seed
-        assert waiting_times(runs, channel).shape_test()[1] < 1e-3
-    constant = fit_rates(MassActionRates(), runs)
-    for channel in ("join", None):
-        np.testing.assert_allclose(
-            waiting_times(runs, channel, constant).residuals, waiting_times(runs, channel).residuals, rtol=1e-12
-        )
-    with pytest.raises(ValueError, match="the fit holds break; expected join"):
-        waiting_times(runs, "join", fit_rates(Weibull(), runs, ["break"]))
+    judged = Watched(tuple(runs), fit)
+    constants = [Watched(tuple(runs), each) for each in (None, fit_rates(MassActionRates(), runs))]
+    partly = Watched(tuple(runs), fit_rates(Weibull(), runs, ["join"]))  # the break by mass action
+    for channel in (0, None):
+        assert waiting_times(judged, channel).shape_test()[1] > 1e-3  # a fixed seed
+        assert waiting_times(constants[0], channel).shape_test()[1] < 1e-3
+        residuals = [waiting_times(each, channel).residuals for each in constants]
+        np.testing.assert_allclose(*residuals, rtol=1e-12)
+    assert waiting_times(partly, 0).shape_test()[1] > 1e-3
+    residuals = [waiting_times(each, 1).residuals for each in (partly, constants[0])]
+    np.testing.assert_allclose(*residuals, rtol=1e-12)
 
 
 def test_one_crowd_alone_leaves_both_terms_open():

@@ -61,13 +61,32 @@ def test_conventions_stand_on_one_scale(name):
 
 def test_waits_and_groups():
     diagnosis = diagnose(runs())
+    found = {result.title: result for result in diagnosis.results}
     ax = axes()
-    diagnosis.waits[-1].plot(ax)
+    assert found["any event: waits"].plot(ax) is ax
     assert texts(ax)[:2] == ["wait in units of its mean", "share still waiting"]
     assert ax.get_title() == "any event"
     ax = axes()
-    diagnosis.by_age[0].plot(ax)
+    found["2->1+1: age"].plot(ax)
     assert [label.get_text() for label in ax.get_yticklabels()] == ["0-2 tu", "2-10 tu", "10-inf tu"]
+    ax = axes()
+    found["1+2->3: drift"].plot(ax)
+    assert texts(ax)[:2] == ["share of the integrated hazard", "share of the events"]
+    ax = axes()
+    found["all breaks: rebinding within 2 tu"].plot(ax)
+    assert "not testable" in texts(ax)[-1]
+    ax = axes()
+    diagnosis.plot(ax)
+    assert texts(ax)[2:] == ["if the model holds", f"{len(diagnosis.tested)} tests"]
+
+
+def test_rebinding_beside_what_is_expected():
+    full = [sample_path(line_network(), [60, 0, 0, 0], 20.0, seed=1, run=run) for run in range(3)]
+    ax = axes()
+    worst = diagnose(full).worst("rebinding")
+    worst.plot(ax)
+    assert texts(ax)[0] == "inverse joins within the window"
+    assert ax.get_title() == worst.title.replace(": rebinding", "")
 
 
 @pytest.mark.parametrize("end", [2.0, 40.0])  # with and without censored first times

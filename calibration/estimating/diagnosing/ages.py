@@ -1,0 +1,48 @@
+"""Does a rate depend on the time since the start or the last restart?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
+from calibration.estimating.diagnosing.watched import Watched
+
+
+@dataclass(frozen=True)
+class Ages(SpreadDiagnostic):
+    """Pearson's test of one rate at all ages, the time since the start or the last restart of a run.
+
+    edges : of the classes of age, tu, rising; the first classes should span the time that the tank needs to mix. A cube
+        at the paper's mean speed of 1.2 crosses its tank (2 wide) in about two.
+    """
+
+    edges: tuple[float, ...] = (0.0, 2.0, 10.0, np.inf)
+
+    name = "age"
+    question = "Is a rate the same just after a start or restart as later?"
+    single = "all its exposure is in one class of ages"
+    remedy = "the tank is not mixed at its start: try the weibull model, or leave out the first time of each run"
+    measured = (
+        "size 5.7 % at a level of 5 %; power .88 where the rate is half as large again in the first 2 tu, at 650 events"
+    )
+
+    def __post_init__(self) -> None:
+        if len(self.edges) < 3 or self.edges[0] != 0 or not all(a < b for a, b in pairwise(self.edges)):
+            raise ValueError(f"edges = {self.edges}; expected two or more classes of age, rising from 0")
+
+    def groups(self, watched: Watched) -> Groups:
+        """The classes of age."""
+        bounds = list(pairwise(self.edges))
+        events = np.zeros((len(bounds), watched.events.size), np.int64)
+        exposure = np.zeros(events.shape)
+        for clocked in watched.clocked:
+            origin = clocked.stretches.origin
+            fired = clocked.fired
+            age = clocked.path.times[fired] - origin[fired]
+            for k, (low, high) in enumerate(bounds):
+                exposure[k] += clocked.passed_between(origin + low, origin + high).sum(axis=0)
+                np.add.at(events[k], clocked.path.channels[fired[(low <= age) & (age < high)]], 1)
+        return Groups([f"{low:g}-{high:g} tu" for low, high in bounds], events, exposure)

@@ -1,0 +1,123 @@
+"""The base of all diagnostics: what one asks of runs, and what it answers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+from calibration.estimating.diagnosing.watched import Watched
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosticResult:
+    """The result of one diagnostic for one channel, or for several together.
+
+    variant : which of several results, such as `within 2 tu`
+    statistic : by the diagnostic's own definition; nan where it cannot be had
+    p_value : None where the runs cannot answer; `reason` then says why
+    seen : what the runs show, in words with its size
+    remedy : the model to try next, should the test fail
+    draw : draws the evidence onto axes
+    """
+
+    test: str
+    channel: str
+    events: int
+    statistic: float = float("nan")
+    p_value: float | None = None
+    reason: str = ""
+    seen: str = ""
+    variant: str = ""
+    remedy: str = ""
+    draw: Callable[[Axes], Axes] | None = None
+
+    @property
+    def title(self) -> str:
+        """Channel, test and variant."""
+        return f"{self.channel}: {self.test} {self.variant}".rstrip()
+
+    def plot(self, ax: Axes) -> Axes:
+        """Draw the evidence, or the reason why there is none; returns `ax`."""
+        if self.draw is not None:
+            return self.draw(ax)
+        ax.set_title(self.title)
+        ax.text(0.5, 0.5, f"not testable: {self.reason}", ha="center", wrap=True, transform=ax.transAxes)
+        ax.set_axis_off()
+        return ax
+
+    def row(self) -> dict[str, Any]:
+        """The result as numbers and text, p None where it was not testable."""
+        return {
+            "test": self.test,
+            "variant": self.variant,
+            "channel": self.channel,
+            "events": self.events,
+            "statistic": self.statistic if self.p_value is not None else None,
+            "p": self.p_value,
+            "seen": self.seen or f"not testable: {self.reason}",
+            "next": self.remedy,
+        }
+
+
+class Diagnostic(ABC):
+    """One question to runs: is what a model of rates assumes true of them?
+
+    Every test conditions on the number of events of a channel, so that the size of its rate drops out and only the
+    shape of the hazard is judged; waits that an end or a restart cut short count in full.
+
+    To add a diagnostic:
+    1. write a frozen dataclass with a `name` and a `question`, whose docstring states the test and its source;
+    2. give in `results` a `DiagnosticResult` a channel; where runs cannot answer, p None with the reason, never
+       p = 1;
+    3. say in each which model to try next, and in `measured` the size and power that were measured, and how;
+    4. import it in `calibration.estimating.diagnosing`: tests/contracts/test_diagnostics.py then tests it.
+    """
+
+    name: ClassVar[str]
+    question: ClassVar[str]
+    measured: ClassVar[str]
+
+    @abstractmethod
+    def results(self, watched: Watched) -> list[DiagnosticResult]:
+        """One or more a channel, in the network's order."""
+
+
+class Judged(NamedTuple):
+    """What one test of one channel gives; the fields are those of a `DiagnosticResult`."""
+
+    statistic: float
+    p_value: float
+    seen: str
+    remedy: str
+    draw: Callable[[Axes], Axes]
+
+
+class ChannelDiagnostic(Diagnostic):
+    """A diagnostic that judges every channel by itself."""
+
+    def results(self, watched: Watched) -> list[DiagnosticResult]:
+        """One result a channel."""
+        found = []
+        for j, channel in enumerate(watched.network.channels):
+            judged = self.unseen(watched, j) or self.judge(watched, j)
+            n = int(watched.events[j])
+            if isinstance(judged, str):
+                found.append(DiagnosticResult(self.name, channel, n, reason=judged))
+            else:
+                found.append(DiagnosticResult(self.name, channel, n, **judged._asdict()))
+        return found
+
+    def unseen(self, watched: Watched, channel: int) -> str:
+        """Why the runs say nothing of a channel; empty if they do."""
+        if not watched.exposure[channel] > 0:
+            return "it was closed or had no reactants in any run"
+        return "" if watched.events[channel] else "no events"
+
+    @abstractmethod
+    def judge(self, watched: Watched, channel: int) -> Judged | str:
+        """What the runs say of one channel that fired, or why they cannot say it."""

@@ -1,0 +1,28 @@
+"""Do runs differ by more than chance?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
+from calibration.estimating.diagnosing.watched import Watched
+
+
+@dataclass(frozen=True)
+class BetweenRuns(SpreadDiagnostic):
+    """Pearson's test of one rate in all runs, whatever they started from (Cox & Lewis 1966)."""
+
+    name = "runs"
+    question = "Is a rate the same in all runs?"
+    single = "one run alone could fire it"
+    remedy = "runs differ by more than chance: look for a setting that they do not share, and calibrate at each value"
+    measured = (
+        "size 5.3 % at a level of 5 %; power .77 where half of 10 runs have a rate 35 % above the others, at 650 events"
+    )
+
+    def groups(self, watched: Watched) -> Groups:
+        """The runs."""
+        alone = [np.full(c.path.times.size + 1, i) for i, c in enumerate(watched.clocked)]
+        return Groups([f"run {i}" for i in range(len(alone))], *watched.grouped(alone, len(alone)))

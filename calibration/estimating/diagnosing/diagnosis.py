@@ -1,0 +1,138 @@
+"""All diagnostics of a set of runs: what fails, in words, and which model to try next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from calibration.estimating.diagnosing import DIAGNOSTICS
+from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
+from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.rate_fit import RateFit
+from kinetics.rates import Rates
+from kinetics.runs import JumpPath
+from kinetics.support.arrays import Ints
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LEVEL = 0.01  # chance of one or more false alarms among all tests
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The results of all diagnostics.
+
+    tests : the diagnostics, in order
+    results : theirs, in the same order, channel by channel
+    """
+
+    tests: tuple[Diagnostic, ...]
+    results: tuple[DiagnosticResult, ...]
+
+    @property
+    def tested(self) -> list[DiagnosticResult]:
+        """Answers with a p-value, the smallest first."""
+        return sorted((f for f in self.results if f.p_value is not None), key=lambda f: (f.p_value or 0.0, f.title))
+
+    @cached_property
+    def failed(self) -> tuple[DiagnosticResult, ...]:
+        """Answers that fail at 1 % for all tests together (Holm 1979), the most doubtful first."""
+        tested = self.tested
+        failed: list[DiagnosticResult] = []
+        for rank, result in enumerate(tested):
+            if (result.p_value or 0.0) * (len(tested) - rank) > LEVEL:
+                break
+            failed.append(result)
+        return tuple(failed)
+
+    @property
+    def doubtful(self) -> list[str]:
+        """The failed ones, as `channel: test`."""
+        return [result.title for result in self.failed]
+
+    @property
+    def verdict(self) -> str:
+        """What the runs say against the model of rates, in a sentence."""
+        tested = self.tested
+        if not tested:
+            return "Nothing could be tested: there are too few events or runs."
+        named = f"of {len(tested)} tests, at {LEVEL:.0%} for all together"
+        if not self.failed:
+            least = tested[0]
+            return f"No sign against the model {named}; the smallest p is {least.p_value:.2g} ({least.title})."
+        return f"The model is doubtful: {len(self.failed)} {named}, fail ({', '.join(self.doubtful)})."
+
+    def verdicts(self) -> list[dict[str, Any]]:
+        """One row a diagnostic: its question, the smallest p, a verdict in words, its measured size and power."""
+        rows = []
+        for test in self.tests:
+            mine = [f for f in self.results if f.test == test.name]
+            tested = [f for f in self.tested if f.test == test.name]
+            failed = [f for f in self.failed if f.test == test.name]
+            if failed:
+                worst = failed[0]
+                others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
+                words = f"doubtful ({worst.title}{others}): {worst.seen}; {worst.remedy}"
+            elif tested:
+                words = f"nothing seen in {len(tested)} tests; least likely {tested[0].title}: {tested[0].seen}"
+            else:
+                words = "not testable: " + "; ".join(dict.fromkeys(f.reason for f in mine))
+            p_value = tested[0].p_value if tested else None
+            rows.append(
+                {"test": test.name, "question": test.question, "p": p_value, "verdict": words, "power": test.measured}
+            )
+        return rows
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a result: test, channel, events, statistic, p (None: not testable), what was seen, what to try."""
+        failed = set(self.doubtful)
+        rows = []
+        for result in self.results:
+            row = result.row()
+            doubtful = result.title in failed
+            rows.append(row | {"doubtful": doubtful, "next": row["next"] if doubtful else ""})
+        return rows
+
+    def p_values(self) -> list[dict[str, Any]]:
+        """One row a channel, one column a test with its variants; nan where it is not testable."""
+        columns = list(dict.fromkeys(f"{f.test} {f.variant}".rstrip() for f in self.results))
+        rows: dict[str, dict[str, Any]] = {}
+        for result in self.results:
+            row = rows.setdefault(result.channel, {"channel": result.channel} | dict.fromkeys(columns, float("nan")))
+            if result.p_value is not None:
+                row[f"{result.test} {result.variant}".rstrip()] = result.p_value
+        return list(rows.values())
+
+    def plot(self, ax: Axes) -> Axes:
+        """Plot all p-values against those of as many true models, the failed ones named; returns `ax`."""
+        from calibration import plots
+
+        tested = self.tested
+        return plots.p_values(ax, [f.p_value or 0.0 for f in tested], self.doubtful)
+
+    def worst(self, test: str) -> DiagnosticResult | None:
+        """The result of a diagnostic with the smallest p-value; None if it could test nothing."""
+        return next((result for result in self.tested if result.test == test), None)
+
+
+def diagnose(
+    paths: Iterable[JumpPath],
+    fit: RateFit | Rates | None = None,
+    bonds: Iterable[Ints] | None = None,
+    seed: int = 0,
+    tests: Sequence[Diagnostic] = DIAGNOSTICS,
+) -> Diagnosis:
+    """Judge runs, of calibration or held out, by all diagnostics: are they those of a well-mixed Markov chain?
+
+    paths : one per run
+    fit : the model of rates under which they are judged: fitted, or the rates that predictions use; None: mass action.
+        Only the shape of its hazards is judged, never the size of a rate
+    bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where unknown; with them rebinding
+        is also counted by pieces
+    seed : of the draws behind p-values over groups
+    """
+    watched = Watched(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
+    return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(watched)))

@@ -1,0 +1,35 @@
+"""Does a rate depend on the size N of the system?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.estimating.diagnosing.groups import TrendDiagnostic
+from calibration.estimating.diagnosing.watched import Watched
+from kinetics.support.arrays import Floats
+
+
+@dataclass(frozen=True)
+class Sizes(TrendDiagnostic):
+    """Trend of a rate with the number of cubes in the tank: the conserved quantity of the network, or all copies."""
+
+    name = "size"
+    question = "Is a rate the same in small and large systems?"
+    single = "all runs that could fire it hold {value}"
+    measured = "size 4.1 % at a level of 5 %; power .96 for a rate in proportion to 60, 80 and 120 cubes at 150 events"
+
+    def values(self, watched: Watched) -> list[Floats]:
+        """The size of the system at the start of each run, which it keeps."""
+        return [np.full(c.path.times.size + 1, watched.amount(c.path.initial[None])[0]) for c in watched.clocked]
+
+    def unit(self, watched: Watched) -> str:
+        """What is conserved."""
+        return watched.matter
+
+    def remedy(self, watched: Watched, channel: int) -> str:
+        """Breaks by collision, or calibration at each density."""
+        if watched.is_break(channel):
+            return "breaks depend on the density: try --breaks collision"
+        return "the rate depends on the density: try the crowded model, or calibrate at each size"

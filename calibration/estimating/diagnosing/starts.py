@@ -1,0 +1,31 @@
+"""Does a rate depend on the initial composition?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
+from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.exposure import composition
+
+
+@dataclass(frozen=True)
+class Starts(SpreadDiagnostic):
+    """Pearson's test of one rate in runs from all initial compositions, those of each pooled (Cox & Lewis 1966)."""
+
+    name = "start"
+    question = "Is a rate the same whatever the runs start from?"
+    single = "one initial composition alone could fire it"
+    remedy = "the rate depends on the composition: try the crowded model for joins, --breaks collision for breaks"
+    measured = "size 4.7 % at a level of 5 %; power .92 for 20 % between two compositions of some 650 events each"
+
+    def groups(self, watched: Watched) -> Groups:
+        """The initial compositions."""
+        names = [composition(path) for path in watched.runs]
+        labels = list(dict.fromkeys(names))
+        alone = [
+            np.full(c.path.times.size + 1, labels.index(name)) for c, name in zip(watched.clocked, names, strict=True)
+        ]
+        return Groups(labels, *watched.grouped(alone, len(labels)))

@@ -1,0 +1,48 @@
+"""Are waits exponential? The test that time-rescaled waits are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
+from calibration.estimating.diagnosing.renewal import waiting_times
+from calibration.estimating.diagnosing.watched import Watched
+
+FEWEST = 30  # waits; below, the fitted p-values are too small in the tail, and the test sees little
+
+
+@dataclass(frozen=True)
+class Waits(Diagnostic):
+    """Anderson-Darling test of the waits between events of a channel, and of any event, rescaled by their hazard.
+
+    By the time-rescaling theorem integrated hazards between events are unit exponential (Brown et al. 2002,
+    doi:10.1162/08997660252741149). Statistic: A squared, modified for sample size (D'Agostino & Stephens 1986).
+    """
+
+    name = "waits"
+    question = "Are waits, rescaled by the hazard, exponential?"
+    measured = "size 5.7 % at a level of 5 %; power .99 against waits of Weibull shape 0.8 at 300 events"
+
+    def results(self, watched: Watched) -> list[DiagnosticResult]:
+        """One result a channel, and one of any event."""
+        places = [*range(len(watched.network.channels)), None]
+        return [self._result(watched, place) for place in places]
+
+    def _result(self, watched: Watched, channel: int | None) -> DiagnosticResult:
+        waits = waiting_times(watched, channel)
+        n = waits.positions.size
+        if n < FEWEST:
+            reason = f"{n} events, fewer than {FEWEST}" if n else "no events"
+            return DiagnosticResult(self.name, waits.name, n, reason=reason)
+        statistic, p_value = waits.shape_test()
+        spread = float(np.std(waits.residuals) / np.mean(waits.residuals))
+        remedy = "long and short waits alternate: try the weibull model, or net break rates where pieces rebind"
+        if spread < 1:
+            remedy = "waits are too regular, as after a dead time: try the weibull model"
+        return DiagnosticResult(
+            self.name, waits.name, n, statistic, p_value,
+            seen=f"waits spread {spread:.2f} times as much as exponential ones",
+            remedy=remedy, draw=waits.plot,
+        )  # fmt: skip
