@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from command_line import COMMAND, run_here
 
+from calibration.pipeline.study import calibration_specs
 from mechsim.runs.record import RunSpec
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -126,17 +127,35 @@ def test_export(wellmixed, place, simulated):
     done = wellmixed("export", "runs", "--out", "tables", "--json", cwd=place)
     assert done.err == ""
     assert sorted(Path(name).name for name in done.json["written"]) == [
-        *("events.csv", "events.parquet", "runs.csv", "runs.parquet"),
+        f"{name}.{kind}" for name in ("events", "runs", "settings") for kind in ("csv", "parquet")
     ]
-    for name in ("runs", "events"):
+    for name in ("runs", "events", "settings"):
         parquet, csv = pd.read_parquet(place / f"tables/{name}.parquet"), pd.read_csv(place / f"tables/{name}.csv")
         assert list(parquet) == list(csv)
         assert len(parquet) == len(csv)
     runs, events = (pd.read_parquet(place / f"tables/{name}.parquet") for name in ("runs", "events"))
     rows = {run["key"]: run for run in simulated.json["runs"]}
-    assert set(rows) <= set(runs["key"])
+    assert set(rows) <= set(runs["run"])
     for key, run in rows.items():
-        assert (events["key"] == key).sum() == sum(run["events"].values())
+        assert (events["run"] == key).sum() == sum(run["events"].values())
+
+
+def test_exported_runs_give_the_rates_of_the_calibration(wellmixed_here, place, calibrated):
+    """To the last digit: the tables hold all that the rates depend on, closed channels and restarts among it."""
+    every, mine = RunStore(place / "demo-output/runs"), RunStore(place / "calibration-runs")
+    for record in every.existing(calibration_specs(Scene.load("line4"), 60, 6.0, 16.0, seed=1)):
+        mine.write(record)
+    assert wellmixed_here("export", "calibration-runs", "--out", "told", cwd=place).code == 0
+    for kind in ("csv", "parquet"):
+        tables = ["--events", f"told/events.{kind}", "--run-table", f"told/runs.{kind}"]
+        done = wellmixed_here("calibrate", "line4", *tables, "--out", "again.toml", "--json", cwd=place)
+        assert done.json["channels"] == calibrated.json["channels"]
+    (place / "told/runs.csv").write_text((place / "told/runs.csv").read_text(encoding="utf-8").replace("; 2+2->4", ""))
+    tables = ["--events", "told/events.csv", "--run-table", "told/runs.csv"]
+    done = wellmixed_here("calibrate", "line4", *tables, "--out", "again.toml", "--json", cwd=place)
+    assert (
+        done.json["channels"] != calibrated.json["channels"]
+    )  # the control: a channel that was closed is said to be open
 
 
 def test_demo(place, demonstrated):

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/glossary.md")
+DOCUMENTS = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/glossary.md", "docs/watched_events.md")
 PACKAGES = ("kinetics", "mechsim", "calibration")
 MENTION = r"`((?:kinetics|mechsim|calibration|tests|results|notebooks|docs)[./][\w./]*\w/?)`"
 

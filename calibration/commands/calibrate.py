@@ -1,4 +1,4 @@
-"""The command `wellmixed calibrate`: rates of all channels from mechanics runs."""
+"""The command `wellmixed calibrate`: rates of all channels, from mechanics runs or from what others watched."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from calibration.commands.from_events import events_options, study_of_events
 from calibration.commands.shared import leave, rates_table, report_option, seed_option
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
+    from calibration.pipeline.study import CalibrationStudy
+    from calibration.watched.study import WatchedStudy
     from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     default=60,
     show_default=True,
-    help="Number of cubes in each tank.",
+    help="Number of cubes in each tank; with --events it is checked, and without counts at the start all are single.",
 )
 @click.option(
     "--join-time",
@@ -50,6 +53,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Total simulated time for each mixture without bonding, tu.",
 )
+@events_options
 @report_option
 @run_options
 @seed_option(1)
@@ -60,6 +64,9 @@ def calibrate(
     cubes: int,
     join_time: float,
     break_time: float,
+    events: str | None,
+    run_table: str | None,
+    tank: tuple[float, float, float] | None,
     report: str | None,
     runs_folder: str,
     workers: Executor,
@@ -73,28 +80,35 @@ def calibrate(
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs start from several mixtures and are restarted after every event; breaks, which are rare, are observed in
     tanks without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
-    """
-    from calibration.pipeline.study import calibration_specs, run_calibration
-    from mechsim.scene import Scene
 
+    With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
+    those of runs that others watched. A row of their table holds run, time and channel, or run, time and the copies of
+    each species after a change. The word start in the column channel marks the start of a run, with the copies of each
+    species; end marks its end, and restart that it was put back to its start. See docs/watched_events.md.
+    """
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
-    described = Scene.load(scene)
-    if part is not None:
-        specs = calibration_specs(described, cubes, join_time, break_time, seed)
-        part.make(specs, runs_folder, workers, progress, as_json)
-        return
-    study = run_calibration(
-        described,
-        runs_folder,
-        cubes=cubes,
-        join_time=join_time,
-        break_time=break_time,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-    )
+    study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes)
+    if study is None:
+        from calibration.pipeline.study import calibration_specs, run_calibration
+        from mechsim.scene import Scene
+
+        described = Scene.load(scene)
+        if part is not None:
+            specs = calibration_specs(described, cubes, join_time, break_time, seed)
+            part.make(specs, runs_folder, workers, progress, as_json)
+            return
+        study = run_calibration(
+            described,
+            runs_folder,
+            cubes=cubes,
+            join_time=join_time,
+            break_time=break_time,
+            seed=seed,
+            workers=workers,
+            progress=progress,
+        )
     study.rates.save(target)
     if report:
         from calibration.reporting.overview import calibration_report
@@ -107,8 +121,9 @@ def calibrate(
                 "channels": study.calibration.table(),
                 "evidence": study.rates.evidence,
                 "diagnostics": study.diagnosis.table(),
+                "not_testable": study.diagnosis.not_testable,
                 "problems": study.problems,
-                "seed": seed,
+                "seed": None if events else seed,
             }
         )
     else:

@@ -13,6 +13,7 @@ from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
+    from calibration.watched.study import WatchedStudy
 
 
 def seed_option(default: int) -> Any:
@@ -36,7 +37,7 @@ report_option = click.option(
 )
 
 
-def rates_table(study: CalibrationStudy) -> str:
+def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
     """Rates with intervals, for people."""
     rows = [
         (
@@ -51,7 +52,13 @@ def rates_table(study: CalibrationStudy) -> str:
     ]
     lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
     lines += [f"doubtful: {name}" for name in study.diagnosis.doubtful]
-    lines.append(f"{len(study.sound)} mechanics runs, {study.cpu_seconds:.0f} s CPU")
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for test, channels in study.diagnosis.not_testable.items():
+        alike.setdefault(tuple(channels), []).append(test)
+    for group, tests in alike.items():
+        whose = "any channel" if len(group) == len(rows) else ", ".join(group)
+        lines.append(f"not testable: {', '.join(tests)} of {whose}")
+    lines.append(study.source)
     return "\n".join(lines)
 
 

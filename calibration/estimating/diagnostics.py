@@ -205,15 +205,32 @@ class Diagnosis:
             self.waits[:-1], self.between_runs, self.by_age, self.by_initial, strict=True
         ):
             row = {"channel": runs.channel, "events": int(runs.events.sum()), "dispersion": runs.dispersion}
-            row |= {"p_between_runs": runs.p_value, "p_age": ages.p_value, "p_initial": initial.p_value}
-            rows.append(row | {"p_drift": waits.drift_test()[1], "p_shape": waits.shape_test()[1]})
+            for name, groups in (("between_runs", runs), ("age", ages), ("initial", initial)):
+                row[f"p_{name}"] = np.nan if np.isnan(groups.dispersion) else groups.p_value
+            n = waits.positions.size
+            row["p_drift"] = waits.drift_test()[1] if n > 0 else np.nan
+            row["p_shape"] = waits.shape_test()[1] if n > 1 else np.nan
+            rows.append(row)
         return rows
+
+    @property
+    def not_testable(self) -> dict[str, list[str]]:
+        """Test -> the channels that have too few events, or too few groups of runs, for it."""
+        found: dict[str, list[str]] = {}
+        for row in self._rows:
+            for key in row:
+                if key.startswith("p_") and np.isnan(row[key]):
+                    found.setdefault(key[2:], []).append(row["channel"])
+        return found
 
     @property
     def doubtful(self) -> list[str]:
         """Tests that fail at 1 % after Holm's correction for their number, as `channel: test`."""
         results = sorted(
-            (row[key], f"{row['channel']}: {key[2:]}") for row in self._rows for key in row if key[:2] == "p_"
+            (row[key], f"{row['channel']}: {key[2:]}")
+            for row in self._rows
+            for key in row
+            if key.startswith("p_") and not np.isnan(row[key])
         )
         failed = []
         for rank, (p_value, name) in enumerate(results):
@@ -223,7 +240,7 @@ class Diagnosis:
         return failed
 
     def table(self) -> list[dict[str, Any]]:
-        """One row per channel: events, dispersion between runs, p-value of each test."""
+        """One row per channel: events, dispersion between runs, p-value of each test; nan where it is not testable."""
         return [dict(row) for row in self._rows]
 
 

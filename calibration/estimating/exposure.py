@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import fsum
 from typing import NamedTuple
 
 import numpy as np
@@ -121,11 +122,16 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
 
 
 def pooled(exposures: Iterable[Exposure]) -> Exposure:
-    """Events and exposures of several runs, summed."""
+    """Events and exposures of several runs, summed; their order makes no difference, not to the last digit."""
     runs = list(exposures)
     if not runs:
         raise ValueError("no runs to count; give at least one path")
-    return sum(runs[1:], runs[0])
+    for run in runs[1:]:
+        require_same(runs[0].network, run.network)
+    # rounded once, so that the order of the runs changes no digit
+    tank = runs[0].tank
+    total = [fsum(column) for column in np.array([run.in_tank(tank).exposure for run in runs]).T]
+    return Exposure(runs[0].network, np.sum([run.events for run in runs], axis=0), np.array(total), tank)
 
 
 def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:

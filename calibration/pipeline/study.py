@@ -128,6 +128,24 @@ class CalibrationStudy:
     settings: dict[str, Any]
     breaks: str = "auto"
 
+    @property
+    def name(self) -> str:
+        """Of the scene."""
+        return self.scene.name
+
+    @property
+    def source(self) -> str:
+        """Where the rates come from, in words."""
+        return f"{len(self.sound)} mechanics runs with {self.settings['cubes']} cubes, {self.cpu_seconds:.0f} s CPU"
+
+    @property
+    def made(self) -> str:
+        """How the runs were made, in a sentence."""
+        return (
+            "Runs were put back to their start after every event; breaks, being rare, were watched in tanks without "
+            "bonding."
+        )
+
     @cached_property
     def sound(self) -> list[RunRecord]:
         """Runs that reached their end; ValueError where none did."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -11,11 +12,11 @@ from kinetics.rates import Rates
 
 if TYPE_CHECKING:
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
+    from calibration.watched.study import WatchedStudy
 
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
-exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen. Runs were put back to their start
-after every event; breaks, being rare, were watched in tanks without bonding.
+exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
 """
 ABOUT_DIAGNOSTICS = """
 Dispersion is the variance of a channel's counts between runs over that of a Poisson count: 1 on average. The p-values
@@ -31,9 +32,9 @@ mean distance of a run from the predicted distribution, in copies, beside what t
 Draw = Callable[[Any], Any]
 
 
-def calibration_report(study: CalibrationStudy) -> HtmlReport:
+def calibration_report(study: CalibrationStudy | WatchedStudy) -> HtmlReport:
     """What the calibration runs showed."""
-    return HtmlReport(f"Rates of {study.scene.name}", _calibration_parts(study), study.rates.evidence)
+    return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
 
 def validation_report(study: ValidationStudy) -> HtmlReport:
@@ -47,10 +48,10 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
     if tank is not None:
         parts.append(Chart("The tank at the end of a held-out run, structures coloured by size.", tank, name="tank"))
     parts += [*_calibration_parts(calibrated), *_validation_parts(validated)]
-    return HtmlReport(f"{calibrated.scene.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
+    return HtmlReport(f"{calibrated.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
-def _calibration_parts(study: CalibrationStudy) -> list[Part]:
+def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     rows = [row | {"paper's estimator": study.paper_rates[row["channel"]]} for row in study.calibration.table()]
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
@@ -59,17 +60,14 @@ def _calibration_parts(study: CalibrationStudy) -> list[Part]:
     verdict = f"Doubtful at 1 %, corrected for their number: {doubtful}." if doubtful else "None fails at 1 %."
     return [
         Heading("Rates"),
-        Text(
-            f"{len(study.sound)} mechanics runs with {study.settings['cubes']} cubes, "
-            f"{study.cpu_seconds:.0f} s of CPU time. {ABOUT_RATES}"
-        ),
+        Text(f"{study.source}. {study.made} {ABOUT_RATES}"),
         ReportTable("Rate constants (1/tu), per way and combination.", rows, "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
         Heading("Do the runs behave like a Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {verdict}"),
-        ReportTable("Diagnostics, a row a channel.", study.diagnosis.table(), "diagnostics"),
+        ReportTable("Diagnostics, a row a channel.", _testable(study.diagnosis.table()), "diagnostics"),
         Chart(
             "Waits of any event, rescaled by the hazard: unit exponential if the model holds.",
             study.diagnosis.waits[-1].plot,
@@ -96,6 +94,14 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
             first = comparison.first
             parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
     return parts
+
+
+def _testable(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with words in the place of figures that do not exist."""
+    return [
+        {key: "not testable" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
+        for row in rows
+    ]
 
 
 def _one_column_each(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

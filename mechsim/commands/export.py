@@ -18,15 +18,19 @@ from kinetics.support.cli.options import echo_json, json_option
     default=("parquet", "csv"),
     help="File format of the tables; may be repeated.  [default: both]",
 )
+@click.option(
+    "--rules", metavar="NAME", help="Only runs of this rule book; needed where the folder holds runs of several."
+)
 @json_option
-def export(folder: str, out: str, formats: tuple[str, ...], as_json: bool) -> None:
-    """Write the runs kept in FOLDER as two tables: one of runs, one of events.
+def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, as_json: bool) -> None:
+    """Write the runs kept in FOLDER as tables: events, runs, and the settings of the runs.
 
-    The command draws no random numbers.
+    The first two hold the completed runs as `wellmixed calibrate --events` reads them; docs/watched_events.md describes
+    them. The third has a row for every run: its inputs, outcome and cost. The command draws no random numbers.
     """
     from mechsim.runs.store import RunStore
 
-    written = RunStore.found(folder).export(out, formats)
+    written = RunStore.found(folder).export(out, formats, rules)
     if as_json:
         echo_json({"folder": folder, "written": [str(path) for path in written]})
     else:

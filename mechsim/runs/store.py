@@ -29,8 +29,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from mechsim.runs.load_log import JOIN, SEVERAL, WALL
-from mechsim.runs.record import RunRecord, RunSpec
+from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -150,45 +151,52 @@ class RunStore:
             if contents is not None:
                 yield contents
 
-    def to_frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Table of runs (one row each: inputs, outcome, facts, cost) and table of events (key, time in tu, channel).
+    def to_frames(self, rules: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+        """Tables of the events and of the runs, as `kinetics.runs.event_tables` describes them, and one of settings.
 
-        A nested setting is the column `outer.inner`; a list is JSON text. The channel `restart` marks where a run was
-        reset to its initial state. Where the run tells, an event also has its two cubes, cube_a and cube_b, and the
-        partner that broke the bond: a species, `wall` or `several`.
+        rules : only runs of the rule book that their scenes call so
+
+        A run is named by its key. Events and runs are those of completed runs; where a run tells, an event also has its
+        two cubes, cube_a and cube_b, and the partner that broke the bond: a species, `wall` or `several`. The third
+        table has a row for every run: inputs, outcome, facts and cost, a nested setting as the column `outer.inner`, a
+        list as JSON text. ValueError: the runs are of several rule books.
         """
         import pandas as pd
 
-        runs: list[dict[str, Any]] = []
-        events = [pd.DataFrame({"key": pd.Series(dtype="str"), "time": pd.Series(dtype="float64"), "channel": ""})]
+        settings: list[dict[str, Any]] = []
+        completed: list[TableRun] = []
         for manifest, arrays in self.contents():
-            channels = [*manifest["facts"]["channels"], "restart"]  # RESTART = -1 is the last one
-            named = [channels[index] for index in arrays["channels"]]
-            events.append(pd.DataFrame({"key": manifest["key"], "time": arrays["times"], "channel": named}))
-            if "bonds" in arrays:
-                who = {WALL: "wall", SEVERAL: "several", JOIN: None} | dict(enumerate(manifest["facts"]["species"]))
-                for column, cubes in zip(("cube_a", "cube_b"), arrays["bonds"].T, strict=True):
-                    events[-1][column] = cubes
-                events[-1]["partner"] = pd.Series(
-                    [who[partner] for partner in arrays["partners"].tolist()], dtype="object"
-                )
-            runs.append(dict(_columns(manifest)) | {"events": int((arrays["channels"] >= 0).sum())})
-        table = pd.DataFrame(runs, columns=None if runs else ["key", "title", "outcome", "digest", "events"])
+            if rules not in (None, manifest["inputs"]["scene"]["rules"]):
+                continue
+            settings.append(dict(_columns(manifest)) | {"events": int((arrays["channels"] >= 0).sum())})
+            if manifest["outcome"] == COMPLETED:
+                completed.append(_table_run(manifest, arrays))
+        if rules is not None and not settings:
+            raise ValueError(f"{self.folder} holds no run of rule book {rules!r}")
+        try:
+            events, runs = event_tables(completed)
+        except ValueError as error:
+            books = sorted({str(row["inputs.scene.rules"]) for row in settings})
+            raise ValueError(f"{error}, as in --rules {books[0]}; there are {', '.join(books)}") from error
+        table = pd.DataFrame(settings, columns=None if settings else ["key", "title", "outcome", "digest", "events"])
         for name in map(str, table):
             if name.startswith("inputs.composition."):  # a composition names only the species it holds
                 table[name] = table[name].fillna(0).astype("int64")
             elif pd.api.types.infer_dtype(table[name]).startswith("mixed"):  # a Parquet column has one type
                 table[name] = table[name].map(str)
-        return table, pd.concat(events[1:] or events, ignore_index=True)
+        return events, runs, table
 
-    def export(self, folder: str | Path, formats: Sequence[str] = ("parquet", "csv")) -> tuple[Path, ...]:
-        """Write the tables `runs` and `events`, each file whole or not at all; returns their paths."""
+    def export(
+        self, folder: str | Path, formats: Sequence[str] = ("parquet", "csv"), rules: str | None = None
+    ) -> tuple[Path, ...]:
+        """Write the tables `events`, `runs` and `settings`, each file whole or not at all; returns their paths."""
         unknown = set(formats) - {"parquet", "csv"}
         if unknown:
             raise ValueError(f"unknown format {', '.join(sorted(unknown))}; expected parquet, csv or both")
+        frames = self.to_frames(rules)
         Path(folder).mkdir(parents=True, exist_ok=True)
         paths = []
-        for name, frame in zip(("runs", "events"), self.to_frames(), strict=True):
+        for name, frame in zip(("events", "runs", "settings"), frames, strict=True):
             for kind in formats:
                 paths.append(Path(folder) / f"{name}.{kind}")
                 write_whole(
@@ -304,6 +312,29 @@ def _array(data: bytes) -> np.ndarray:
     if dtype.hasobject:
         raise ValueError("an array of Python objects is not read")
     return np.ndarray(shape, dtype, data, stream.tell(), order="F" if fortran else "C")
+
+
+def _table_run(manifest: dict[str, Any], arrays: dict[str, np.ndarray]) -> TableRun:
+    """A run as it stands in tables."""
+    facts, scene = manifest["facts"], manifest["inputs"]["scene"]
+    notes: dict[str, Any] = {}
+    if "bonds" in arrays:
+        who = {WALL: "wall", SEVERAL: "several", JOIN: None} | dict(enumerate(facts["species"]))
+        told = np.array([who[partner] for partner in arrays["partners"].tolist()], dtype=object)
+        notes = dict(zip(NOTES, (*arrays["bonds"].T, told), strict=True))
+    return TableRun(
+        manifest["key"],
+        facts["species"],
+        facts["channels"],
+        arrays["initial"],
+        arrays["times"],
+        arrays["channels"],
+        facts["end"],
+        facts["open_channels"],
+        scene["tank"]["size"],
+        scene["numerics"]["step"],
+        notes,
+    )
 
 
 def _columns(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -50,6 +50,7 @@ class FakeSpec:
             "composition": {"monomer": 60},
             "sizes": [2, 2, 3],
             "rules": "0123456789",
+            "scene": {"rules": "pairs", "tank": {"size": [2.0, 2.0, 3.0]}, "numerics": {"step": 0.25}},
             "physics": {"fake": 1},
         }
 
@@ -70,6 +71,7 @@ def record_of(spec: FakeSpec, events: int = 40) -> RunRecord:
         "channels": rng.integers(-1, 2, events),
     }
     facts = {"end": spec.duration, "species": ["monomer", "dimer"], "channels": ["1+1->2", "2->1+1"], "steps": 7}
+    facts["open_channels"] = [True, True]
     return RunRecord(spec, "completed", arrays, facts, {"cpu_seconds": time.process_time()})  # type: ignore[arg-type]
 
 

@@ -121,3 +121,17 @@ def test_diagnosis_of_calibration_runs():
     doubtful = diagnose(runs[:3] + crowded).doubtful
     assert "2+2->4: initial" in doubtful
     assert all(name.startswith("2+2->4") for name in doubtful)
+
+
+def test_what_one_run_or_too_few_events_leave_untested_is_said():
+    network = line_network()
+    one = diagnose([sample_path(network, [60, 0, 0, 0], 50.0, seed=2)])
+    assert one.not_testable["between_runs"] == one.not_testable["initial"] == list(network.channels)
+    assert "drift" not in one.not_testable
+    assert all(np.isnan(row["p_between_runs"]) for row in one.table())
+    short = diagnose([sample_path(network, [60, 0, 0, 0], 0.5, seed=2, run=run) for run in range(2)])
+    assert "4->2+2" in short.not_testable["drift"]
+    assert "4->2+2" in short.not_testable["between_runs"]
+    assert not any("4->2+2" in name for name in short.doubtful)
+    many = diagnose([sample_path(network, [60, 0, 0, 0], 50.0, seed=2, run=run) for run in range(4)])
+    assert set(many.not_testable) == {"initial"}  # all began alike

@@ -120,3 +120,12 @@ def test_wrong_calls():
         pooled([])
     with pytest.raises(ValueError, match="ages"):
         count(sample_runs()[0], (2.0, 1.0))
+
+
+def test_the_order_of_runs_changes_no_digit():
+    network = line_network()
+    runs = [count(sample_path(network, [60, 0, 0, 0], 20.0, seed=9, run=run)) for run in range(20)]
+    there, back = pooled(runs).exposure, pooled(runs[::-1]).exposure
+    np.testing.assert_array_equal(there, back)
+    one_by_one = [sum(run.exposure for run in order) for order in (runs, runs[::-1])]
+    assert (one_by_one[0] != one_by_one[1]).any()  # the control: added one after the other they differ

@@ -213,13 +213,13 @@ def test_a_full_disk_names_the_file_and_keeps_the_previous_one(tmp_path):
     try:
         with pytest.raises(OSError, match=SPEC.key) as run_failure:
             store.write(record_of(SPEC, events=50))
-        with pytest.raises(OSError, match=r"runs\.parquet"):
+        with pytest.raises(OSError, match=r"events\.parquet"):
             store.export(tmp_path / "tables")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert run_failure.value.errno == errno.EFBIG
     assert store.path(SPEC).read_bytes() == before
-    assert (tmp_path / "tables" / "runs.parquet").read_bytes() == table
+    assert (tmp_path / "tables" / "events.parquet").read_bytes() == table
     assert not list(store.folder.glob(".*"))
 
 
@@ -283,40 +283,78 @@ def test_tables_and_their_files(tmp_path):
         store.write(record_of(spec))
     store.path(specs[0]).with_name("0" * 64 + ".run").write_bytes(b"damaged")
     with pytest.warns(RuntimeWarning, match="damaged"):
-        runs, events = store.to_frames()
-    runs = runs.set_index("key").loc[[spec.key for spec in specs]]
-    assert list(runs["inputs.run"]) == [0, 1, 2]
-    assert list(runs["inputs.composition.monomer"]) == [60, 60, 0]
-    assert list(runs["inputs.composition.dimer"]) == [0, 0, 30]
-    assert list(runs["inputs.sizes"]) == ["[2, 2, 3]"] * 3
-    assert list(runs["digest"]) == [record_of(spec).digest for spec in specs]
+        events, runs, settings = store.to_frames()
+    keys = [spec.key for spec in specs]
+    settings = settings.set_index("key").loc[keys]
+    assert list(settings["inputs.run"]) == [0, 1, 2]
+    assert list(settings["inputs.composition.monomer"]) == [60, 60, 0]
+    assert list(settings["inputs.composition.dimer"]) == [0, 0, 30]
+    assert list(settings["inputs.sizes"]) == ["[2, 2, 3]"] * 3
+    assert list(settings["digest"]) == [record_of(spec).digest for spec in specs]
+    assert list(runs) == ["run", "start", "end", "tank", "resolution", "closed", "monomer", "dimer"]
+    for column, expected in {
+        "start": 0.0,
+        "end": 10.0,
+        "tank": "2.0 2.0 3.0",
+        "resolution": 0.25,
+        "monomer": 60,
+    }.items():
+        assert list(runs.set_index("run").loc[keys][column]) == [expected] * 3
     for spec in specs:
-        record, mine = record_of(spec), events[events["key"] == spec.key]
+        record, mine = record_of(spec), events[events["run"] == spec.key]
         np.testing.assert_array_equal(mine["time"], record.arrays["times"])
         names = np.array(["1+1->2", "2->1+1", "restart"])
         assert list(mine["channel"]) == list(names[record.arrays["channels"]])
-        assert runs.loc[spec.key, "events"] == (mine["channel"] != "restart").sum()
+        assert settings.loc[spec.key, "events"] == (mine["channel"] != "restart").sum()
     paths = store.export(tmp_path / "tables")
-    assert [path.name for path in paths] == ["runs.parquet", "runs.csv", "events.parquet", "events.csv"]
-    assert set(pd.read_parquet(paths[0])["key"]) == {spec.key for spec in specs}
-    pd.testing.assert_frame_equal(pd.read_parquet(paths[2]), events)
-    pd.testing.assert_frame_equal(pd.read_csv(paths[3]), events)
+    assert [path.name for path in paths] == [
+        f"{name}.{kind}" for name in ("events", "runs", "settings") for kind in ("parquet", "csv")
+    ]
+    pd.testing.assert_frame_equal(pd.read_parquet(paths[0]), events)
+    pd.testing.assert_frame_equal(pd.read_csv(paths[1]), events)
+    pd.testing.assert_frame_equal(pd.read_parquet(paths[2]), runs)
+    assert set(pd.read_parquet(paths[4])["key"]) == set(keys)
     with pytest.raises(ValueError, match="unknown format xlsx"):
         store.export(tmp_path, ["xlsx"])
 
 
 def test_tables_of_no_runs(tmp_path):
-    runs, events = RunStore(tmp_path).to_frames()
-    assert len(runs) == len(events) == 0
-    assert {"key", "outcome"} <= set(runs)
+    events, runs, settings = RunStore(tmp_path).to_frames()
+    assert len(runs) == len(events) == len(settings) == 0
+    assert {"key", "outcome"} <= set(settings)
     RunStore(tmp_path).export(tmp_path / "tables")
-    assert list(pd.read_parquet(tmp_path / "tables" / "events.parquet")) == ["key", "time", "channel"]
+    assert list(pd.read_parquet(tmp_path / "tables" / "events.parquet")) == ["run", "time", "channel"]
 
 
-def test_a_run_without_events(tmp_path):
-    store = RunStore(tmp_path)
-    store.write(RunRecord(SPEC, "stopped: NaN", record_of(SPEC, events=0).arrays, record_of(SPEC).facts))
-    runs, events = store.to_frames()
-    assert len(events) == 0
-    assert list(runs["outcome"]) == ["stopped: NaN"]
-    assert list(runs["events"]) == [0]
+def test_a_run_without_events_and_one_that_was_stopped(tmp_path):
+    """What the guard stopped has its settings told, and is no run to take rates from."""
+    store, (stopped, quiet) = RunStore(tmp_path), specs_of(2)
+    store.write(RunRecord(stopped, "stopped: NaN", record_of(stopped).arrays, record_of(stopped).facts))
+    store.write(RunRecord(quiet, "completed", record_of(quiet, events=0).arrays, record_of(quiet).facts))
+    events, runs, settings = store.to_frames()
+    assert (len(events), list(runs["run"])) == (0, [quiet.key])
+    assert dict(zip(settings["key"], settings["outcome"], strict=True)) == {
+        stopped.key: "stopped: NaN",
+        quiet.key: "completed",
+    }
+
+
+class OtherBook(FakeSpec):
+    """Of a scene with another rule book, and therefore other channels."""
+
+    @property
+    def inputs(self):
+        return super().inputs | {"scene": super().inputs["scene"] | {"rules": "triples"}}
+
+
+def test_tables_are_of_one_rule_book(tmp_path):
+    store, pair, triple = RunStore(tmp_path), FakeSpec(seed=5, run=0), OtherBook(seed=5, run=1)
+    store.write(record_of(pair))
+    record = record_of(triple)
+    store.write(replace(record, facts=record.facts | {"channels": ["join", "break"]}))
+    with pytest.raises(ValueError, match=r"runs of two networks.*as in --rules pairs; there are pairs, triples"):
+        store.to_frames()
+    for rules, spec in (("pairs", pair), ("triples", triple)):
+        assert list(store.to_frames(rules)[1]["run"]) == [spec.key]
+    with pytest.raises(ValueError, match="holds no run of rule book 'fours'"):
+        store.to_frames("fours")

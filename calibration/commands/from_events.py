@@ -1,0 +1,80 @@
+"""What `wellmixed calibrate` does with --events: rates from runs that others watched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+if TYPE_CHECKING:
+    from calibration.watched.study import WatchedStudy
+
+# Options that mean something with --events too; all others tell how mechanics runs are made.
+SHARED = {"scene", "out", "cubes", "report", "as_json", "events", "run_table", "tank"}
+
+
+def events_options(command: Callable[..., None]) -> Callable[..., None]:
+    """--events, --run-table and --tank."""
+    table = click.Path(exists=True, dir_okay=False)
+    for option in (
+        click.option(
+            "--tank",
+            metavar="X Y Z",
+            type=float,
+            nargs=3,
+            help="Lengths of the tank in which the runs of --events were watched.",
+        ),
+        click.option(
+            "--run-table",
+            metavar="FILE",
+            type=table,
+            help="Table of the runs of --events: run, start, end and a column for each species with its copies at the "
+            "start. Without it, rows of --events that are marked start and end say so.",
+        ),
+        click.option(
+            "--events",
+            metavar="FILE",
+            type=table,
+            help="Make no runs; read a table (CSV or Parquet) of what others watched: run, time and channel, or run, "
+            "time and the counts after each change, a column for each species.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def study_of_events(
+    source: str,
+    events: str | None,
+    run_table: str | None,
+    tank: tuple[float, float, float] | None,
+    cubes: int,
+) -> WatchedStudy | None:
+    """The study that --events asks for, None without it. ValueError: options that do not go together.
+
+    cubes : taken as the number that each run holds if the user has said so
+    """
+    context = click.get_current_context()
+    given = {
+        option.name: option.opts[0]
+        for option in context.command.params
+        if option.name is not None and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+    }
+    if events is None:
+        for name in ("run_table", "tank"):
+            if name in given:
+                raise ValueError(f"{given[name]} describes runs that others watched; name their table too, by --events")
+        return None
+    for name, option in given.items():
+        if name not in SHARED:
+            raise ValueError(f"{option} is about mechanics runs, and --events makes none; leave one of them out")
+    from calibration.watched.study import watched_study
+    from kinetics.commands.start import is_network_file, network_of_book
+    from kinetics.formats import read
+    from kinetics.network import Tank
+
+    network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
+    said = cubes if "cubes" in given else None
+    return watched_study(source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank))

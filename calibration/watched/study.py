@@ -1,0 +1,114 @@
+"""Calibration from what others watched: the same estimates, diagnostics and rates file as from mechanics runs."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from calibration.estimating.diagnostics import Diagnosis, diagnose
+from calibration.estimating.estimate import Calibration, estimate
+from calibration.estimating.paper import paper_estimate
+from calibration.watched.reading import read_watched
+from kinetics.network import Network, Tank
+from kinetics.rates import Rates
+from kinetics.runs import JumpPath
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedStudy:
+    """Runs that others watched, and what they show.
+
+    name : of the rule book or network file
+    runs : name of a run -> what happened
+    settings : what else was said of the runs, for the evidence
+    """
+
+    name: str
+    runs: Mapping[str, JumpPath]
+    settings: dict[str, Any]
+
+    @property
+    def paths(self) -> list[JumpPath]:
+        """All runs."""
+        return list(self.runs.values())
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were left out: none, since a faulty table is refused."""
+        return []
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """Pooled events and exposures of all channels."""
+        return estimate(self.paths)
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Are waits exponential, and rates the same in all runs?"""
+        return diagnose(self.paths)
+
+    @cached_property
+    def paper_rates(self) -> dict[str, float]:
+        """The paper's own estimator on the same runs."""
+        return paper_estimate(self.paths)
+
+    @property
+    def source(self) -> str:
+        """Where the rates come from, in words."""
+        runs, duration = len(self.paths), sum(path.end for path in self.paths)
+        events = int(self.calibration.total.events.sum())
+        return f"{runs} watched run{'s' if runs > 1 else ''}, {duration:g} tu and {events} events in all"
+
+    @property
+    def made(self) -> str:
+        """How the runs were made, in a sentence."""
+        return "Others watched the runs; their tables are the data."
+
+    @cached_property
+    def rates(self) -> Rates:
+        """The estimates with their evidence, ready to be saved."""
+        paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
+        return self.calibration.rates(
+            {
+                "network": self.name,
+                **self.settings,
+                "runs": len(self.paths),
+                "versions": {name: version(name) for name in ("wellmixed", "numpy")},
+                "doubtful_tests": self.diagnosis.doubtful,
+                "paper_estimator": paper,
+            }
+        )
+
+
+def watched_study(
+    source: str,
+    network: Network,
+    events: str | Path,
+    runs: str | Path | None = None,
+    *,
+    cubes: int | None = None,
+    single: str | None = None,
+    tank: Tank | None = None,
+) -> WatchedStudy:
+    """Read the tables of runs that others watched; the arguments are those of `read_watched`.
+
+    source : name of the rule book or network file that gives the network
+
+    ValueError: a table is wrong, or a channel follows a rate law, which has no rate constant to be estimated.
+    """
+    if not network.is_mass_action:
+        named = ", ".join([*network.laws, *(event.name for event in network.events)])
+        raise ValueError(f"{source}: rate constants are those of mass action; rate laws or events of its own: {named}")
+    paths = read_watched(network, events, runs, cubes=cubes, single=single, tank=tank)
+    files = [Path(file) for file in (events, runs) if file is not None]
+    settings: dict[str, Any] = {
+        "events_file": files[0].name,
+        "tables_sha256": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
+    }
+    return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}))

@@ -1,0 +1,153 @@
+"""Tables from outside, CSV or Parquet: columns of text with the rows they stand in, and numbers with words for errors.
+
+Cells are kept as text until a number is asked for, so that both kinds of file are read alike and a float written in
+full comes back to the last digit.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.support.arrays import Floats
+
+SUFFIXES = (".csv", ".parquet")
+LARGEST = 2.0**53  # of a count; beyond it a float skips whole numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of text.
+
+    name : of the file
+    columns : title -> cells (n,), stripped; an empty cell, nothing or NaN, is ""
+    lines : (n,) where each row stands in the file, the titles being line 1
+    """
+
+    name: str
+    columns: dict[str, NDArray[Any]]
+    lines: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return self.lines.size
+
+    def require(self, *titles: str) -> None:
+        """ValueError where a column is missing."""
+        missing = [title for title in titles if title not in self.columns]
+        if missing:
+            raise ValueError(
+                f"{self.name} has no column {', '.join(missing)}; it has {', '.join(self.columns)}: give it a first "
+                "line of titles, separated by commas"
+            )
+
+    def where(self, row: int) -> str:
+        """A row in words: file, line and run."""
+        run = self.columns["run"][row] if "run" in self.columns else ""
+        return f"{self.name}, line {self.lines[row]}" + (f", run {run}" if run else "")
+
+    def numbers(self, title: str, rows: NDArray[np.intp], may_be_empty: bool = False) -> Floats:
+        """Finite numbers (len(rows),) of a column; an empty cell is nan where that is allowed, else an error."""
+        cells = self.columns[title][rows]
+        empty = cells == ""
+        if empty.any() and not may_be_empty:
+            raise ValueError(f"{self.where(rows[empty.argmax()])}: {title} is empty; expected a number")
+        try:
+            found = np.where(empty, "nan", cells).astype(float)
+        except ValueError:
+            found = np.array([_number(cell) for cell in cells])
+        bad = ~np.isfinite(found) & ~empty
+        if bad.any():
+            first = int(bad.argmax())
+            raise ValueError(f"{self.where(rows[first])}: {title} = {cells[first]}; expected a finite number")
+        return found
+
+    def counts(self, titles: Sequence[str], rows: NDArray[np.intp]) -> Floats:
+        """Whole numbers (len(rows), len(titles)) of at least 0; nan where a cell is empty."""
+        found = np.empty((rows.size, len(titles)))
+        for column, title in enumerate(titles):
+            found[:, column] = self.numbers(title, rows, may_be_empty=True)
+        wrong = (found < 0) | (found != np.rint(found)) & ~np.isnan(found) | (found > LARGEST)
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise ValueError(
+                f"{self.where(rows[row])}: {self.columns[titles[column]][rows[row]]} copies of {titles[column]}; "
+                "expected a whole number, 0 or more"
+            )
+        return found
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a CSV or Parquet file. ValueError: neither of them, empty, or damaged."""
+    file = Path(path)
+    if file.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: expected a table whose name ends in {' or '.join(SUFFIXES)}")
+    if not file.is_file():
+        raise ValueError(f"table {path} does not exist")
+    try:
+        titles, cells, lines = _csv(file) if file.suffix.lower() == ".csv" else _parquet(file)
+    except (ValueError, OSError, csv.Error) as error:  # pyarrow derives its errors from the first two
+        raise ValueError(f"{path} cannot be read as a table: {' '.join(str(error).split())}") from error
+    if len(set(titles)) < len(titles):
+        raise ValueError(f"{path} has two columns of one title; its titles are {', '.join(titles)}")
+    if not lines.size:
+        raise ValueError(f"{path} is empty: it has no rows below its titles")
+    return Table(file.name, dict(zip(titles, cells, strict=True)), lines)
+
+
+def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
+    """Titles, columns and line numbers; a row that is cut short has empty cells, and empty rows are passed over."""
+    titles: list[str] = []
+    rows, lines = [], []
+    with file.open(newline="", encoding="utf-8-sig") as text:
+        reader = csv.reader(text, skipinitialspace=True)
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if not any(cells):
+                continue
+            if not titles:
+                titles = cells
+                continue
+            if len(cells) > len(titles):
+                raise ValueError(
+                    f"line {reader.line_num} has {len(cells)} cells for {len(titles)} titles; put a name that holds a "
+                    "comma in double quotes"
+                )
+            rows.append(cells + [""] * (len(titles) - len(cells)))
+            lines.append(reader.line_num)
+    columns = np.array(rows, dtype=object).reshape(len(rows), len(titles)).T
+    return titles, list(columns), np.array(lines, dtype=np.int64)
+
+
+def _parquet(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
+    """The same of a Parquet file, whose rows are numbered as if they stood below a line of titles."""
+    import pandas as pd
+
+    frame = pd.read_parquet(file)
+    texts = frame.astype(object).where(frame.notna(), "")
+    columns = [
+        np.array([str(cell).strip() for cell in texts.iloc[:, place]], dtype=object) for place in range(texts.shape[1])
+    ]
+    return [str(title).strip() for title in frame.columns], columns, np.arange(len(frame), dtype=np.int64) + 2
+
+
+def near(name: str, known: Sequence[str], shown: int = 8) -> str:
+    """`; did you mean …?`, or else what is known."""
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
+    if close:
+        return f"; did you mean {' or '.join(close)}?"
+    more = f" and {len(known) - shown} more" if len(known) > shown else ""
+    return f"; expected one of {', '.join(known[:shown])}{more}"
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
