@@ -11,6 +11,7 @@ from calibration.reporting.report import Chart, Heading, HtmlReport, Part, Repor
 from kinetics.rates import Rates
 
 if TYPE_CHECKING:
+    from calibration.estimating.break_fit import BreakComparison
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.watched.study import WatchedStudy
 
@@ -22,6 +23,10 @@ ABOUT_DIAGNOSTICS = """
 Dispersion is the variance of a channel's counts between runs over that of a Poisson count: 1 on average. The p-values
 test for equal rates in all runs, at all ages of a run and from all initial states, for waits without drift, and for
 exponential waits.
+"""
+ABOUT_BREAKS = """
+The AIC counts parameters against likelihood: the smaller is the better. The log score is that of breaks in runs that
+were left out of the fit; the larger is the better. The deviance compares the breaks of runs alike with those expected.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -58,6 +63,7 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     references = {"paper, Table III": table3} if is_papers_line else None
     doubtful = ", ".join(study.diagnosis.doubtful)
     verdict = f"Doubtful at 1 %, corrected for their number: {doubtful}." if doubtful else "None fails at 1 %."
+    breaks = [] if study.break_models is None else _break_parts(study.break_models)
     return [
         Heading("Rates"),
         Text(f"{study.source}. {study.made} {ABOUT_RATES}"),
@@ -65,6 +71,7 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
+        *breaks,
         Heading("Do the runs behave like a Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {verdict}"),
         ReportTable("Diagnostics, a row a channel.", _testable(study.diagnosis.table()), "diagnostics"),
@@ -73,6 +80,22 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
             study.diagnosis.waits[-1].plot,
             name="waits",
         ),
+    ]
+
+
+def _break_parts(compared: BreakComparison) -> list[Part]:
+    """Break models side by side; the shape in words, its intervals at 95 %."""
+    rows = []
+    for row in compared.table():
+        shape = "; ".join(
+            f"{name} {each['estimate']:.4g} [{each['interval'][0]:.4g}, {each['interval'][1]:.4g}]"
+            for name, each in row["shape"].items()
+        )
+        rows.append(row | {"shape": shape or "none"})
+    return [
+        Heading("Who breaks a bond"),
+        Text(f"{ABOUT_BREAKS} {compared.reason}."),
+        ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
     ]
 
 
