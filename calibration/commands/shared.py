@@ -59,6 +59,8 @@ def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
 
 def breaks_table(compared: BreakComparison) -> str:
     """Break models side by side, and why one was chosen, for people."""
+    from calibration.estimating.break_fit import shape_in_words
+
     rows = [
         (
             f"{row['model']}{' *' if row['is_chosen'] else ''}",
@@ -68,11 +70,7 @@ def breaks_table(compared: BreakComparison) -> str:
             "-" if math.isnan(row["log_score"]) else f"{row['log_score']:.1f}",
             f"{row['deviance']:.1f} ({row['freedom']})",
             "-" if math.isnan(row["p_deviance"]) else f"{row['p_deviance']:.2g}",
-            "; ".join(
-                f"{name} {value['estimate']:.3g} [{value['interval'][0]:.3g}, {value['interval'][1]:.3g}]"
-                for name, value in row["shape"].items()
-            )
-            or "-",
+            shape_in_words(row["shape"]),
         )
         for row in compared.table()
     ]

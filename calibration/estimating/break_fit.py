@@ -177,6 +177,15 @@ class BreakComparison:
         return rows
 
 
+def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:
+    """The shape parameters of a row of the table, with their intervals."""
+    parts = [
+        f"{name} {value['estimate']:.3g} [{value['interval'][0]:.3g}, {value['interval'][1]:.3g}]"
+        for name, value in shape.items()
+    ]
+    return "; ".join(parts) or "none"
+
+
 def admits(law: BreakModel, network: Network) -> bool:
     """Whether the model can be asked of this network: weights by size need sizes."""
     try:

@@ -85,13 +85,9 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
     """Break models side by side; the shape in words, its intervals at 95 %."""
-    rows = []
-    for row in compared.table():
-        shape = "; ".join(
-            f"{name} {each['estimate']:.4g} [{each['interval'][0]:.4g}, {each['interval'][1]:.4g}]"
-            for name, each in row["shape"].items()
-        )
-        rows.append(row | {"shape": shape or "none"})
+    from calibration.estimating.break_fit import shape_in_words
+
+    rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("Who breaks a bond"),
         Text(f"{ABOUT_BREAKS} {compared.reason}."),
