@@ -63,8 +63,8 @@ if TYPE_CHECKING:
 @click.option(
     "--breaks",
     metavar="auto|NAME",
-    help="How bonds break: first-order, collision, collision-wall, collision-species, or auto for the model that the "
-    "runs choose.  [default: the plan's, or auto]",
+    help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
+    "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
 )
 @events_options
 @report_option
