@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.support.tables import text_table
-from mechsim.runs.record import book_of
+from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.store import RunStore
 from mechsim.studies.study import Study, StudyPoint
 
@@ -35,9 +35,13 @@ class PointTrial:
 
 def trial(point: StudyPoint, seed: int) -> PointTrial:
     """Try a point. The speeds depend on the seed alone, the times on the machine."""
+    return timed(point.specs(WARM_UP + TRIAL, 1, seed)[0])
+
+
+def timed(spec: RunSpec) -> PointTrial:
+    """Try the first 5 tu of a run, after a short warm-up, whatever its length."""
     from mechsim.world.world import World
 
-    spec = point.specs(WARM_UP + TRIAL, 1, seed)[0]
     book, _ = book_of(spec.scene.rules)
     began = time.process_time()
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
