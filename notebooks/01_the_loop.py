@@ -85,10 +85,11 @@ _ = draw_tank(beginning, ax)
 # %% [markdown]
 # The stored calibration watched such tanks, started from several mixtures and put back after every event. A
 # rate is the number of events over the *exposure*, the time integral of $N \cdot h$; its 95 % limits are exact
-# for a Poisson count. Breaks are rare, so their intervals are wide.
+# for a Poisson count. Breaks are rare, so their intervals are wide. The stored
+# table does not say for which tank it is; it was measured in this one.
 
 # %%
-rates = Rates.load(results / "rates.toml")
+rates = Rates.load(results / "rates.toml").model_copy(update={"tank": scene.tank.size})
 table = pd.DataFrame({name: channel.model_dump() for name, channel in rates.channels.items()}).T
 table[["ways", "events", "exposure", "rate", "low", "high"]].map("{:.4g}".format)
 
