@@ -30,6 +30,7 @@
 # commands. Lengths and times are in the paper's units (tu); the density of fluid and cubes is 1.
 
 # %%
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -172,8 +173,9 @@ pd.DataFrame(
 # %%
 folder = results / "runs"
 stored = [record_at(str(path), folder) for path in sorted(folder.glob("*.run"))]
-whole = [record for record in stored if record.completed and record.spec.duration == 2000.0]
-held_out = {n: [record for record in whole if record.spec.composition == {"monomer": n}] for n in sizes}
+whole = [record for record in stored if record.completed]
+starts = {n: RunSpec(scene, {"monomer": n}, duration=2000.0, seed=2, run=0) for n in sizes}
+held_out = {n: [record for record in whole if replace(record.spec, run=0) == start] for n, start in starts.items()}
 comparisons = [
     crossvalidate(
         network, rates, [record.path for record in records], np.linspace(0.0, 2000.0, 41), "quadmer", f"{n} cubes",

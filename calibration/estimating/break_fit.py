@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +13,9 @@ import numpy as np
 from calibration.estimating.break_rates import BreakRates
 from calibration.estimating.estimate import Calibration
 from calibration.estimating.likelihood import PathLikelihood
-from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
+from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
-from kinetics.breaks import BREAK_MODELS, BreakModel, break_model, is_break
+from kinetics.breaks import ALONE, BREAK_MODELS, BreakModel, break_model, is_break
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 
@@ -32,10 +33,17 @@ def break_channels(network: Network) -> tuple[str, ...]:
     return tuple(np.array(network.channels, dtype=object)[is_break(network)])
 
 
-def fit_breaks(law: BreakModel, paths: Iterable[JumpPath], fixed: Mapping[str, float] | None = None) -> RateFit:
+def fit_breaks(
+    law: BreakModel,
+    paths: Iterable[JumpPath],
+    fixed: Mapping[str, float] | None = None,
+    by_partner: bool = False,
+) -> RateFit:
     """Fit a break model by maximum likelihood to all breaks of runs of one network, in the tank of the first run.
 
     fixed : shape parameters to hold, by name
+    by_partner : whether the likelihood is that of who broke what, where the runs name the partner, which says far more
+        of the weights; such a likelihood can be compared only among models that have partners
 
     Cost: one pass over the runs, then milliseconds.
     """
@@ -48,7 +56,7 @@ def fit_breaks(law: BreakModel, paths: Iterable[JumpPath], fixed: Mapping[str, f
         raise ValueError("no channel of this network is a break, so that there is no break model to fit")
     if len({run.tank is None for run in runs}) > 1:
         raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
-    return fit_rates(BreakRates.of(law, network, runs[0].tank), runs, channels, fixed)
+    return fit_rates(BreakRates.of(law, network, runs[0].tank, by_partner), runs, channels, fixed)
 
 
 def log_score(fit: RateFit, others: PathLikelihood) -> float:
@@ -68,16 +76,23 @@ def log_score(fit: RateFit, others: PathLikelihood) -> float:
 class BreakComparison:
     """Break models fitted to the same runs.
 
+    The breaks alone say whether others break a structure: all models are compared by their likelihood (`fits`). Where
+    the runs name the partner of each break, the models with partners are compared by the likelihood of who broke what
+    (`fits_by_partner`), and the chosen one's rates come from that fit.
+
     fits : in the order of `BREAK_MODELS`
+    fits_by_partner : the same without those that call a break impossible that was seen; none where nobody watched
     """
 
     fits: tuple[RateFit, ...]
+    fits_by_partner: tuple[RateFit, ...] = ()
 
     @classmethod
     def of(cls, paths: Iterable[JumpPath], models: Sequence[BreakModel] = BREAK_MODELS) -> BreakComparison:
         """Fit all models that the network admits."""
         runs = tuple(paths)
-        return cls(tuple(fit_breaks(law, runs) for law in models if admits(law, runs[0].network)))
+        admitted = [law for law in models if admits(law, runs[0].network)]
+        return cls(tuple(fit_breaks(law, runs) for law in admitted), tuple(_fits_by_partner(admitted, runs)))
 
     @classmethod
     def asked_for(cls, name: str, paths: Iterable[JumpPath]) -> BreakComparison | None:
@@ -90,7 +105,8 @@ class BreakComparison:
             return None
         if name == "auto":
             return cls.of(runs)
-        return cls((fit_breaks(break_model(name), runs),))
+        law = break_model(name)
+        return cls((fit_breaks(law, runs),), tuple(_fits_by_partner([law], runs)))
 
     def __getitem__(self, name: str) -> RateFit:
         for fit in self.fits:
@@ -100,29 +116,25 @@ class BreakComparison:
 
     @cached_property
     def chosen(self) -> RateFit:
-        """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC."""
-        least = min(fit.aic for fit in self.fits)
-        close = [fit for fit in self.fits if fit.aic <= least + CLOSE]
-        return min(close, key=lambda fit: (fit.free_parameters, fit.aic))
+        """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC.
+
+        Where partners were watched and the breaks alone ask for a model that has some, the choice among those is by
+        who broke what.
+        """
+        chosen = _simplest(self.fits)
+        return _simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
+
+    def _asks_for_partners(self, chosen: RateFit) -> bool:
+        laws = {fit.model.name for fit in self.fits_by_partner}
+        return bool(laws) and ALONE not in break_model(chosen.model.name).partners(chosen.likelihood.paths[0].network)
 
     @property
     def reason(self) -> str:
         """Why that one was chosen, in a sentence."""
-        best = min(self.fits, key=lambda fit: fit.aic)
-        chosen = self.chosen
-        others = sorted((fit for fit in self.fits if fit is not chosen), key=lambda fit: fit.aic)
-        if not others:
-            return f"{chosen.model.name} is the only break model that was fitted"
-        if chosen is best:
-            return (
-                f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "
-                f"{others[0].model.name}"
-            )
-        return (
-            f"{chosen.model.name} has the fewest parameters of the models within {CLOSE:g} of the smallest AIC: "
-            f"{chosen.aic - best.aic:.1f} above {best.model.name}, which has "
-            f"{best.free_parameters - chosen.free_parameters} more"
-        )
+        first = _simplest(self.fits)
+        if not self._asks_for_partners(first):
+            return _why(first, self.fits)
+        return f"{_why(first, self.fits)}; by who broke what, {_why(self.chosen, self.fits_by_partner)}"
 
     def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
         """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""
@@ -146,29 +158,70 @@ class BreakComparison:
         """One row a model: parameters, log-likelihood, AIC above the smallest, test against the model it extends,
         log score on runs left out, deviance of the breaks by group of runs with its p-value, shape with intervals."""
         least = min(fit.aic for fit in self.fits)
+        named = {fit.model.name: fit for fit in self.fits_by_partner}
+        least_named = min((fit.aic for fit in named.values()), default=float("nan"))
         rows = []
         for fit in self.fits:
             ratio = self.ratio(fit)
             fits_data = deviance(fit)
+            told = named.get(fit.model.name)
+            shaped = fit if told is None else told
             rows.append(
                 {
                     "model": fit.model.name,
-                    "is_chosen": fit is self.chosen,
+                    "is_chosen": fit.model.name == self.chosen.model.name,
                     "free_parameters": fit.free_parameters,
                     "log_likelihood": fit.log_likelihood,
                     "aic_above_least": fit.aic - least,
+                    "aic_by_partner": None if told is None else told.aic - least_named,
                     "p_against_nested": None if ratio is None else ratio.p_value,
                     "log_score": self.scores[fit.model.name],
                     "deviance": fits_data.statistic,
                     "freedom": fits_data.freedom,
                     "p_deviance": fits_data.p_value,
                     "shape": {
-                        name: {"estimate": value, "interval": list(fit.interval(name))}
-                        for name, value in fit.model.shape_values.items()
+                        name: {"estimate": value, "interval": list(shaped.interval(name))}
+                        for name, value in shaped.model.shape_values.items()
                     },
                 }
             )
         return rows
+
+
+def _fits_by_partner(laws: Sequence[BreakModel], runs: Sequence[JumpPath]) -> list[RateFit]:
+    """Fits to who broke what, of the models that have partners and call nothing impossible that was seen."""
+    if any(run.partners is None for run in runs):
+        return []
+    found = []
+    for law in laws:
+        if ALONE not in law.partners(runs[0].network):
+            with contextlib.suppress(ImpossibleEventError):
+                found.append(fit_breaks(law, runs, by_partner=True))
+    return found
+
+
+def _simplest(fits: Sequence[RateFit]) -> RateFit:
+    """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC."""
+    least = min(fit.aic for fit in fits)
+    return min((fit for fit in fits if fit.aic <= least + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
+
+
+def _why(chosen: RateFit, fits: Sequence[RateFit]) -> str:
+    """Why that one of these, in a sentence."""
+    best = min(fits, key=lambda fit: fit.aic)
+    others = sorted((fit for fit in fits if fit is not chosen), key=lambda fit: fit.aic)
+    if not others:
+        return f"{chosen.model.name} is the only break model that was fitted"
+    if chosen is best:
+        return (
+            f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "
+            f"{others[0].model.name}"
+        )
+    return (
+        f"{chosen.model.name} has the fewest parameters of the models within {CLOSE:g} of the smallest AIC: "
+        f"{chosen.aic - best.aic:.1f} above {best.model.name}, which has "
+        f"{best.free_parameters - chosen.free_parameters} more"
+    )
 
 
 def _score_of_fold(fit: RateFit, fold: int) -> float:

@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.estimating.rate_model import RateModel
 from kinetics.breaks import WALL, BreakModel, ShapeParameter, pairs
 from kinetics.network import Network, Tank
-from kinetics.runs import JumpPath
+from kinetics.runs import BY_UNKNOWN, BY_WALL, JumpPath
 from kinetics.support.arrays import Floats
 
 
@@ -23,19 +24,21 @@ class BreakRates(RateModel):
     law : the break model
     tank : where the coefficients hold; None where the runs do not know their tank
     values : the shape parameters, in the order of the model's
+    by_partner : whether the likelihood is that of who broke what, where a run names the partner; else of the breaks
     """
 
     law: BreakModel
     network: Network
     tank: Tank | None
     values: tuple[float, ...]
+    by_partner: bool = False
 
     terms = ("b",)
 
     @classmethod
-    def of(cls, law: BreakModel, network: Network, tank: Tank | None) -> BreakRates:
+    def of(cls, law: BreakModel, network: Network, tank: Tank | None, by_partner: bool = False) -> BreakRates:
         """The break model in a network with one channel a break, its shape where a search starts."""
-        return cls(law, network, tank, tuple(parameter.start for parameter in law.parameters(network)))
+        return cls(law, network, tank, tuple(parameter.start for parameter in law.parameters(network)), by_partner)
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -68,6 +71,14 @@ class BreakRates(RateModel):
         ]
         return [factor * part for factor, part in zip(factors, parts, strict=True)]
 
+    def named_parts(self, path: JumpPath) -> NDArray[np.bool_] | None:
+        """The partner of each break, or all of them where it is not known."""
+        if not self.by_partner or path.partners is None:
+            return None
+        numbers = [BY_WALL if name == WALL else path.network.species_places.get(name, BY_UNKNOWN)
+                   for name in self.law.partners(path.network)]  # fmt: skip
+        return (path.partners[:, None] == numbers) | (path.partners[:, None] <= BY_UNKNOWN)
+
     def mixture(self) -> Floats:
         """The weights of the partners (1, P)."""
         return np.asarray(self.law.weights(self.network, self.shape_values))[None, :]
@@ -75,4 +86,4 @@ class BreakRates(RateModel):
     @property
     def collected_as(self) -> Hashable:
         """Pairs do not depend on the shape."""
-        return self.law, self.network, self.tank
+        return self.law, self.network, self.tank, self.by_partner

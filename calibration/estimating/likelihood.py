@@ -143,6 +143,9 @@ class PathLikelihood:
         fired = path.channels[rows]
         speed = model.speed(path.times[rows] - origin[rows])
         at_events = np.array([path.network.ways[fired] * h[rows, fired] * speed for h in terms]).T
+        named = model.named_parts(path)
+        if named is not None:
+            at_events = np.where(named[rows], at_events, 0.0)
         return _OfPath((gathered * path.open_channels)[:, chosen], fired, at_events)
 
     def value(self, coefficients: Floats) -> float:

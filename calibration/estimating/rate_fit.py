@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+class ImpossibleEventError(ValueError):
+    """An event happened that the model calls impossible."""
+
+
 class LikelihoodRatio(NamedTuple):
     """A likelihood-ratio test: twice the gain in log-likelihood by `freedom` more parameters, and its p-value."""
 
@@ -237,7 +241,7 @@ def fit_rates(
     likelihood = PathLikelihood(model, runs, tuple(names.index(name) for name in chosen))
     best = likelihood.maximum(fixed)
     if not np.isfinite(best.log_likelihood):
-        raise ValueError(f"an event happened that {model.name} calls impossible; take another model of rates")
+        raise ImpossibleEventError(f"an event happened that {model.name} calls impossible; take another model of rates")
     return RateFit(likelihood, dict(fixed or {}), best)
 
 

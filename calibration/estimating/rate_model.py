@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
@@ -42,6 +43,10 @@ class RateModel(ABC):
 
         The parts are the terms, unless there is a `mixture`.
         """
+
+    def named_parts(self, path: JumpPath) -> NDArray[np.bool_] | None:  # noqa: ARG002
+        """The parts (E, parts) that may have caused each event, where the path tells; None where it does not."""
+        return None
 
     def mixture(self) -> Floats | None:
         """Weights (terms, parts) of the parts in each term; None where the parts are the terms."""

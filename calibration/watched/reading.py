@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from calibration.watched.frames import Frame, Given, frames_of_rows, frames_of_table
 from calibration.watched.tables import Table, read_table
+from kinetics.breaks import is_break
 from kinetics.network import Network, Tank
-from kinetics.runs import RESTART, JumpPath
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.runs.event_tables import END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
 from kinetics.support.arrays import Floats, Ints
 
@@ -118,6 +119,7 @@ class _Reader:
                 frame.end - frame.start,
                 frame.is_open,
                 frame.tank,
+                self.partners(rows[is_change], fired[is_change]),
             )
         except ValueError as error:
             raise ValueError(
@@ -127,6 +129,25 @@ class _Reader:
             said, left = self.text(frame.final), self.text(path.at([path.end])[0])
             raise ValueError(f"{self.events.name}, run {run}: it ends with {said}, but its rows leave {left}")
         return path
+
+    def partners(self, rows: Rows, fired: Ints) -> Ints | None:
+        """Who broke what (len(rows),), as in `JumpPath.partners`; None where there is no such column."""
+        if "partner" not in self.events.columns:
+            return None
+        breaks = is_break(self.network)
+        known = {name: s for s, name in enumerate(self.network.species)} | {"wall": BY_WALL, "several": BY_UNKNOWN}
+        found = []
+        for row, channel in zip(rows.tolist(), fired.tolist(), strict=True):
+            name = self.events.columns["partner"][row]
+            can_have = channel >= 0 and bool(breaks[channel])
+            if name and not can_have:
+                raise ValueError(f"{self.events.where(row)}: {name} as a partner of what is no break; leave it empty")
+            if name and name not in known:
+                raise ValueError(
+                    f"{self.events.where(row)}: unknown partner {name!r}; expected a species, wall, or several"
+                )
+            found.append(known.get(name, BY_UNKNOWN) if can_have else NO_BREAK)
+        return np.array(found, dtype=np.int64)
 
     def check_order(self, frame: Frame, rows: Rows, times: Floats) -> None:
         """Times rise from start to end; equal ones only at a restart, or within the resolution."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.breaks.base import ALONE, WALL, BreakModel
 from kinetics.network import Network, Tank
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.runs import RESTART, JumpPath
+from kinetics.runs import BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 BY = " by "  # between a break and its partner, in the name of a channel
@@ -121,11 +121,16 @@ class Expansion:
         return np.where(self.partner_of < 0, own, own * by_partner)
 
     def on_base(self, path: JumpPath) -> JumpPath:
-        """A path of the expanded network as a path of the base, which does not tell who broke what."""
+        """A path of the expanded network as a path of the base, which keeps who broke what as `partners`."""
         channels = np.where(path.channels == RESTART, RESTART, np.append(self.base_of, RESTART)[path.channels])
         is_open = np.zeros(len(self.base.channels), dtype=bool)
         np.logical_or.at(is_open, self.base_of, path.open_channels)
-        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, path.tank)
+        partners = None
+        if self.network is not self.base:
+            named = [BY_WALL if name == WALL else self.base.index(name) for name in self.model.partners(self.base)]
+            of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
+            partners = np.append(of_channel, NO_BREAK)[path.channels]
+        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, path.tank, partners)
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:

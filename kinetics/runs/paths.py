@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
 RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
+# In `JumpPath.partners`, where it is not the number of a species: a wall, several at once (or not known), not a break.
+BY_WALL, BY_UNKNOWN, NO_BREAK = -1, -2, -3
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,8 @@ class JumpPath:
     end : time in tu at which observation stopped; a waiting time cut off by it is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
     tank : where it happened; None where that is not known
+    partners : (E,) who broke a structure: number of a species, BY_WALL, or BY_UNKNOWN; NO_BREAK for other events and
+        restarts. None where nobody watched for it
     """
 
     network: Network
@@ -41,6 +45,7 @@ class JumpPath:
     end: float
     open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
     tank: Tank | None = None
+    partners: Ints | None = None
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
@@ -57,6 +62,13 @@ class JumpPath:
         if is_open.shape != (n_channels,) or is_open.dtype != bool:
             raise ValueError(f"open_channels must be {n_channels} truth values, one a channel")
         object.__setattr__(self, "open_channels", read_only(is_open))
+        if self.partners is not None:
+            partners = integers("partners", self.partners, self.times.shape, NO_BREAK)
+            if partners.size and partners.max() >= len(self.network.species):
+                raise ValueError(
+                    f"partners holds {partners.max()}; the network has {len(self.network.species)} species"
+                )
+            object.__setattr__(self, "partners", partners)
         self._check_events(is_open)
 
     def _check_events(self, is_open: NDArray[np.bool_]) -> None:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.assembly import Structure
+from kinetics.runs import BY_WALL
 from mechsim.effects.hits import Hit
 
-# Who broke a bond or struck a body, where it was not one other body, whose species is named.
-WALL, SEVERAL, JOIN = -1, -2, -3
 SHARED, BROKE = 1, 2  # flags of a hit, bits: several bodies or walls touched at once; the bond broke
 
 
@@ -56,7 +55,7 @@ class LoadLog:
         return {
             "load_time": np.array([row.time for row in self.rows], np.float64),
             "load_channel": np.array([channel(hit.struck, hit.bond) for hit in hits], np.int16),
-            "load_partner": np.array([WALL if h.partner is None else species(h.partner) for h in hits], np.int16),
+            "load_partner": np.array([BY_WALL if h.partner is None else species(h.partner) for h in hits], np.int16),
             "load_value": np.array([hit.load for hit in hits], np.float32),
             "load_flags": np.array([SHARED * h.is_shared + BROKE * h.breaks for h in hits], np.uint8),
         }

@@ -16,11 +16,11 @@ import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
-from kinetics.runs import RESTART, JumpPath
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
-from mechsim.runs.load_log import JOIN, SEVERAL, WALL, LoadLog
+from mechsim.runs.load_log import LoadLog
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
 
@@ -170,12 +170,13 @@ class RunRecord:
         bonds (E, 2) : the two cubes whose bond was made or broken, -1 at a restart. Cubes are numbered from 0 in the
             order of `RunSpec.start`. A number stays with its cube between restarts; at a restart, bodies that are no
             longer as at the start are dealt out anew
-        partners (E,) : what broke a bond: the index of another body's species, WALL, SEVERAL (more than one at once, or
-            no collision); JOIN where no bond broke
+        partners (E,) : what broke a bond: the index of another body's species, BY_WALL, or BY_UNKNOWN (more than one at
+            once, or no collision); NO_BREAK where no bond broke
         With a log of hits (`Breaking.log_above`), by collision: load_time (H,), load_channel (H,), the break that it
-        makes or would make, load_partner (H,), a species or WALL, load_value (H,) and load_flags (H,), bits SHARED and
-        BROKE; see `load_log`. With poses: pose_times (K,), centres (K, C, 3), axes (K, C, 3, 3; columns) and body slots
-        (K, C) of all cubes, the last frame at the run's end
+        makes or would make, load_partner (H,), a species or BY_WALL, load_value (H,) and load_flags (H,), bits SHARED
+        and BROKE; see `load_log`.
+        With poses: pose_times (K,), centres (K, C, 3), axes (K, C, 3, 3; columns) and body slots (K, C) of all cubes,
+        the last frame at the run's end
     facts : end (tu), species, channels, open_channels, steps
     cost : cpu_seconds and wall_seconds; not part of the digest
     """
@@ -216,6 +217,7 @@ class RunRecord:
             end=self.facts["end"],
             open_channels=np.array(self.facts["open_channels"], bool),
             tank=Tank(self.spec.scene.tank.size),
+            partners=self.arrays.get("partners"),
         )
 
 
@@ -224,7 +226,7 @@ class _Event:
     time: float
     channel: int
     bond: tuple[int, int] = (-1, -1)
-    partner: int = JOIN
+    partner: int = NO_BREAK
 
 
 class _Watch:
@@ -244,11 +246,11 @@ class _Watch:
         made = [species(s) for s in event.after]
         channel = self.derivation.channel([species(s) for s in event.before], made)
         if len(event.before) > 1:
-            partner = JOIN
+            partner = NO_BREAK
         elif hit is None or hit.is_shared:
-            partner = SEVERAL
+            partner = BY_UNKNOWN
         else:
-            partner = WALL if hit.partner is None else species(hit.partner)
+            partner = BY_WALL if hit.partner is None else species(hit.partner)
         self.events.append(_Event(self.time, channel, event.cubes, partner))
         self.is_reached |= self.until in made
 

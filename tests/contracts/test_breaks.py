@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic_runs import line_network
 
 from calibration import estimate
-from calibration.estimating.break_fit import fit_breaks, rates_with_breaks
+from calibration.estimating.break_fit import fit_breaks, rates_of_fit
 from kinetics.breaks import ALONE, BREAK_MODELS, WALL, Expansion, base_channel, break_model, is_break, pairs
 from kinetics.network import Tank
 from kinetics.predicting import predict
@@ -160,11 +160,13 @@ def test_it_is_fitted_saved_and_predicts(law, tmp_path):
     Some 1,500 breaks leave each of four coefficients an error of 5 %, which goes into a tenth to a third of a count.
     The control, the truth with every break at half its rate, is outside.
     """
-    scale = 1e-4 if law.partners(LINE) != (ALONE,) else 3e-3
+    met = dict(zip(LINE.species, (10, 6, 6, 12), strict=True))  # so that every model breaks about as often
+    weights = law.weights(LINE, shapes(law)[0])
+    scale = 1e-2 / sum(w * met.get(p, 1) for p, w in zip(law.partners(LINE), weights, strict=True))
     truth = KnownBreaks(law, shapes(law)[0], tuple(scale * np.array([1.0, 1.5, 1.0, 2.0])))
     runs = truth.runs(40, 50.0, seed=5)
     fit = fit_breaks(law, runs)
-    rates = rates_with_breaks(estimate(runs), fit)
+    rates = rates_of_fit(estimate(runs), fit)
     rates.save(tmp_path / "rates.toml")
     again = Rates.load(tmp_path / "rates.toml")
     assert again == rates

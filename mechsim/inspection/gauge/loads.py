@@ -17,7 +17,7 @@ class Loads:
     """Hits and exposure, pooled over runs of one physics.
 
     species (S,), sizes (S,) : names, and cubes of each
-    struck, partner (H,) : species; a partner of WALL is a wall. value (H,) : load
+    struck, partner (H,) : species; a partner of BY_WALL is a wall. value (H,) : load
     alone (S,) : integral of x_X dt, tu
     pairs (S, S) : integral of x_X (x_Y - [X = Y]) / volume dt; walls (S,) : of x_X surface / volume dt
     breaks (S,) : breaks counted in the runs

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinetics.runs import BY_WALL
 from kinetics.support.intervals import exact_limits
 from mechsim.inspection.gauge.loads import Loads
 from mechsim.inspection.gauge.tails import FEWEST, WIDTH, Tail, fit_tail
-from mechsim.runs.load_log import WALL
 
 LEVELS = 3  # from the log's own up to half the way to the threshold, on a log scale
 DOUBT = 2.576  # standard errors between answers from two levels that chance exceeds in 1 %
@@ -42,7 +42,7 @@ def exponent(loads: Loads, level: float) -> SizeExponent | None:
     from scipy.optimize import brentq, minimize_scalar
 
     hits = loads.above(level)
-    is_body = hits.partner != WALL
+    is_body = hits.partner != BY_WALL
     n_species = len(loads.species)
     seen = np.zeros((n_species, n_species))
     np.add.at(seen, (hits.struck[is_body], hits.partner[is_body]), 1)
@@ -107,7 +107,7 @@ def hit_rates(loads: Loads, levels: Sequence[float]) -> list[HitRate]:
     for s in loads.can_break:
         for level in levels:
             mine = (loads.struck == s) & (loads.value > level)
-            n, walls = int(mine.sum()), int((mine & (loads.partner == WALL)).sum())
+            n, walls = int(mine.sum()), int((mine & (loads.partner == BY_WALL)).sum())
             low, high = (float(limit) for limit in exact_limits(n, loads.alone[s]))
             share = walls / n if n else math.nan
             rows.append(HitRate(loads.species[s], level, n, n / float(loads.alone[s]), low, high, share))
@@ -150,7 +150,7 @@ def break_rate(loads: Loads, species: int, source: str, threshold: float, alpha:
     """See `BreakRate`; alpha: of the partner's size. ValueError: too few hits, or a threshold below the log."""
     mine = loads.struck == species
     if source != "all":
-        mine &= (loads.partner == WALL) == (source == "walls")
+        mine &= (loads.partner == BY_WALL) == (source == "walls")
     weights = loads.sizes.astype(float) ** alpha
     exposure = float({"all": loads.alone, "walls": loads.walls, "bodies": loads.pairs @ weights}[source][species])
     value = loads.value[mine]

@@ -16,12 +16,12 @@ from calibration.estimating.break_fit import (
     deviance,
     fit_breaks,
     log_score,
-    rates_with_breaks,
+    rates_of_fit,
 )
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.breaks import BREAK_MODELS, break_model, is_break
 from kinetics.network import Network, Tank
-from kinetics.runs import JumpPath
+from kinetics.runs import BY_UNKNOWN, BY_WALL, JumpPath
 
 COLLISION, WALLS, SPECIES = (break_model(f"collision{suffix}") for suffix in ("", "-wall", "-species"))
 FIRST = break_model("first-order")
@@ -163,6 +163,30 @@ def test_the_data_choose(plain_runs):
         comparison["double"]
 
 
+def test_who_broke_what_says_more(walled_runs):
+    """Partners that the runs name are used: weights come with smaller intervals, and walls are seen at once."""
+    compared = BreakComparison.of(walled_runs)
+    assert [fit.model.name for fit in compared.fits_by_partner] == ["collision-wall"]  # the others: walls break nothing
+    assert compared.chosen is compared.fits_by_partner[0]
+    assert "by who broke what" in compared.reason
+    plain, named = compared["collision-wall"], compared.chosen
+    for name, truth in WALLED.shape.items():
+        narrow, wide = named.interval(name), plain.interval(name)
+        assert narrow[0] < truth < narrow[1]
+        assert narrow[1] - narrow[0] < 0.5 * (wide[1] - wide[0])
+    # by hand: breaks by walls over exposure to walls, beside those by single cubes
+    breaks = np.concatenate([path.partners[path.partners >= BY_WALL] for path in walled_runs])
+    exposures = sum(evidence.exposure * b for evidence, b in zip(
+        named.likelihood.parts(named.model), named.best.coefficients[0], strict=True))  # fmt: skip
+    rates = np.array([(breaks == partner).sum() for partner in (0, 1, 2, 3, BY_WALL)]) / exposures
+    assert_allclose(rates[4] * exposures[4], named.model.shape_values["wall"] * exposures[4], rtol=0.02)
+    nobody = [replace(path, partners=None) for path in walled_runs]
+    assert not BreakComparison.of(nobody, (FIRST, WALLS)).fits_by_partner
+    unknown = [replace(path, partners=np.minimum(path.partners, BY_UNKNOWN)) for path in walled_runs]
+    blind = fit_breaks(WALLS, unknown, by_partner=True)
+    assert_allclose(blind.log_likelihood, plain.log_likelihood, rtol=1e-9)
+
+
 def test_walls_are_tested_on_the_boundary_of_their_range(request):
     """No walls: the statistic is 0 in about half of the studies, else chi-square. With walls as in the tank, power.
 
@@ -224,7 +248,7 @@ def test_draws_of_constants_are_those_of_an_independent_sampler(plain_runs):
     """Metropolis over alpha and all four coefficients, from the definition: equal in distribution."""
     runs = plain_runs[:6]
     fit = fit_breaks(COLLISION, runs)
-    rates = rates_with_breaks(estimate(runs), fit)
+    rates = rates_of_fit(estimate(runs), fit)
     drawn = rates.draw_constants(line_network(), np.random.default_rng(0), 4000)
     names = rates.apply(line_network()).channels
     parts = fit.likelihood.parts(fit.model)

@@ -46,7 +46,7 @@ def correlation(u, lag):
 @pytest.mark.parametrize("step", [0.00525, 0.00175])
 def test_the_memory_is_exponential_at_any_step(make_world, scene_of, step):
     u = fluid_of(make_world({"monomer": 60}, scene_of(SMOOTH, FACES, step=step)), 300)
-    for lag in range(6):
+    for lag in range(5):  # later both laws are near zero, and the control would be weak
         mean, error = correlation(u, lag)
         assert abs(mean - math.exp(-lag * step / 0.00525)) < 4.9 * error  # false alarm 1e-6
         assert abs(mean - math.exp(-lag * step / 0.0035)) > 4.9 * error or lag == 0  # another memory would be seen

@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from kinetics.runs import RESTART
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
 from mechsim.effects.hits import Hit
-from mechsim.runs.load_log import BROKE, JOIN, SEVERAL, SHARED, WALL, LoadLog
+from mechsim.runs.load_log import BROKE, SHARED, LoadLog
 from mechsim.runs.record import RunSpec, book_of, execute
 from mechsim.runs.store import RunStore
 
@@ -94,16 +95,16 @@ def test_the_bonds_of_the_events_tell_which_cubes_are_where(record):
 def test_every_break_has_a_partner_and_stands_in_the_log(record):
     arrays, facts = record.arrays, record.facts
     is_join = np.array(["->" in c and "+" in c.split("->")[0] for c in facts["channels"]])[arrays["channels"]]
-    assert ((arrays["partners"] == JOIN) == is_join).all()
+    assert ((arrays["partners"] == NO_BREAK) == is_join).all()
     broke = (arrays["load_flags"] & BROKE) > 0
     np.testing.assert_array_equal(arrays["load_time"][broke], arrays["times"][~is_join])
     np.testing.assert_array_equal(arrays["load_channel"][broke], arrays["channels"][~is_join])
     shared = (arrays["load_flags"] & SHARED) > 0
-    told = np.where(shared, SEVERAL, arrays["load_partner"])[broke]
+    told = np.where(shared, BY_UNKNOWN, arrays["load_partner"])[broke]
     np.testing.assert_array_equal(told, arrays["partners"][~is_join])
     assert (broke == (arrays["load_value"] > np.float32(0.003))).all()
     assert arrays["load_value"].min() > 0.0015
-    assert (arrays["load_partner"] == WALL).any()
+    assert (arrays["load_partner"] == BY_WALL).any()
     assert (arrays["load_partner"] >= 0).any()
     assert broke.sum() < len(broke) / 2
 
@@ -113,7 +114,7 @@ def test_after_a_restart_the_log_goes_on(record):
     is_restart = again["channels"] == RESTART
     assert is_restart.any()
     assert (again["bonds"][is_restart] == -1).all()
-    assert (again["partners"][is_restart] == JOIN).all()
+    assert (again["partners"][is_restart] == NO_BREAK).all()
     assert (again["bonds"][~is_restart] >= 0).all()
     assert again["load_time"].max() > again["times"][is_restart][0]
 
@@ -149,9 +150,9 @@ def test_a_log_above_the_threshold_is_refused(line4):
 def test_the_table_of_events_shows_bond_and_partner(record, tmp_path):
     store = RunStore(tmp_path)
     store.write(record)
-    events = store.to_frames()[1]
+    events = store.to_frames()[0]
     assert events[["cube_a", "cube_b"]].to_numpy().tolist() == record.arrays["bonds"].tolist()
-    names = {WALL: "wall", SEVERAL: "several"} | dict(enumerate(record.facts["species"]))
+    names = {BY_WALL: "wall", BY_UNKNOWN: "several"} | dict(enumerate(record.facts["species"]))
     for told, partner in zip(events["partner"], record.arrays["partners"].tolist(), strict=True):
-        assert told is None if partner == JOIN else told == names[partner]
+        assert pd.isna(told) if partner == NO_BREAK else told == names[partner]
     store.export(tmp_path / "tables")

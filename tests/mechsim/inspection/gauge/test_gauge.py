@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from kinetics.runs import BY_WALL
 from mechsim.inspection.gauge.loads import Loads
 from mechsim.inspection.gauge.rates import break_rate, check, exponent, exponent_doubts, hit_rates, levels_of
 from mechsim.inspection.gauge.tails import fit_tail
-from mechsim.runs.load_log import WALL
 
 NAMES, SIZES = ("monomer", "dimer", "trimer", "quadmer"), np.array([1, 2, 3, 4])
 LOG, THRESHOLD = 1.0, 2.0
@@ -33,7 +33,7 @@ def hits(rng, alpha=1.3, shape=0.1, scale=0.25, bodies=4e-3, walls=8e-3, tu=2000
     for s in (1, 2, 3):
         for other, exposure, rate in [
             *((y, pairs[s, y], bodies * SIZES[y] ** alpha) for y in range(4)),
-            (WALL, exposure_to_walls[s], walls),
+            (BY_WALL, exposure_to_walls[s], walls),
         ]:
             n = rng.poisson(rate * exposure)
             struck += [s] * n
@@ -79,7 +79,7 @@ def test_the_exponent_covers_the_truth():
 
 def test_an_exponent_that_depends_on_the_level_is_doubted():
     def heavier(rng, partner):
-        size = np.where(partner == WALL, 1, partner + 1)
+        size = np.where(partner == BY_WALL, 1, partner + 1)
         return pareto(rng, len(partner), 0.0, 0.15 * size)
 
     rng = np.random.default_rng(6)
@@ -135,7 +135,7 @@ def test_rates_of_hits_are_counts_over_time():
     assert row.hits == mine.sum()
     assert row.rate == pytest.approx(mine.sum() / (12 * 2000))
     assert row.low < row.rate < row.high
-    assert row.wall_share == pytest.approx((loads.partner[mine] == WALL).mean())
+    assert row.wall_share == pytest.approx((loads.partner[mine] == BY_WALL).mean())
 
 
 @pytest.mark.parametrize(
