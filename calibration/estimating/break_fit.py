@@ -14,7 +14,7 @@ from calibration.estimating.estimate import Calibration
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
-from kinetics.breaks import BREAK_MODELS, BreakModel, break_model, is_break
+from kinetics.breaks import BREAK_MODELS, BreakModel, is_break
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 
@@ -51,15 +51,17 @@ def fit_breaks(law: BreakModel, paths: Iterable[JumpPath], fixed: Mapping[str, f
     return fit_rates(BreakRates.of(law, network, runs[0].tank), runs, channels, fixed)
 
 
-def log_score(fit: RateFit, paths: Sequence[JumpPath]) -> float:
-    """Log-likelihood of the breaks of held-out runs under rates from a fit to others.
+def log_score(fit: RateFit, others: PathLikelihood) -> float:
+    """Log-likelihood of the breaks of held-out runs under rates from a fit to other runs.
 
     The coefficients are the posterior means under Jeffreys' prior, (events + 1/2) / exposure, because a largest
-    likelihood of 0 would call every break of a channel impossible that the fit has not seen.
+    likelihood of 0 would call every break of a channel impossible that the fit has not seen. -inf where a break
+    happened to which the fit had no exposure.
     """
     seen = fit.likelihood.evidence(fit.model)
-    means = np.array([[(len(e.at_events) + 0.5) / e.exposure[0] if e.exposure[0] > 0 else np.nan for e in seen]])
-    return PathLikelihood(fit.model, tuple(paths), fit.likelihood.channels).value(means)
+    means = [(len(e.at_events) + 0.5) / e.exposure[0] if e.exposure[0] > 0 else np.nan for e in seen]
+    held_out = others.evidence(fit.model)
+    return sum(e.log_likelihood(np.array([mean])) for e, mean in zip(held_out, means, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,18 +120,10 @@ class BreakComparison:
     @cached_property
     def scores(self) -> dict[str, float]:
         """Log score of each model on runs left out, a fifth of the runs at a time; the larger is the better."""
-        runs = self.fits[0].likelihood.paths
+        runs = range(len(self.fits[0].likelihood.paths))
         if len(runs) < FOLDS:
             return {fit.model.name: float("nan") for fit in self.fits}
-        parts = [[run for i, run in enumerate(runs) if i % FOLDS == fold] for fold in range(FOLDS)]
-        totals = {}
-        for fit in self.fits:
-            law = break_model(fit.model.name)
-            totals[fit.model.name] = sum(
-                log_score(fit_breaks(law, [run for other in parts if other is not part for run in other]), part)
-                for part in parts
-            )
-        return totals
+        return {fit.model.name: sum(_score_of_fold(fit, fold) for fold in range(FOLDS)) for fit in self.fits}
 
     def table(self) -> list[dict[str, Any]]:
         """One row a model: parameters, log-likelihood, AIC above the smallest, test against the model it extends,
@@ -158,6 +152,14 @@ class BreakComparison:
                 }
             )
         return rows
+
+
+def _score_of_fold(fit: RateFit, fold: int) -> float:
+    """Log score on a fifth of the runs of a fit to the others."""
+    numbers = range(len(fit.likelihood.paths))
+    rest = fit.likelihood.among([i for i in numbers if i % FOLDS != fold])
+    refit = RateFit(rest, fit.fixed, rest.maximum(fit.fixed, near=fit.model.shape_values))
+    return log_score(refit, fit.likelihood.among([i for i in numbers if i % FOLDS == fold]))
 
 
 def admits(law: BreakModel, network: Network) -> bool:

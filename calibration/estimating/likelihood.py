@@ -7,19 +7,22 @@ full. Given the shape parameters the channels part, and each is a concave proble
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from calibration.estimating.exposure import require_same, sojourns
-from calibration.estimating.rate_model import RateModel, ShapeParameter
+from calibration.estimating.mixed_evidence import MixedEvidence
+from calibration.estimating.rate_model import RateModel
+from calibration.estimating.shape_search import least
 from kinetics.runs import JumpPath
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 
 STEPS = 100  # of Newton; five to ten are usual
+SCATTERED = 128  # shapes tried at first
 RIDGE = 1e-10  # times the events, added to the curvature
 ROUNDING = 1e-12  # loss of log-likelihood an event that no step is shortened for
 
@@ -57,6 +60,14 @@ class Evidence:
         return best, self.log_likelihood(best)
 
 
+class _OfPath(NamedTuple):
+    """Of one path: exposure (P, R') to each part, the channels (n,) that fired, and parts (n, P) at these events."""
+
+    exposure: Floats
+    fired: Ints
+    at_events: Floats
+
+
 class Maximum(NamedTuple):
     """Parameters of largest likelihood. model : with its shape; coefficients : (P, R') of the fitted channels."""
 
@@ -69,18 +80,25 @@ class Maximum(NamedTuple):
 class PathLikelihood:
     """Log-likelihood of the firings of some channels in paths of one network, under a model of rates.
 
-    channels : indices of these channels; what the others do is given. Cost: one pass over the paths a set of shape
-    parameters.
+    channels : indices of these channels; what the others do is given
+
+    Cost: one pass over the paths a set of shape parameters; one in all where the shape only weights parts (`mixture`).
     """
 
     model: RateModel
     paths: tuple[JumpPath, ...]
     channels: tuple[int, ...]
-    _known: dict[Hashable, list[Evidence]] = field(default_factory=dict, repr=False)
+    _known: dict[Hashable, list[_OfPath]] = field(default_factory=dict, repr=False)
+    _pooled: dict[Hashable, list[Evidence]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         for path in self.paths:
             require_same(self.paths[0].network, path.network)
+
+    def among(self, chosen: Sequence[int]) -> PathLikelihood:
+        """That of some of the paths, by number; nothing is collected anew."""
+        known = {key: [each[i] for i in chosen] for key, each in self._known.items()}
+        return PathLikelihood(self.model, tuple(self.paths[i] for i in chosen), self.channels, known)
 
     def evidence(self, model: RateModel) -> list[Evidence]:
         """One a channel, under the model with this shape."""
@@ -92,80 +110,80 @@ class PathLikelihood:
     def parts(self, model: RateModel) -> list[Evidence]:
         """One a channel, in the parts that the model mixes to terms."""
         key = model.collected_as
-        if key not in self._known:
-            self._known.clear()  # one at a time: a search does not come back
-            self._known[key] = self._collected(model)
-        return self._known[key]
+        if key not in self._pooled:
+            self._pooled.clear()  # one at a time: a search does not come back
+            self._pooled[key] = self._collected(model)
+        return self._pooled[key]
+
+    @cached_property
+    def mixed(self) -> MixedEvidence | None:
+        """Of all channels together, where the shape only weights parts and every channel has one coefficient."""
+        if self.model.mixture() is None or len(self.model.terms) > 1:
+            return None
+        parts = self.parts(self.model)
+        return MixedEvidence.of([part.at_events for part in parts], [part.exposure for part in parts])
 
     def _collected(self, model: RateModel) -> list[Evidence]:
+        key = model.collected_as
+        if key not in self._known:
+            self._known.clear()
+            self._known[key] = [self._of_path(model, path) for path in self.paths]
+        each = self._known[key]
+        exposure = np.sum([one.exposure for one in each], axis=0)
+        events, fired = np.concatenate([one.at_events for one in each]), np.concatenate([one.fired for one in each])
+        return [Evidence(events[fired == c], exposure[:, i]) for i, c in enumerate(self.channels)]
+
+    def _of_path(self, model: RateModel, path: JumpPath) -> _OfPath:
         chosen = list(self.channels)
-        exposure: Any = 0.0
-        fired, at_events = [], []
-        for path in self.paths:
-            begin, end, origin = sojourns(path)
-            terms = model.combinations(path)
-            waits = model.elapsed(begin, end, origin)
-            gathered = np.array([path.network.ways * (waits @ h) for h in terms])
-            exposure = exposure + (gathered * path.open_channels)[:, chosen]
-            rows = np.flatnonzero(np.isin(path.channels, chosen))
-            channels = path.channels[rows]
-            speed = model.speed(path.times[rows] - origin[rows])
-            at_events.append(np.array([path.network.ways[channels] * h[rows, channels] * speed for h in terms]).T)
-            fired.append(channels)
-        events, each = np.concatenate(at_events), np.concatenate(fired)
-        return [Evidence(events[each == c], exposure[:, i]) for i, c in enumerate(chosen)]
+        begin, end, origin = sojourns(path)
+        terms = model.combinations(path)
+        waits = model.elapsed(begin, end, origin)
+        gathered = np.array([path.network.ways * (waits @ h) for h in terms])
+        rows = np.flatnonzero(np.isin(path.channels, chosen))
+        fired = path.channels[rows]
+        speed = model.speed(path.times[rows] - origin[rows])
+        at_events = np.array([path.network.ways[fired] * h[rows, fired] * speed for h in terms]).T
+        return _OfPath((gathered * path.open_channels)[:, chosen], fired, at_events)
 
     def value(self, coefficients: Floats) -> float:
         """Log-likelihood of coefficients (P, R') under the model as it is."""
         evidence = self.evidence(self.model)
         return sum(e.log_likelihood(k) for e, k in zip(evidence, coefficients.T, strict=True))
 
-    def maximum(self, fixed: Mapping[str, float] | None = None, held: tuple[int, int, float] | None = None) -> Maximum:
+    def maximum(
+        self,
+        fixed: Mapping[str, float] | None = None,
+        held: tuple[int, int, float] | None = None,
+        near: Mapping[str, float] | None = None,
+    ) -> Maximum:
         """Largest log-likelihood, with shape parameters in `fixed` as given and, of `held`, one coefficient: term,
-        position among the channels, value."""
+        position among the channels, value. The search starts at the shape `near`; None: at that of the model."""
         fixed = fixed or {}
         free = [parameter for parameter in self.model.shape if parameter.name not in fixed]
+        mixed = self.mixed if free else None
+        held_here = None if held is None else held[1:]
+
+        def with_shape(values: Sequence[float]) -> RateModel:
+            shape = {parameter.name: float(value) for parameter, value in zip(free, values, strict=True)}
+            return self.model.with_shape(shape | dict(fixed))
 
         def at(values: Sequence[float]) -> Maximum:
-            shape = {parameter.name: float(value) for parameter, value in zip(free, values, strict=True)}
-            model = self.model.with_shape(shape | dict(fixed))
-            evidence = self.evidence(model)
+            model = with_shape(values)
             best = [
                 e.highest_with({held[0]: held[2]}) if held and held[1] == i else e.highest
-                for i, e in enumerate(evidence)
+                for i, e in enumerate(self.evidence(model))
             ]
             return Maximum(sum(value for _, value in best), model, np.array([k for k, _ in best]).T)
 
-        start = [self.model.shape_values[parameter.name] for parameter in free]
-        return at(_searched(free, start, lambda values: -at(values).log_likelihood))
+        def costs(table: Floats) -> Floats:
+            if mixed is None:
+                return np.array([-at(values).log_likelihood for values in table.tolist()])
+            weights = np.concatenate([np.array(with_shape(values).mixture()) for values in table.tolist()])
+            return -mixed.highest(weights, held_here)
 
-
-def _searched(
-    free: Sequence[ShapeParameter], start: Sequence[float], cost: Callable[[Sequence[float]], float]
-) -> Sequence[float]:
-    """Values of the shape parameters at which `cost` is least: one valley is supposed, and no derivative is asked."""
-    from scipy.optimize import minimize, minimize_scalar
-
-    def finite(*values: float) -> float:
-        return min(cost(values), 1e300)
-
-    if not free:
-        return []
-    if len(free) == 1:
-        (only,) = free
-        span = only.high - only.low
-        inside = minimize_scalar(finite, bounds=(only.low, only.high), options={"xatol": 1e-7 * span}).x
-        if min(inside - only.low, only.high - inside) > 1e-6 * span:
-            return [inside]
-        return [min((only.low, only.high), key=finite)]  # the search stops short of an end
-    found = minimize(  # type: ignore[call-overload]  # the stubs know no plain dict of options
-        lambda values: finite(*values),
-        np.array(start),
-        method="Nelder-Mead",
-        bounds=[(parameter.low, parameter.high) for parameter in free],
-        options={"xatol": 1e-8, "fatol": 1e-10, "maxiter": 1000 * len(free)},
-    )
-    return list(found.x)
+        start = self.model.shape_values if near is None else near
+        scattered = SCATTERED if mixed is not None and near is None else 0  # elsewhere each costs a pass over the paths
+        return at(least(free, [start[parameter.name] for parameter in free], costs, scattered))
 
 
 def _maximum(x: Floats, exposure: Floats, given: Floats) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.estimating.exposure import sojourns
 from calibration.estimating.likelihood import Maximum, PathLikelihood
 from calibration.estimating.rate_model import RateModel
+from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 
@@ -85,10 +86,11 @@ class RateFit:
 
     def profile(self, parameter: str, value: float) -> float:
         """Largest log-likelihood with one parameter held at a value, all others fitted anew."""
+        near = self.model.shape_values
         if parameter in self._places:
-            return self.likelihood.maximum(self.fixed, (*self._places[parameter], value)).log_likelihood
+            return self.likelihood.maximum(self.fixed, (*self._places[parameter], value), near).log_likelihood
         self._check_known(parameter)
-        return self.likelihood.maximum(self.fixed | {parameter: value}).log_likelihood
+        return self.likelihood.maximum(self.fixed | {parameter: value}, near=near).log_likelihood
 
     def interval(self, parameter: str, level: float = 0.95) -> tuple[float, float]:
         """Profile-likelihood limits: where twice the loss of log-likelihood is the quantile of chi-square (1 df).
@@ -114,13 +116,29 @@ class RateFit:
             step = max(best, 1 / evidence.exposure[p]) / np.sqrt(len(evidence.at_events) + 1)
         else:
             (of,) = (each for each in self.model.shape if each.name == parameter)
-            low, high, step = of.low, of.high, 0.01 * (of.high - of.low)
+            return self._shape_limits(of, loss)
 
         def spare(value: float) -> float:
-            """Above 0 within the interval. Bounded below, where an event becomes impossible."""
-            return max(loss - (self.log_likelihood - self.profile(parameter, value)), -50.0)
+            return self._spare(parameter, value, loss)
 
         return _crossing(spare, best, low, -step), _crossing(spare, best, high, step)
+
+    def _shape_limits(self, parameter: ShapeParameter, loss: float) -> tuple[float, float]:
+        """Looked for among the quantiles of the prior, where a weight moves by ratios."""
+        best = self.parameters[parameter.name]
+        unit = parameter.unit(best)
+
+        def at(u: float) -> float:
+            return {unit: best, 0.0: parameter.low, 1.0: parameter.high}.get(u, float(parameter.value(u)))
+
+        def spare(u: float) -> float:
+            return self._spare(parameter.name, at(u), loss)
+
+        return at(_crossing(spare, unit, 0.0, -0.01)), at(_crossing(spare, unit, 1.0, 0.01))
+
+    def _spare(self, parameter: str, value: float, loss: float) -> float:
+        """Above 0 within the interval. Bounded below, where an event becomes impossible."""
+        return max(loss - (self.log_likelihood - self.profile(parameter, value)), -50.0)
 
     def test_against(self, smaller: RateFit) -> LikelihoodRatio:
         """Likelihood-ratio test of a special case of this model with fewer parameters, fitted to the same paths.

@@ -16,12 +16,33 @@ WALL = "wall"
 
 
 class ShapeParameter(NamedTuple):
-    """A parameter that several channels share, such as an exponent: where its search starts, and its closed range."""
+    """A parameter that several channels share, such as an exponent: where its search starts, and its closed range.
+
+    is_weight : it is compared with others by ratio, as the weight of a partner is; its range starts at 0
+    """
 
     name: str
     low: float
     high: float
     start: float = 1.0
+    is_weight: bool = False
+
+    def value(self, unit: Floats | float) -> Floats | float:
+        """The parameter at a quantile of its prior, 0 to 1; there searches and posteriors move.
+
+        The prior is uniform on the range; that of a weight w is s / (s + w)^2 with its start s, as flat over ratios as
+        a distribution with a median can be for small and large ones alike.
+        """
+        if not self.is_weight:
+            return self.low + unit * (self.high - self.low)
+        share = unit * self.high / (self.high + self.start)
+        return self.start * share / (1 - share)
+
+    def unit(self, value: float) -> float:
+        """The quantile at which the parameter has a value; the inverse of `value`."""
+        if not self.is_weight:
+            return (value - self.low) / (self.high - self.low)
+        return value / (value + self.start) * (self.high + self.start) / self.high
 
 
 class BreakModel(ABC):

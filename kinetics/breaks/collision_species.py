@@ -10,6 +10,8 @@ from kinetics.breaks.base import BreakModel, ShapeParameter
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
+MOST_SPECIES = 12  # with more, no run says anything of most weights
+
 
 class CollisionSpecies(BreakModel):
     """X + Y -> parts + Y with a weight for every species Y, 1 for the first one.
@@ -25,8 +27,13 @@ class CollisionSpecies(BreakModel):
         return network.species
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:
-        """The weights of all species but the first."""
-        return tuple(ShapeParameter(f"weight {name}", 0.0, 1e3, 1.0) for name in network.species[1:])
+        """The weights of all species but the first; a ValueError where they are too many."""
+        if len(network.species) > MOST_SPECIES:
+            raise ValueError(
+                f"break model {self.name!r} has a weight a species, for up to {MOST_SPECIES}; this network has "
+                f"{len(network.species)} species: use 'collision', whose weights follow from the sizes"
+            )
+        return tuple(ShapeParameter(f"weight {name}", 0.0, 1e3, is_weight=True) for name in network.species[1:])
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
         """As given, after 1 for the first species."""

@@ -28,7 +28,7 @@ class CollisionWall(BreakModel):
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
         """The exponent alpha and the weight of the walls."""
-        return (EXPONENT, ShapeParameter("wall", 0.0, 1e4, 1.0))
+        return (EXPONENT, ShapeParameter("wall", 0.0, 1e4, 30.0, is_weight=True))
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
         """The sizes to the power of alpha, then the weight of the walls."""

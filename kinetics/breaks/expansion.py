@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -65,6 +64,8 @@ class Expansion:
                 f"break model {model.name!r} counts pairs of like bodies, which the convention 'product' does not; "
                 "use rates with combinations = 'distinct'"
             )
+        if WALL in partners and WALL in base.species:
+            raise ValueError(f"break model {model.name!r} calls the wall of the tank {WALL!r}; rename that species")
         base_of = np.concatenate([np.full(len(partners) if b else 1, r) for r, b in enumerate(breaks)])
         partner_of = np.concatenate([np.arange(len(partners)) if b else [-1] for b in breaks]).astype(np.int64)
         species = np.array([base.species_places.get(name, -1) for name in partners])
@@ -142,14 +143,6 @@ def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:
         whole if name in (ALONE, WALL) else whole * (counts[:, [base.index(name)]] - taken[:, base.index(name)])
         for name in model.partners(base)
     ]
-
-
-def partners_of(names: Sequence[str]) -> dict[str, list[str]]:
-    """Base channel -> the channels that belong to it, in order."""
-    found: dict[str, list[str]] = {}
-    for name in names:
-        found.setdefault(base_channel(name), []).append(name)
-    return found
 
 
 def _totals(table: SparseTable) -> Ints:

@@ -66,7 +66,7 @@ def kinetics(
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
     begin = start(book, rates_name, cubes, initial)
-    network = begin.network if begin.rates is None else begin.rates.apply(begin.network)
+    network = begin.model.network
     counts = ", ".join(f"{name}={n}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
     with progress_line() as progress:
         made = measure(
@@ -81,7 +81,7 @@ def kinetics(
 
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:
-        echo_json({"rates": rates_name, "convention": begin.convention, **made.as_dict()})
+        echo_json({"rates": rates_name, "convention": begin.convention, **begin.conditions, **made.as_dict()})
     else:
         click.echo(str(made))
     if not made.is_complete:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from kinetics.commands.start import is_network_file, network_of_book, start
+from kinetics.breaks import BREAK_MODELS, Expansion, break_model
+from kinetics.commands.start import Start, is_network_file, network_of_book, start
 from kinetics.formats import SUFFIXES
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options
 
@@ -20,6 +21,12 @@ MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
     callback=in_a_folder,
     help=f"Write the network to this file, in the format of its suffix: {', '.join(SUFFIXES)}.",
 )
+@click.option(
+    "--breaks",
+    "break_name",
+    type=click.Choice([model.name for model in BREAK_MODELS]),
+    help="Show the network in which each break has the partners of this break model.",
+)
 @json_option
 def derive(
     book: str,
@@ -27,18 +34,27 @@ def derive(
     cubes: int | None,
     initial: str | None,
     out_file: str | None,
+    break_name: str | None,
     as_json: bool,
 ) -> None:
     """Derive the reaction network of a rule book, with ways counted from geometry, or read a network file.
 
     NETWORK is a rule book or a network file; --out writes it in another format, for which a book needs --rates, and
-    --cubes or --initial. The command draws no random numbers.
+    --cubes or --initial; the rates say how bonds break. The command draws no random numbers.
     """
+    if break_name and (out_file or is_network_file(book)):
+        raise ValueError(
+            "--breaks shows the network of a rule book without rates; with --out the rates say how bonds break, and a "
+            "network file has the channels that it has"
+        )
+    begin: Start | None = None
     if out_file or is_network_file(book):
         begin = start(book, rates_name, cubes, initial)
         network = begin.model.network
     else:
         network, _ = network_of_book(book)
+        if break_name:
+            network = Expansion.of(network, break_model(break_name)).network
     entries = len(network.species) * len(network.channels)
     if as_json and entries > MOST_ENTRIES:
         raise click.UsageError(
@@ -46,7 +62,7 @@ def derive(
             f"{len(network.species)} are {entries} entries each, at most {MOST_ENTRIES} are written; leave --json out, "
             f"and write the network to a file by --out"
         )
-    if out_file:
+    if out_file and begin:
         from kinetics.formats import write
 
         write(begin.model, out_file)
@@ -60,6 +76,7 @@ def derive(
     echo_json(
         {
             "book": book,
+            "breaks": begin.conditions["breaks"] if begin else {"model": break_name or "first-order"},
             "species": network.species,
             "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],
             "reactants": network.reactants,

@@ -8,13 +8,14 @@ import click
 import numpy as np
 
 from kinetics.commands.start import start
-from kinetics.support.cli.options import echo_json, json_option, plot_option, seed_option, starting_options
+from kinetics.support.cli.options import echo_json, json_option, plot_option, seed_option, starting_options, tank_option
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
 @click.command()
 @starting_options
+@tank_option
 @click.option("--species", metavar="SPECIES", required=True, help="The species to wait for.")
 @click.option(
     "--copies",
@@ -40,6 +41,7 @@ def passage(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    edges: tuple[float, float, float] | None,
     species: str,
     copies: int,
     draws: int,
@@ -55,8 +57,8 @@ def passage(
     from kinetics.predicting.prediction import evidence_notes, predict_passage
 
     began = time.process_time()
-    begin = start(book, rates_name, cubes, initial)
-    found, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws)
+    begin = start(book, rates_name, cubes, initial, edges)
+    found, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     quantiles = found.quantile(QUANTILES)
     if plot_file:
         from kinetics.support import plots
@@ -69,6 +71,7 @@ def passage(
                 "book": book,
                 "rates": rates_name,
                 "convention": begin.convention,
+                **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "species": species,
                 "copies": copies,
@@ -90,5 +93,5 @@ def passage(
     if interval:
         click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
-    for note in evidence_notes(begin.rates):
+    for note in (*begin.in_words, *evidence_notes(begin.rates)):
         click.echo(note)

@@ -17,6 +17,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     starting_options,
+    tank_option,
     time_grid,
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
@@ -34,6 +35,7 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 @click.command(cls=NumbersCommand)
 @starting_options
+@tank_option
 @click.option("--duration", metavar="T", type=float, help="Predict from time 0 to this time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
 @click.option(
@@ -73,6 +75,7 @@ def predict(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    edges: tuple[float, float, float] | None,
     duration: float | None,
     times: tuple[float, ...],
     shown: tuple[str, ...],
@@ -95,12 +98,12 @@ def predict(
     """
     from kinetics.predicting import predict as make
 
-    begin = start(book, rates_name, cubes, initial)
+    begin = start(book, rates_name, cubes, initial, edges)
     grid = time_grid(duration, times)
     with progress_line() as progress:
         made = make(
             begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress,
-            begin.shown(shown),
+            begin.shown(shown), begin.tank,
         )  # fmt: skip
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
@@ -115,6 +118,7 @@ def predict(
                 "book": book,
                 "rates": rates_name,
                 "convention": begin.convention,
+                **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "method": method,
                 "runs": made.runs,
@@ -132,12 +136,12 @@ def predict(
             }
         )
     else:
-        click.echo(_prediction_table(made))
+        click.echo(_prediction_table(made, begin.in_words))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
 
 
-def _prediction_table(made: Prediction) -> str:
+def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:
     """Mean, sd and interval at some of the times, and what to know about them."""
     step = max(1, -(-(made.times.size - 1) // (MAX_ROWS - 1))) if made.times.size > MAX_ROWS else 1
     rows = []
@@ -154,4 +158,4 @@ def _prediction_table(made: Prediction) -> str:
     if METHODS[made.method] in SAMPLING_METHODS:
         precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
     head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
-    return "\n".join([text_table(("time (tu)", *made.network.species), rows), head, *made.notes])
+    return "\n".join([text_table(("time (tu)", *made.network.species), rows), head, *conditions, *made.notes])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.support.arrays import Ints
 from kinetics.support.cli.options import counts_of
 
@@ -25,6 +25,7 @@ class Start:
     """A network with the counts (S,) at time 0.
 
     rates : to be applied to it; None where the network has its own, as one from a file has
+    tank : where it happens; None for the tank of the rates
     observables : name -> weight of each species in the sum
     """
 
@@ -32,6 +33,25 @@ class Start:
     state: Ints
     rates: Rates | None = None
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    tank: Tank | None = None
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """How bonds break and in which tank, for JSON: break model, its shape, edges; None where that is not known."""
+        if self.rates is None:
+            return {"breaks": None, "tank": None}
+        breaks, tank = self.rates.breaks, self.tank or self.rates.measured_in
+        return {"breaks": {"model": breaks.model, "shape": breaks.shape}, "tank": None if tank is None else tank.size}
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """The same in a line for people; none for a network with rates of its own."""
+        if self.rates is None:
+            return ()
+        breaks, tank = self.rates.breaks, self.tank or self.rates.measured_in
+        shape = ", ".join(f"{name} = {value:.3g}" for name, value in breaks.shape.items())
+        words = f"breaks: {breaks.model}{f' ({shape})' if shape else ''}; "
+        return (words + ("a tank that the rates do not state" if tank is None else f"tank {tank}"),)
 
     @property
     def convention(self) -> dict[str, Any]:
@@ -47,7 +67,7 @@ class Start:
         """The network with rates, counts and observables, as a network file holds them."""
         from kinetics.formats import NetworkModel
 
-        network = self.network if self.rates is None else self.rates.apply(self.network)
+        network = self.network if self.rates is None else self.rates.apply(self.network, self.tank)
         return NetworkModel(network, self.state, self.observables)
 
     def shown(self, names: tuple[str, ...]) -> Observables | None:
@@ -68,12 +88,23 @@ class Start:
         return Observables.of(self.network, sums)
 
 
-def start(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+def start(
+    source: str,
+    rates_name: str | None,
+    cubes: int | None,
+    initial: str | None,
+    edges: tuple[float, float, float] | None = None,
+) -> Start:
     """The start that the arguments of `predict` and `passage` ask for.
 
     source : a rule book, whose network needs rates and counts; or a network file, which has both
+    edges : of the tank in which it happens; None for the tank of the rates
     """
     if is_network_file(source):
+        if edges is not None:
+            raise ValueError(
+                f"{source} brings rates that state no tank; leave out --tank, or take a rule book with --rates"
+            )
         return _from_file(source, rates_name, cubes, initial)
     from kinetics.rates import Rates
 
@@ -84,7 +115,10 @@ def start(source: str, rates_name: str | None, cubes: int | None, initial: str |
     rates = Rates.load(rates_name)
     network, monomer = network_of_book(source)
     counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
-    return Start(network, network.state(counts), rates)
+    tank = None if edges is None else Tank(edges)
+    if tank is not None and rates.tank is None:
+        raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
+    return Start(network, network.state(counts), rates, tank=tank)
 
 
 def network_of_book(name: str) -> tuple[Network, str]:

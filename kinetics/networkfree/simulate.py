@@ -82,6 +82,11 @@ def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> Rate:
             f"these class rates count pairs as {rates.convention.combinations!r}; without a network they must be for "
             '"distinct" pairs, s (s - 1) / 2 of like structures'
         )
+    if rates.breaks.model != "first-order":
+        raise ValueError(
+            f"these class rates break bonds by {rates.breaks.model!r}; without a network breaks are of first order: "
+            "derive the network and use `wellmixed predict`, or give rates of break model 'first-order'"
+        )
     if rates.faces not in (None, book.scheme):
         raise ValueError(
             f"these class rates are for faces = {rates.faces!r}; book {book.name!r} has {book.scheme!r}, whose face "

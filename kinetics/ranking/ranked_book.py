@@ -66,7 +66,7 @@ def pathway(derivation: Derivation, rates: ClassRates) -> tuple[str, ...]:
 
     `1+2 x3` where three kinds of join have these sizes. What can only happen at a rate of 0 is left out.
     """
-    network, book = rates.apply(derivation), derivation.book
+    network, book = rates.base(derivation), derivation.book
     works = [event for event, k in zip(derivation.events, network.known_rates, strict=True) if k > 0]
     starts = (book.monomer(), book.seed())
     present = {derivation.species_of(structure) for structure in starts if structure is not None}

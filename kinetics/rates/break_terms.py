@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from kinetics.breaks import BreakModel, break_model
 from kinetics.network import Network
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.config import Settings
 
 
@@ -81,10 +81,26 @@ class BreakTerms(Settings):
 
     def weight_draws(self, network: Network, rng: np.random.Generator, n: int) -> Floats:
         """Weights (n, P) under draws from the posterior of the shape."""
-        if self.posterior is None:
+        table = self.at_shapes(network)
+        if table is None:
             return np.tile(self.weights(network), (n, 1))
-        table = np.array(
-            [self.law.weights(network, dict(zip(self.shape, p, strict=True))) for p in self.posterior.points]
-        )
+        return np.asarray(table[self.shape_draws(rng, n)[0]])
+
+    def at_shapes(self, network: Network) -> Floats | None:
+        """Weights (G, P) at each point of the posterior of the shape; None where there is no posterior."""
+        if self.posterior is None:
+            return None
+        shapes = [dict(zip(self.shape, point, strict=True)) for point in self.posterior.points]
+        return np.array([self.law.weights(network, shape) for shape in shapes])
+
+    def shape_draws(self, rng: np.random.Generator, n: int) -> tuple[Ints, list[BreakTerms]]:
+        """Draws from the posterior of the shape: numbers (n,) of its points, and the terms with each shape as known."""
+        if self.posterior is None:
+            return np.zeros(n, dtype=np.int64), [self] * n
         share = np.array(self.posterior.weights)
-        return np.asarray(table[rng.choice(share.size, size=n, p=share / share.sum())])
+        drawn = rng.choice(share.size, size=n, p=share / share.sum())
+        known = [
+            self.model_copy(update={"shape": dict(zip(self.shape, point, strict=True)), "posterior": None})
+            for point in self.posterior.points
+        ]
+        return drawn, [known[i] for i in drawn]

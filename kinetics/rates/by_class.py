@@ -19,8 +19,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pydantic import Field, field_validator
 
+from kinetics.breaks import Expansion
 from kinetics.network import Network
+from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
+from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, read_toml, validated, write_toml
 from kinetics.support.intervals import exact_limits, posterior_draws
 
@@ -35,7 +38,11 @@ class ClassRate(MeasuredRate):
     """Rate constant of one class.
 
     events : not whole where classes that differ were pooled: what the evidence is then worth
+    exposure_by_shape : of a break whose model has a shape that is not known, the exposure at each point of the shape's
+        posterior
     """
+
+    exposure_by_shape: tuple[float, ...] | None = None
 
 
 class ClassRates(Settings):
@@ -43,11 +50,15 @@ class ClassRates(Settings):
 
     classes : key -> ClassRate; a key is a class as it is printed, the same without sizes, or the kind of event alone
     faces : the face scheme that the face types belong to; None: any
+    tank : edges of the tank in which the constants hold; None: not known
+    breaks : the break model; the constant of a break is its coefficient, per partner of weight 1
     evidence : table of free form that says where the rates come from
     """
 
     convention: Convention = DISTINCT
     faces: str | None = None
+    tank: tuple[float, float, float] | None = None
+    breaks: BreakTerms = BreakTerms()
     classes: dict[str, ClassRate] = Field(min_length=1)
     evidence: dict[str, Any] = Field(default_factory=dict)
 
@@ -114,12 +125,13 @@ class ClassRates(Settings):
         of the sizes' rates allows (as many as a gamma distribution of that relative variance has), so that a draw from
         it covers sizes that were not measured.
         """
-        model = rates.apply(derivation.network)
+        base = rates.expansion(derivation.network).base
+        at_shapes = rates.breaks.at_shapes(base)
         alone: dict[RateClass, list[_Share]] = defaultdict(list)
         shared: dict[RateClass, list[_Share]] = defaultdict(list)
-        for name, ways in zip(model.channels, derivation.events.values(), strict=True):
+        for name, ways in zip(base.channels, derivation.events.values(), strict=True):
             for rate_class, n in ways.items():
-                share = _Share.by(rates.channels[name], n, sum(ways.values()))
+                share = _Share.by(rates.channels[name], n, sum(ways.values()), at_shapes)
                 (alone if len(ways) == 1 else shared)[rate_class].append(share)
         by_class = {c: _pooled(alone.get(c) or shared[c]) for c in derivation.rate_classes}
         general: dict[str, list[ClassRate]] = defaultdict(list)
@@ -128,6 +140,8 @@ class ClassRates(Settings):
         return cls(
             convention=rates.convention,
             faces=derivation.book.scheme,
+            tank=rates.tank,
+            breaks=rates.breaks,
             classes={str(c): entry for c, entry in by_class.items()}
             | {key: _over_sizes(entries) for key, entries in general.items()},
             evidence=rates.evidence,
@@ -149,7 +163,17 @@ class ClassRates(Settings):
         return self.classes[self.key(rate_class)].rate
 
     def apply(self, derivation: Derivation) -> Network:
-        """The derived network with rates: that of a channel is the mean over its classes, weighted by their ways."""
+        """The derived network with rates, its breaks expanded by their partners, in the tank of the constants.
+
+        The constant of a channel is the mean over its classes, weighted by their ways.
+        """
+        base = self.base(derivation)
+        self.breaks.check(base)
+        expansion = Expansion.of(base, self.breaks.law)
+        return expansion.network.with_rates(expansion.constants(base.known_rates, self.breaks.weights(base)))
+
+    def base(self, derivation: Derivation) -> Network:
+        """The same with one channel a break, which has its coefficient."""
         if self.faces not in (None, derivation.book.scheme):
             raise ValueError(
                 f"these class rates are for faces = {self.faces!r}; book {derivation.book.name!r} has "
@@ -166,13 +190,20 @@ class ClassRates(Settings):
         They come from Gamma(events + 1/2, exposure), the posterior under Jeffreys' prior, or are the point rate where
         there is no evidence.
         """
-        known = self.classes.values()
+        known = list(self.classes.values())
         table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
+        points, drawn = self.breaks.shape_draws(rng, n)
+        for column, entry in enumerate(known):
+            if entry.exposure_by_shape is not None and entry.exposure is not None:
+                table[:, column] *= entry.exposure / np.array(entry.exposure_by_shape)[points]
         return [
             self.model_copy(
-                update={"classes": {key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)}}
+                update={
+                    "classes": {key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)},
+                    "breaks": breaks,
+                }
             )
-            for row in table.tolist()
+            for row, breaks in zip(table.tolist(), drawn, strict=True)
         ]
 
     def without_evidence(self, classes: Iterable[RateClass]) -> list[str]:
@@ -188,15 +219,19 @@ class _Share(NamedTuple):
     entry: ClassRate
 
     @classmethod
-    def by(cls, channel: ChannelRate, ways: float, all_ways: float) -> _Share:
+    def by(cls, channel: ChannelRate, ways: float, all_ways: float, at_shapes: Floats | None) -> _Share:
         """By a channel of which `ways` of `all_ways` are of the class; evidence is shared out by ways."""
         scale, share = channel.ways / all_ways, ways / all_ways
+        by_shape = None
+        if at_shapes is not None and channel.exposures is not None:
+            by_shape = tuple((at_shapes @ channel.exposures * (share / scale)).tolist())
         entry = ClassRate(
             rate=channel.rate * scale,
             low=None if channel.low is None else channel.low * scale,
             high=None if channel.high is None else channel.high * scale,
             events=None if channel.events is None else channel.events * share,
             exposure=None if channel.exposure is None else channel.exposure * share / scale,
+            exposure_by_shape=by_shape,
         )
         return cls(ways, entry)
 
@@ -208,7 +243,7 @@ def _pooled(shares: list[_Share]) -> ClassRate:
         return entries[0]
     if all(entry.exposure is not None for entry in entries):
         events, exposure = _sums(entries)
-        return _measured(events / exposure, events, exposure)
+        return _measured(events / exposure, events, exposure, _by_shape(entries, 1.0))
     weights = [ways for ways, _ in shares]
     return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
 
@@ -224,17 +259,23 @@ def _over_sizes(entries: list[ClassRate]) -> ClassRate:
     if any(entry.exposure is None for entry in entries):
         return ClassRate(rate=float(rates.mean()))
     events, exposure = _sums(entries)
-    rate = events / exposure
+    rate, measured = events / exposure, exposure
     scatter = float(rates.var(ddof=1)) if len(entries) > 1 else 0.0
     if scatter > 0 and rate**2 / scatter < events:
         events, exposure = rate**2 / scatter, rate / scatter
-    return _measured(rate, events, exposure)
+    return _measured(rate, events, exposure, _by_shape(entries, exposure / measured))
 
 
-def _measured(rate: float, events: float, exposure: float) -> ClassRate:
+def _by_shape(entries: list[ClassRate], part: float) -> tuple[float, ...] | None:
+    """Part of all exposure at each point of the posterior of the shape; None where there is none."""
+    known = [entry.exposure_by_shape for entry in entries if entry.exposure_by_shape is not None]
+    return tuple((part * np.sum(known, axis=0)).tolist()) if len(known) == len(entries) else None
+
+
+def _measured(rate: float, events: float, exposure: float, by_shape: tuple[float, ...] | None) -> ClassRate:
     """With the exact interval (Garwood 1936)."""
     low, high = map(float, exact_limits(events, exposure))
-    return ClassRate(rate=rate, low=low, high=high, events=events, exposure=exposure)
+    return ClassRate(rate=rate, low=low, high=high, events=events, exposure=exposure, exposure_by_shape=by_shape)
 
 
 def _keys(rate_class: RateClass) -> tuple[str, str, str]:

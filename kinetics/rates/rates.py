@@ -115,11 +115,11 @@ class Rates(Settings):
         known = [self.channels[name] for name in network.channels]
         table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
         weights = self.breaks.weight_draws(network, rng, n)
-        at_best = self.breaks.weights(network)
         for r, channel in enumerate(known):
             if channel.exposures is not None and channel.exposure is not None:
-                # the exposure that goes with the shape of this draw
-                table[:, r] *= (at_best @ channel.exposures) / (weights @ np.array(channel.exposures))
+                # the exposure that goes with the shape of this draw, where there is any
+                exposure = weights @ np.array(channel.exposures)
+                table[:, r] *= np.divide(channel.exposure, exposure, out=np.ones(n), where=exposure > 0)
         return expansion.constants(table, weights) * expansion.scales(self.measured_in, tank)
 
     @property
@@ -137,6 +137,7 @@ class Rates(Settings):
             self.convention.combinations,
         )
         self.breaks.check(base)
+        self._check_exposures(base)
         return Expansion.of(base, self.breaks.law)
 
     def _check(self, network: Network) -> None:
@@ -155,12 +156,23 @@ class Rates(Settings):
                 f"these rates are for another network: its channels have the same names, but its fingerprint is "
                 f"{self.network[:12]}, not {network.fingerprint[:12]}"
             )
-        partners = len(self.breaks.law.partners(network))
+
+    def _check_exposures(self, network: Network) -> None:
+        """ValueError where the exposures to partners are not those of the break model."""
+        weights = self.breaks.weights(network)
         for name, channel in self.channels.items():
-            if channel.exposures is not None and len(channel.exposures) != partners:
+            if channel.exposures is None:
+                continue
+            if len(channel.exposures) != weights.size:
                 raise ValueError(
                     f"{name} has exposures to {len(channel.exposures)} partners; break model {self.breaks.model!r} has "
-                    f"{partners} in this network"
+                    f"{weights.size} in this network"
+                )
+            total = float(weights @ channel.exposures)
+            if channel.exposure is None or not np.isclose(channel.exposure, total, rtol=1e-3):
+                raise ValueError(
+                    f"{name} has exposure = {channel.exposure}; its exposures, weighted as break model "
+                    f"{self.breaks.model!r} weights the partners, add up to {total:g}: give that number"
                 )
 
     def without_evidence(self) -> list[str]:

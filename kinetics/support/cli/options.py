@@ -25,6 +25,15 @@ seed_option = click.option(
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
+tank_option = click.option(
+    "--tank",
+    "edges",
+    metavar="X Y Z",
+    nargs=3,
+    type=float,
+    help="Edges of the tank in which it happens; meetings become rarer with its volume.  [default: as in the rates]",
+)
+
 PICTURES = (".png", ".pdf", ".svg")
 
 

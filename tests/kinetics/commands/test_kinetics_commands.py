@@ -42,7 +42,8 @@ def test_predict_for_people(tmp_path):
     assert text.startswith("time (tu)  monomer")
     assert "method exact; numerical error of the probabilities below" in text
     assert "no interval: these rates come without evidence" in text
-    assert len(text.splitlines()) == 1 + 11 + 2
+    assert "breaks: first-order; tank 2 x 2 x 3" in text
+    assert len(text.splitlines()) == 1 + 11 + 3
     assert (tmp_path / "out.csv").read_text(encoding="utf-8").startswith("time,species,mean,sd")
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
 
