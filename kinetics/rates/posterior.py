@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.breaks import Expansion
+from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
@@ -91,6 +92,11 @@ class RatesPosterior:
         shapes, weights = self._shapes
         means = np.tile(self.mean[: len(self.rates)], (len(shapes), 1))
         return np.asarray(weights @ self.constants(np.hstack([means, shapes])))
+
+    @cached_property
+    def expected(self) -> Network:
+        """The network at the posterior mean of each rate constant."""
+        return self.expansion.network.with_rates(self.expected_constants())
 
     @property
     def _shapes(self) -> tuple[Floats, Floats]:

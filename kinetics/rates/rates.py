@@ -129,8 +129,7 @@ class Rates(Settings):
 
         A channel without events then has a rate above 0: half an event in its exposure.
         """
-        posterior = self.posterior(network, tank)
-        return posterior.expansion.network.with_rates(posterior.expected_constants())
+        return self.posterior(network, tank).expected
 
     @property
     def measured_in(self) -> Tank | None:
@@ -184,6 +183,11 @@ class Rates(Settings):
                     f"{name} has exposure = {channel.exposure}; its exposures, weighted as break model "
                     f"{self.breaks.model!r} weights the partners, add up to {total:g}: give that number"
                 )
+
+    @property
+    def has_evidence(self) -> bool:
+        """Whether any channel has events and exposure."""
+        return len(self.without_evidence()) < len(self.channels)
 
     def without_evidence(self) -> list[str]:
         """Channels whose rate has no events and exposure, and therefore no known uncertainty."""
