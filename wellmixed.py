@@ -22,6 +22,7 @@ COMMANDS = {
         "study",
         "Measure first-assembly times over a range of conditions.",
     ),
+    "plan": ("calibration.commands.plan", "plan", "Plan the runs of a study: tanks, runs and held-out runs."),
     "calibrate": ("calibration.commands.calibrate", "calibrate", "Estimate reaction rates from runs of the mechanics."),
     "predict": (
         "kinetics.commands.predict",

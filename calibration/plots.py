@@ -125,6 +125,26 @@ def p_values(ax: Axes, rising: Sequence[float], names: Sequence[str]) -> Axes:
     return ax
 
 
+def planned_shares(ax: Axes, tanks: Sequence[str], amounts: Mapping[str, Sequence[float]]) -> Axes:
+    """A bar a row, such as a channel, cut by the shares of the tanks; the whole amount stands at its end."""
+    left = np.zeros(len(amounts))
+    table = np.array(list(amounts.values()), dtype=float)
+    whole = table.sum(axis=1)
+    shares = np.divide(table, whole[:, None], out=np.zeros_like(table), where=whole[:, None] > 0)
+    for i, (tank, column) in enumerate(zip(tanks, shares.T, strict=True)):
+        hatch = "" if i < len(COLOURS) else "//"
+        ax.barh(range(len(amounts)), column, left=left, color=COLOURS[i % len(COLOURS)], label=tank, hatch=hatch)
+        left += column
+    for row, total in enumerate(whole):
+        ax.text(1.02, row, f"{total:.3g}", va="center", fontsize="small")
+    ax.set_yticks(range(len(amounts)), list(amounts))
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1.12)
+    ax.set_xlabel("share of the expected events, and of the CPU time; totals on the right")
+    ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return ax
+
+
 def waiting_times(ax: Axes, name: str, residuals: Floats) -> Axes:
     """Survival of waits (n,) in units of their mean; a straight line if they are exponential."""
     from scipy.stats import binom

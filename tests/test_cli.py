@@ -100,9 +100,13 @@ def test_simulate_for_people(wellmixed_here, place, simulated):
     assert "<svg" in (place / "counts.svg").read_text(encoding="utf-8")
 
 
-def test_effects_that_are_left_out_do_nothing(wellmixed_here, tmp_path, simulated):
-    assert all(set(run["events"]) & set(JOINS) for run in simulated.json["runs"])  # with bonding there are joins
-    tank = ["simulate", "line4", "--initial", "monomer=20,dimer=20", "--duration", 5, "--seed", 1, "--json"]
+def test_effects_that_are_left_out_do_nothing(wellmixed_here, tmp_path):
+    shipped = Path(__file__).parents[1] / "mechsim" / "scenes" / "line4.toml"
+    scene = shipped.read_text(encoding="utf-8").replace("probability = 0.09", "probability = 1.0")
+    (tmp_path / "eager.toml").write_text(scene, encoding="utf-8")
+    tank = ["simulate", "eager.toml", "--initial", "monomer=20,dimer=20", "--duration", 8, "--seed", 1, "--json"]
+    (run,) = wellmixed_here(*tank, cwd=tmp_path).json["runs"]
+    assert sum(n for channel, n in run["events"].items() if channel in JOINS) > 3  # the control: some ten are expected
     (run,) = wellmixed_here(*tank, "--without", "bonding", cwd=tmp_path).json["runs"]
     assert not set(run["events"]) & set(JOINS)
     (run,) = wellmixed_here(*tank, "--without", "bonding", "--without", "breaking", cwd=tmp_path).json["runs"]

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from calibration.commands.from_events import events_options, study_of_events
-from calibration.commands.shared import leave, rates_table, report_option, seed_option
+from calibration.commands.shared import (
+    breaks_table,
+    leave,
+    rates_table,
+    refuse_what_a_plan_fixes,
+    report_option,
+    seed_option,
+)
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
@@ -20,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scene")
+@click.argument("scene", metavar="SCENE|PLAN")
 @click.option(
     "--out",
     required=True,
@@ -53,6 +60,12 @@ if TYPE_CHECKING:
     show_default=True,
     help="Total simulated time for each mixture without bonding, tu.",
 )
+@click.option(
+    "--breaks",
+    metavar="auto|NAME",
+    help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
+    "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
+)
 @events_options
 @report_option
 @run_options
@@ -64,6 +77,7 @@ def calibrate(
     cubes: int,
     join_time: float,
     break_time: float,
+    breaks: str | None,
     events: str | None,
     run_table: str | None,
     tank: tuple[float, float, float] | None,
@@ -75,11 +89,13 @@ def calibrate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Estimate the reaction rates of SCENE from mechanics runs, with 95 % intervals.
+    """Estimate the reaction rates of a scene from mechanics runs, with 95 % intervals.
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs start from several mixtures and are restarted after every event; breaks, which are rare, are observed in
     tanks without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
+
+    A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself.
 
     With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
     those of runs that others watched. A row of their table holds run, time and channel, or run, time and the copies of
@@ -89,26 +105,34 @@ def calibrate(
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
-    study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes)
+    study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
-        from calibration.pipeline.study import calibration_specs, run_calibration
+        from calibration.pipeline.plan import StudyPlan, is_plan
+        from calibration.pipeline.study import calibration_specs, run_calibration, run_planned_calibration
+        from kinetics.breaks import break_model
         from mechsim.scene import Scene
 
-        described = Scene.load(scene)
+        if breaks not in (None, "auto"):
+            break_model(breaks)
+        plan = StudyPlan.load(scene) if is_plan(scene) else None
+        if plan is not None:
+            refuse_what_a_plan_fixes(scene, "cubes", "join_time", "break_time", "seed")
+            seed = plan.calibration.seed
         if part is not None:
-            specs = calibration_specs(described, cubes, join_time, break_time, seed)
+            if plan is not None:
+                specs = plan.specs(plan.calibration)
+            else:
+                specs = calibration_specs(Scene.load(scene), cubes, join_time, break_time, seed)
             part.make(specs, runs_folder, workers, progress, as_json)
             return
-        study = run_calibration(
-            described,
-            runs_folder,
-            cubes=cubes,
-            join_time=join_time,
-            break_time=break_time,
-            seed=seed,
-            workers=workers,
-            progress=progress,
-        )
+        common: dict[str, Any] = {"workers": workers, "progress": progress}
+        if plan is not None:
+            study = run_planned_calibration(plan, runs_folder, breaks=breaks, **common)
+        else:
+            times: dict[str, Any] = {"cubes": cubes, "join_time": join_time, "break_time": break_time}
+            study = run_calibration(
+                Scene.load(scene), runs_folder, seed=seed, breaks=breaks or "auto", **times, **common
+            )
     study.rates.save(target)
     if report:
         from calibration.reporting.overview import calibration_report
@@ -119,6 +143,7 @@ def calibrate(
             {
                 "out": out,
                 "channels": study.calibration.table(),
+                "breaks": None if study.break_models is None else study.break_models.to_dict(),
                 "evidence": study.rates.evidence,
                 "diagnostics": {
                     "verdict": study.diagnosis.verdict,
@@ -132,5 +157,7 @@ def calibrate(
         )
     else:
         click.echo(rates_table(study))
+        if study.break_models is not None:
+            click.echo(breaks_table(study.break_models))
         click.echo(f"rates written to {out}")
     leave(study.problems)

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
+
+from calibration.commands.shared import given_options
 
 if TYPE_CHECKING:
     from calibration.watched.study import WatchedStudy
 
 # Options that mean something with --events too; all others tell how mechanics runs are made.
-SHARED = {"scene", "out", "cubes", "report", "as_json", "events", "run_table", "tank"}
+SHARED = {"scene", "out", "cubes", "report", "as_json", "events", "run_table", "tank", "breaks"}
 
 
 def events_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -51,17 +52,14 @@ def study_of_events(
     run_table: str | None,
     tank: tuple[float, float, float] | None,
     cubes: int,
+    breaks: str | None,
 ) -> WatchedStudy | None:
     """The study that --events asks for, None without it. ValueError: options that do not go together.
 
     cubes : taken as the number that each run holds if the user has said so
+    breaks : name of a break model, or `auto`; None: rates of breaks as they were counted
     """
-    context = click.get_current_context()
-    given = {
-        option.name: option.opts[0]
-        for option in context.command.params
-        if option.name is not None and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
-    }
+    given = given_options()
     if events is None:
         for name in ("run_table", "tank"):
             if name in given:
@@ -77,4 +75,6 @@ def study_of_events(
 
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
     said = cubes if "cubes" in given else None
-    return watched_study(source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank))
+    return watched_study(
+        source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank), breaks=breaks
+    )

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
 from kinetics.support.cli.options import in_a_folder
@@ -13,6 +14,7 @@ from kinetics.support.tables import text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
+    from calibration.estimating.break_fit import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.watched.study import WatchedStudy
@@ -37,6 +39,48 @@ report_option = click.option(
     callback=in_a_folder,
     help="Write an HTML report to this file, and its tables (CSV) and figures (SVG) beside it.",
 )
+
+
+def given_options() -> dict[str, str]:
+    """Options that the user has given to this command: name of the parameter -> `--option`."""
+    context = click.get_current_context()
+    return {
+        option.name: option.opts[0]
+        for option in context.command.params
+        if option.name is not None and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+    }
+
+
+def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
+    """ValueError where an option of these parameters was given beside a plan."""
+    given = given_options()
+    for name in names:
+        if name in given:
+            raise ValueError(f"{given[name]} is fixed by the plan {plan}; leave it out, or change the plan")
+
+
+def breaks_table(compared: BreakComparison) -> str:
+    """Break models side by side, and why one was chosen, for people."""
+    from calibration.estimating.break_fit import shape_in_words
+
+    rows = [
+        (
+            f"{row['model']}{' *' if row['is_chosen'] else ''}",
+            str(row["free_parameters"]),
+            f"{row['aic_above_least']:.1f}",
+            "-" if row["p_against_nested"] is None else f"{row['p_against_nested']:.2g}",
+            "-" if math.isnan(row["log_score"]) else f"{row['log_score']:.1f}",
+            f"{row['deviance']:.1f} ({row['freedom']})",
+            "-" if math.isnan(row["p_deviance"]) else f"{row['p_deviance']:.2g}",
+            shape_in_words(row["shape"]),
+        )
+        for row in compared.table()
+    ]
+    titles = (
+        *("break model", "parameters", "AIC above the least", "p against nested", "log score"),
+        *("deviance (df)", "p", "shape [95 %]"),
+    )
+    return f"{text_table(titles, rows)}\n* {compared.reason}."
 
 
 def rates_table(study: CalibrationStudy | WatchedStudy) -> str:

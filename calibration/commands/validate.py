@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.shared import comparison_table, leave, report_option, seed_option
+from calibration.commands.shared import (
+    comparison_table,
+    leave,
+    refuse_what_a_plan_fixes,
+    report_option,
+    seed_option,
+)
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 from mechsim.commands.options import run_options
 
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("scene")
+@click.argument("scene", metavar="SCENE|PLAN")
 @click.option(
     "--rates",
     "rates_name",
@@ -62,7 +68,9 @@ def validate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Compare predictions with mechanics runs of SCENE that the rates never saw.
+    """Compare predictions with mechanics runs of a scene that the rates never saw.
+
+    A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself.
 
     The verdict rests on the events of every channel, seen and expected, on their scatter between runs, on mean counts,
     single runs and first times, each by an exact p-value that carries the uncertainty of the rates. Coverage is the
@@ -70,26 +78,27 @@ def validate(
     probability score, is the mean distance of a run from the predicted distribution, in copies; it is shown beside the
     model's score against its own runs. Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.pipeline.study import check_held_out, run_validation, validation_specs
+    from calibration.pipeline.plan import StudyPlan, is_plan
+    from calibration.pipeline.study import check_held_out, run_planned_validation, run_validation, validation_specs
     from kinetics.rates import Rates
     from mechsim.scene import Scene
 
-    described, rates = Scene.load(scene), Rates.load(rates_name)
+    plan = StudyPlan.load(scene) if is_plan(scene) else None
+    if plan is not None:
+        refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
+        seed = plan.held_out.seed
+    described, rates = Scene.load(plan.scene if plan else scene), Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:
-        part.make(validation_specs(described, cubes, runs, duration, seed), runs_folder, workers, progress, as_json)
+        specs = plan.specs(plan.held_out) if plan else validation_specs(described, cubes, runs, duration, seed)
+        part.make(specs, runs_folder, workers, progress, as_json)
         return
-    study = run_validation(
-        described,
-        rates,
-        runs_folder,
-        sizes=cubes,
-        runs=runs,
-        duration=duration,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-    )
+    common: dict[str, Any] = {"workers": workers, "progress": progress}
+    if plan is not None:
+        study = run_planned_validation(plan, rates, runs_folder, **common)
+    else:
+        sizes: dict[str, Any] = {"sizes": cubes, "runs": runs, "duration": duration}
+        study = run_validation(described, rates, runs_folder, seed=seed, **sizes, **common)
     if report:
         from calibration.reporting.overview import validation_report
 
@@ -98,8 +107,9 @@ def validate(
         echo_json(
             {
                 "rates": rates_name,
-                "duration": duration,
-                "runs": runs,
+                "plan": plan and plan.name,
+                "duration": None if plan else duration,
+                "runs": None if plan else runs,
                 "seed": seed,
                 "is_consistent": study.is_consistent,
                 "verdict": study.verdict.sentence,

@@ -14,7 +14,7 @@ from calibration.estimating.estimate import Calibration
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
-from kinetics.breaks import BREAK_MODELS, BreakModel, is_break
+from kinetics.breaks import BREAK_MODELS, BreakModel, break_model, is_break
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 
@@ -79,6 +79,19 @@ class BreakComparison:
         runs = tuple(paths)
         return cls(tuple(fit_breaks(law, runs) for law in models if admits(law, runs[0].network)))
 
+    @classmethod
+    def asked_for(cls, name: str, paths: Iterable[JumpPath]) -> BreakComparison | None:
+        """Fit one break model, or all of them for `auto`; None where nothing breaks.
+
+        ValueError: an unknown model, or one that this network does not admit.
+        """
+        runs = tuple(paths)
+        if not break_channels(runs[0].network):
+            return None
+        if name == "auto":
+            return cls.of(runs)
+        return cls((fit_breaks(break_model(name), runs),))
+
     def __getitem__(self, name: str) -> RateFit:
         for fit in self.fits:
             if fit.model.name == name:
@@ -99,7 +112,7 @@ class BreakComparison:
         chosen = self.chosen
         others = sorted((fit for fit in self.fits if fit is not chosen), key=lambda fit: fit.aic)
         if not others:
-            return f"{chosen.model.name}: the only break model that this network admits"
+            return f"{chosen.model.name} is the only break model that was fitted"
         if chosen is best:
             return (
                 f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "
@@ -124,6 +137,10 @@ class BreakComparison:
         if len(runs) < FOLDS:
             return {fit.model.name: float("nan") for fit in self.fits}
         return {fit.model.name: sum(_score_of_fold(fit, fold) for fold in range(FOLDS)) for fit in self.fits}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The name of the chosen model, the reason, and the table, ready for JSON."""
+        return {"chosen": self.chosen.model.name, "reason": self.reason, "models": self.table()}
 
     def table(self) -> list[dict[str, Any]]:
         """One row a model: parameters, log-likelihood, AIC above the smallest, test against the model it extends,
@@ -162,6 +179,15 @@ def _score_of_fold(fit: RateFit, fold: int) -> float:
     return log_score(refit, fit.likelihood.among([i for i in numbers if i % FOLDS == fold]))
 
 
+def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:
+    """The shape parameters of a row of the table, with their intervals."""
+    parts = [
+        f"{name} {value['estimate']:.3g} [{value['interval'][0]:.3g}, {value['interval'][1]:.3g}]"
+        for name, value in shape.items()
+    ]
+    return "; ".join(parts) or "none"
+
+
 def admits(law: BreakModel, network: Network) -> bool:
     """Whether the model can be asked of this network: weights by size need sizes."""
     try:
@@ -194,7 +220,19 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)) if freedom > 0 else float("nan"))
 
 
-def rates_with_breaks(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
+def rates_with_breaks(
+    calibration: Calibration, compared: BreakComparison | None, evidence: Mapping[str, Any] | None = None
+) -> Rates:
+    """The rates of joins as measured, and of breaks by the chosen break model, fitted to the same runs.
+
+    compared : break models, of which the evidence states the choice; None: breaks are of first order, as counted
+    """
+    if compared is None:
+        return calibration.rates(evidence)
+    return rates_of_fit(calibration, compared.chosen, dict(evidence or {}) | {"break_model": compared.reason})
+
+
+def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
     """The rates of joins as measured, and of breaks by the fit of a break model to the same runs."""
     from kinetics.rates import Rates
 

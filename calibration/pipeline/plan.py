@@ -111,10 +111,7 @@ class StudyPlan(Settings):
         scene = Scene.load(self.scene)
         if self.log_above is not None:
             scene = scene.changed("breaking", log_above=self.log_above)
-        if tanks.tank is not None:
-            data = scene.model_dump(mode="json") | {"tank": {"size": tanks.tank}}
-            scene = validated(Scene, data, f"scene {scene.name} in a tank of {tanks.tank}")
-        return scene
+        return in_tank(scene, tanks.tank)
 
     def specs(self, part: PlannedRuns) -> list[RunSpec]:
         """All runs of one part, `calibration` or `held_out`, in order."""
@@ -126,6 +123,14 @@ class StudyPlan(Settings):
                 for i in range(tanks.runs)
             ]
         return specs
+
+
+def in_tank(scene: Scene, tank: tuple[float, float, float] | None) -> Scene:
+    """The scene in a tank of these edges; None: in its own."""
+    if tank is None:
+        return scene
+    data = scene.model_dump(mode="json") | {"tank": {"size": tank}}
+    return validated(Scene, data, f"scene {scene.name} in a tank of {tank}")
 
 
 def is_plan(path: str | Path) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.estimating.break_fit import BreakComparison, break_channels, rates_with_breaks
+from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
@@ -20,7 +20,6 @@ from calibration.pipeline.plan import StudyPlan
 from calibration.validating.crossvalidation import crossvalidate
 from calibration.validating.over_sizes import ComparedSizes
 from kinetics.assembly import Derivation
-from kinetics.breaks import BREAK_MODELS, break_model
 from kinetics.network import Tank
 from kinetics.rates import Rates
 from mechsim.effects import EFFECTS
@@ -137,11 +136,14 @@ class CalibrationStudy:
     @property
     def source(self) -> str:
         """Where the rates come from, in words."""
-        return f"{len(self.sound)} mechanics runs with {self.settings['cubes']} cubes, {self.cpu_seconds:.0f} s CPU"
+        cubes = ", ".join(map(str, sorted({record.spec.n_cubes for record in self.sound})))
+        return f"{len(self.sound)} mechanics runs with {cubes} cubes, {self.cpu_seconds:.0f} s CPU"
 
     @property
     def made(self) -> str:
         """How the runs were made, in a sentence."""
+        if "plan" in self.settings:
+            return f"Tanks, runs and lengths are those of the plan {self.settings['plan']}."
         return (
             "Runs were put back to their start after every event; breaks, being rare, were watched in tanks without "
             "bonding."
@@ -163,11 +165,7 @@ class CalibrationStudy:
     @cached_property
     def break_models(self) -> BreakComparison | None:
         """Break models fitted to the runs; all of them, or the one that was asked for. None without breaks."""
-        paths = [record.path for record in self.sound]
-        if not break_channels(paths[0].network):
-            return None
-        models = BREAK_MODELS if self.breaks == "auto" else (break_model(self.breaks),)
-        return BreakComparison.of(paths, models)
+        return BreakComparison.asked_for(self.breaks, [record.path for record in self.sound])
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -208,23 +206,24 @@ class CalibrationStudy:
             "doubtful_tests": self.diagnosis.doubtful,
             "paper_estimator": paper,
         }
-        if self.break_models is None:
-            return self.calibration.rates(evidence)
-        evidence["break_model"] = self.break_models.reason if self.breaks == "auto" else "as asked for"
-        return rates_with_breaks(self.calibration, self.break_models.chosen, evidence)
+        return rates_with_breaks(self.calibration, self.break_models, evidence)
 
 
 def run_planned_calibration(
     plan: StudyPlan,
     runs_folder: str | Path,
     *,
+    breaks: str | None = None,
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
-    """Make the missing calibration runs of a plan and read the others."""
+    """Make the missing calibration runs of a plan and read the others.
+
+    breaks : name of a break model in the place of the plan's, such as that of its control; the evidence says so
+    """
     outcome = _run(plan.specs(plan.calibration), runs_folder, workers, progress)
     settings = {"plan": plan.name, "plan_hash": plan.fingerprint, "seed": plan.calibration.seed}
-    return CalibrationStudy(Scene.load(plan.scene), outcome, settings, plan.breaks)
+    return CalibrationStudy(Scene.load(plan.scene), outcome, settings, breaks or plan.breaks)
 
 
 def run_planned_validation(

@@ -10,6 +10,7 @@ from calibration.reporting.report import Chart, Heading, HtmlReport, Part, Repor
 from kinetics.rates import Rates
 
 if TYPE_CHECKING:
+    from calibration.estimating.break_fit import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.validating.comparison import CrossValidation
@@ -24,6 +25,10 @@ ABOUT_DIAGNOSTICS = """
 Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
 means that the runs cannot tell. Every test conditions on the number of events of a channel, so that only the shape of
 its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm 1979).
+"""
+ABOUT_BREAKS = """
+The AIC counts parameters against likelihood: the smaller is the better. The log score is that of breaks in runs that
+were left out of the fit; the larger is the better. The deviance compares the breaks of runs alike with those expected.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -69,6 +74,7 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     references = {"paper, Table III": table3} if is_papers_line else None
+    breaks = [] if study.break_models is None else _break_parts(study.break_models)
     return [
         Heading("Rates"),
         Text(f"{study.source}. {study.made} {ABOUT_RATES}"),
@@ -76,6 +82,7 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
+        *breaks,
         *diagnosis_parts(study.diagnosis),
     ]
 
@@ -107,6 +114,18 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
             caption = f"{test.question} Least likely, {worst.title}: {worst.seen}; p = {worst.p_value:.2g}."
             parts.append(Chart(caption, worst.plot, name=f"{name}-{test.name}"))
     return parts
+
+
+def _break_parts(compared: BreakComparison) -> list[Part]:
+    """Break models side by side; the shape in words, its intervals at 95 %."""
+    from calibration.estimating.break_fit import shape_in_words
+
+    rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
+    return [
+        Heading("Who breaks a bond"),
+        Text(f"{ABOUT_BREAKS} {compared.reason}."),
+        ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
+    ]
 
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
@@ -27,11 +28,13 @@ class WatchedStudy:
     name : of the rule book or network file
     runs : name of a run -> what happened
     settings : what else was said of the runs, for the evidence
+    breaks : name of a break model, or `auto` for the one that the runs choose; None: breaks as they were counted
     """
 
     name: str
     runs: Mapping[str, JumpPath]
     settings: dict[str, Any]
+    breaks: str | None = None
 
     @property
     def paths(self) -> list[JumpPath]:
@@ -47,6 +50,11 @@ class WatchedStudy:
     def calibration(self) -> Calibration:
         """Pooled events and exposures of all channels."""
         return estimate(self.paths)
+
+    @cached_property
+    def break_models(self) -> BreakComparison | None:
+        """Break models fitted to the runs; None where none was asked for, or nothing breaks."""
+        return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -74,16 +82,15 @@ class WatchedStudy:
     def rates(self) -> Rates:
         """The estimates with their evidence, ready to be saved."""
         paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
-        return self.calibration.rates(
-            {
-                "network": self.name,
-                **self.settings,
-                "runs": len(self.paths),
-                "versions": {name: version(name) for name in ("wellmixed", "numpy")},
-                "doubtful_tests": self.diagnosis.doubtful,
-                "paper_estimator": paper,
-            }
-        )
+        evidence = {
+            "network": self.name,
+            **self.settings,
+            "runs": len(self.paths),
+            "versions": {name: version(name) for name in ("wellmixed", "numpy")},
+            "doubtful_tests": self.diagnosis.doubtful,
+            "paper_estimator": paper,
+        }
+        return rates_with_breaks(self.calibration, self.break_models, evidence)
 
 
 def watched_study(
@@ -95,10 +102,12 @@ def watched_study(
     cubes: int | None = None,
     single: str | None = None,
     tank: Tank | None = None,
+    breaks: str | None = None,
 ) -> WatchedStudy:
     """Read the tables of runs that others watched; the arguments are those of `read_watched`.
 
     source : name of the rule book or network file that gives the network
+    breaks : name of a break model, `auto`, or None for breaks as they were counted
 
     ValueError: a table is wrong, or a channel follows a rate law, which has no rate constant to be estimated.
     """
@@ -111,4 +120,4 @@ def watched_study(
         "events_file": files[0].name,
         "tables_sha256": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
     }
-    return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}))
+    return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}), breaks)

@@ -79,12 +79,13 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
                 first, second = np.uint64(model.first[r]), np.uint64(model.second[r])
                 if model.is_general[r]:
                     factored_lanes(coefficient, model.factors, r, counts, target, active)
+                    for lane in range(lanes):
+                        part[lane] += target[lane]
+                        within[np.uint64(r), lane] = part[lane]
                 else:
                     for lane in range(lanes):
-                        target[lane] = coefficient * counts[first, lane] * (counts[second, lane] - less)
-                for lane in range(lanes):
-                    part[lane] += target[lane]
-                    within[np.uint64(r), lane] = part[lane]
+                        part[lane] += coefficient * counts[first, lane] * (counts[second, lane] - less)
+                        within[np.uint64(r), lane] = part[lane]
             for lane in range(lanes):
                 total[lane] += part[lane]
                 upto[np.uint64(block), lane] = total[lane]

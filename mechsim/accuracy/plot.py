@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.plots import colour
-from mechsim.accuracy.diagram import QUANTITIES, Accuracy, SettingResult
+from mechsim.accuracy.diagram import Accuracy, SettingResult
+from mechsim.accuracy.quantities import BY_NAME
 
 MARKERS = ("o", "s", "^", "D", "v")
 LOWEST, STOPPED, TOP = 1e-3, 1.0, 10.0  # the least error shown, where the crosses begin, and room for the legend
@@ -40,7 +41,7 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
     """
     from matplotlib.ticker import LogLocator
 
-    floor = accuracy.floor[name]
+    floor = accuracy.floor.get(name)
     curves: dict[str, list[SettingResult]] = {}
     for point in accuracy.numerical:
         curves.setdefault(point.setting.curve, []).append(point)
@@ -58,7 +59,7 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
                 point.setting.label, (point.cost, height), at, ha=side, textcoords="offset points", fontsize=6,
                 color=colour(i),
             )  # fmt: skip
-    stopped = [point for point in accuracy.numerical if point.stopped]
+    stopped = [point for point in accuracy.numerical if point.stopped and name not in point.changes]
     for k, point in enumerate(stopped):
         height = STOPPED * 0.6**k  # they have no error to be placed at
         ax.plot(point.cost, height, "x", color=RED, ms=7, mew=2, label="stopped by the guard" if k == 0 else None)
@@ -66,13 +67,14 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
             f"{point.setting.curve} {point.setting.label}", (point.cost, height), (7, -2),
             textcoords="offset points", fontsize=6, color=RED,
         )  # fmt: skip
-    ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
+    if floor is not None:
+        ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
     ax.axvline(accuracy.reference.cost, color="0.7", ls=":", lw=0.9, label="cost of the reference")
-    ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor) / 2, TOP), xlabel="CPU time (s/tu)")
+    ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor or LOWEST) / 2, TOP), xlabel="CPU time (s/tu)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("")
-    ax.set_ylabel(f"|error| of {QUANTITIES[name]}")
+    ax.set_ylabel(f"|error| of {BY_NAME[name].title}")
     ax.legend(frameon=False, fontsize=6, ncols=2, loc="upper center")
     return ax
 
@@ -86,9 +88,9 @@ def sensitivity(ax: Any, accuracy: Accuracy) -> Any:
         shown = [k for k, change in enumerate(changes) if change is not None]
         ax.errorbar(
             [100 * changes[k].value for k in shown],  # type: ignore[union-attr]
-            rows[shown] + 0.15 * (1 - 2 * i),
+            rows[shown] + 0.15 * (len(accuracy.means) - 1 - 2 * i),
             xerr=[100 * changes[k].half_width for k in shown],  # type: ignore[union-attr]
-            fmt=MARKERS[i], color=colour(i), ms=4, capsize=2, label=QUANTITIES[name],
+            fmt=MARKERS[i], color=colour(i), ms=4, capsize=2, label=BY_NAME[name].title,
         )  # fmt: skip
     ax.axvline(0, color="0.6", lw=0.8)
     ax.set_yticks(rows, [f"{point.setting.curve}: {point.setting.label}" for point in points], fontsize=7)

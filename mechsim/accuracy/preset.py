@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from kinetics.support.config import Settings, find, read_toml, validated, write_toml
 from mechsim.accuracy.plan import MOST_ITERATIONS
+from mechsim.accuracy.quantities import BY_NAME
 from mechsim.accuracy.trial import with_numerics
+from mechsim.runs.record import PHYSICS
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
-    from mechsim.accuracy.diagram import Accuracy, RelativeChange, SettingResult
+    from mechsim.accuracy.changes import RelativeChange
+    from mechsim.accuracy.diagram import Accuracy, SettingResult
 
 PRESETS = Path(__file__).parent / "presets"
 # The cheapest step whose error is, with 95 % confidence, within this.
@@ -38,22 +41,28 @@ class Preset(Settings):
 
     sub_cycles : of the drag, within a step
     cpu_per_cube : CPU s a simulated tu and cube, on the machine that measured it
-    speed, meetings : errors of the mean speed and of the rate of meetings (of faces, before any bond)
+    errors : of each quantity that was compared, by its name; see `quantities.QUANTITIES`
     """
 
     step: float = Field(gt=0)
     solver_iterations: int = Field(ge=1, le=MOST_ITERATIONS)
     sub_cycles: int = Field(default=1, ge=1)
     cpu_per_cube: float = Field(gt=0)
-    speed: Expected
-    meetings: Expected | None = None
+    errors: dict[str, Expected] = Field(min_length=1)
+
+    @field_validator("errors")
+    @classmethod
+    def _of_what_is_measured(cls, errors: dict[str, Expected]) -> dict[str, Expected]:
+        if unknown := sorted(set(errors) - set(BY_NAME)):
+            raise ValueError(f"an error of {unknown[0]!r}; expected one of {', '.join(BY_NAME)}")
+        return errors
 
 
 class Presets(Settings):
     """The presets of one scene, and how they were measured.
 
     fingerprint : of the scene; with any other content its presets are not known
-    cubes, runs, duration, seed : of the measurement
+    cubes, runs, duration, seed : of the measurement; physics : `record.PHYSICS` then
     """
 
     scene: str
@@ -62,6 +71,7 @@ class Presets(Settings):
     runs: int
     duration: float
     seed: int
+    physics: int
     presets: dict[str, Preset]
 
     def write(self, path: str | Path) -> None:
@@ -71,10 +81,11 @@ class Presets(Settings):
 
 @dataclass(frozen=True)
 class Chosen:
-    """A preset under its name."""
+    """A preset under its name. physics : by which it was measured"""
 
     name: str
     preset: Preset
+    physics: int
 
     def scene(self, scene: Scene) -> Scene:
         """The scene computed with the preset's settings."""
@@ -84,7 +95,7 @@ class Chosen:
 
     def expected(self, cubes: int, simulated: float) -> Expectation:
         """Of runs with so many cubes, for so many tu in all."""
-        return Expectation(self.name, self.preset, self.preset.cpu_per_cube * cubes * simulated)
+        return Expectation(self.name, self.preset, self.physics, self.preset.cpu_per_cube * cubes * simulated)
 
 
 @dataclass(frozen=True)
@@ -93,20 +104,23 @@ class Expectation:
 
     name: str
     preset: Preset
+    physics: int
     cpu_seconds: float
 
     def __str__(self) -> str:
         p = self.preset
-        meetings = "" if p.meetings is None else f", of the encounter rate {p.meetings}"
+        errors = ", ".join(f"of the {BY_NAME[name].title} {error}" for name, error in p.errors.items())
+        earlier = "" if self.physics == PHYSICS else f" (measured by physics {self.physics}, these runs are {PHYSICS})"
         cycles = f" with {p.sub_cycles} drag sub-cycles" if p.sub_cycles > 1 else ""
         return (
             f"preset {self.name}: step {p.step:.6g} tu{cycles}, {p.solver_iterations} solver iterations; expected "
-            f"error of the mean speed {p.speed}{meetings}; expected cost {self.cpu_seconds:.3g} CPU s"
+            f"error {errors}{earlier}; expected cost {self.cpu_seconds:.3g} CPU s"
         )
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"name": self.name} | self.preset.model_dump(mode="json") | {"expected_cpu_seconds": self.cpu_seconds}
+        told = {"name": self.name, "physics": self.physics} | self.preset.model_dump(mode="json")
+        return told | {"expected_cpu_seconds": self.cpu_seconds}
 
 
 def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
@@ -128,7 +142,7 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
         if measured.fingerprint == scene.fingerprint:
             if name not in measured.presets:
                 raise ValueError(f"there is no preset {name!r}; scene {scene.name} has {', '.join(measured.presets)}")
-            return Chosen(name, measured.presets[name])
+            return Chosen(name, measured.presets[name], measured.physics)
     where = f"{file} holds" if file else "the shipped presets are"
     scenes = ", ".join(f"{m.scene} ({m.fingerprint[:8]})" for m in known) or "no scene"
     raise ValueError(
@@ -141,17 +155,18 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
 def choose(accuracy: Accuracy) -> Presets:
     """Presets from a measured work-precision diagram: the cheapest step, with or without sub-cycles of the drag, within
     each tolerance. The solver's iterations are left as they are: where their curve is flat, chance would choose them.
+    What of an error counts against a tolerance is the quantity's to say (`Quantity.against`).
 
     The error of the reference itself cannot be seen: it is put down as zero, give or take the limit of the next coarser
     step's difference from it. ValueError where the measurement is too short to vouch for a tolerance.
     """
     plain = _but_for_steps(accuracy.scene)
-    points = [p for p in accuracy.numerical if p.changes and _but_for_steps(p.setting.scene) == plain]
+    points = [p for p in accuracy.numerical if p.changes and not p.stopped and _but_for_steps(p.setting.scene) == plain]
     found = {}
     for name, tolerance in TOLERANCES.items():
-        within = [p for p in points if max(change.limit for change in p.changes.values()) <= tolerance]
+        within = [p for p in points if _error(p) <= tolerance]
         if not within:
-            best = min((max(c.limit for c in p.changes.values()) for p in points), default=float("inf"))
+            best = min((_error(p) for p in points), default=float("inf"))
             raise ValueError(
                 f"no step is within {tolerance:.0%} ({name}) with 95 % confidence, the best is within {best:.1%}: "
                 "measure longer (--rounds, --budget), or make the scene's step smaller"
@@ -166,8 +181,14 @@ def choose(accuracy: Accuracy) -> Presets:
         runs=accuracy.runs,
         duration=accuracy.duration,
         seed=accuracy.seed,
+        physics=PHYSICS,
         presets=found,
     )
+
+
+def _error(point: SettingResult) -> float:
+    """The largest error that counts."""
+    return max(BY_NAME[name].against(change) for name, change in point.changes.items())
 
 
 def _but_for_steps(scene: Scene) -> dict[str, Any]:
@@ -182,22 +203,16 @@ def _but_for_steps(scene: Scene) -> dict[str, Any]:
 def _preset(point: SettingResult, accuracy: Accuracy, coarser: SettingResult | None = None) -> Preset:
     """A point of the diagram as a preset; `coarser` : the step above it, where it is the reference."""
 
-    def expected(change: RelativeChange | None) -> Expected | None:
-        if change is None:
-            return None
+    def expected(change: RelativeChange) -> Expected:
         if coarser is not None:
             return Expected(error=0.0, half_width=round(change.limit, 5))
         return Expected(error=round(change.value, 5), half_width=round(change.half_width, 5))
 
-    changes = (coarser or point).changes
     numerics = point.setting.scene.numerics
-    speed = expected(changes["speed"])
-    assert speed is not None  # noqa: S101 - a point that is compared has a speed
     return Preset(
         step=numerics.step,
         solver_iterations=numerics.solver_iterations,
         sub_cycles=getattr(point.setting.scene.effect("drag"), "sub_cycles", 1),
         cpu_per_cube=float(f"{point.cost / accuracy.cubes:.3g}"),
-        speed=speed,
-        meetings=expected(changes.get("meetings")),
+        errors={name: expected(change) for name, change in (coarser or point).changes.items()},
     )

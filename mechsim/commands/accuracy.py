@@ -71,13 +71,14 @@ def mechanics(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Measure the error of SCENE's mean speed and encounter rate against CPU time, setting by setting.
+    """Measure the error of SCENE's mean speed, encounter rate and bond loads against CPU time, setting by setting.
 
-    The result is a work-precision diagram. No bonds form; encounters of faces are counted instead. Errors are relative
-    to the scene at a quarter of its step and four times its solver iterations. The same command again reuses the runs
-    that it finds and goes on where the budget ended. Exit code 4: some trials were given up.
+    The result is a work-precision diagram. No bonds form or break. Encounters of single cubes' faces are counted, and
+    where bonds can break also the hits on structures above half the threshold, which stand for the rarer breaks. Errors
+    are relative to the scene at a quarter of its step and four times its solver iterations. The same command again
+    reuses the runs that it finds and goes on where the budget ended. Exit code 4: some trials were given up.
     """
-    from mechsim.accuracy.diagram import measure
+    from mechsim.accuracy.measuring import measure
     from mechsim.accuracy.preset import choose
     from mechsim.runs.store import RunStore
     from mechsim.scene import Scene
@@ -102,7 +103,7 @@ def mechanics(
         from kinetics.support.plots import save
         from mechsim.accuracy.plot import draw
 
-        save(plot_file, lambda ax: draw(measured, ax.figure), size=(10, 8))
+        save(plot_file, lambda ax: draw(measured, ax.figure), size=(5 * max(2, len(measured.means)), 8))
     if as_json:
         echo_json(measured.as_dict())
     else:

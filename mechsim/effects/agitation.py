@@ -28,6 +28,11 @@ class Agitation(Effect):
     sigma: float = Field(ge=0)
     hold: float = Field(gt=0)
 
+    @property
+    def held_for(self) -> float | None:
+        """The hold."""
+        return self.hold
+
     def check(self, scene: ViewOfScene) -> None:
         """Check that the hold is a whole number of steps."""
         super().check(scene)

@@ -51,6 +51,11 @@ class Effect(Settings):
     opens: ClassVar[tuple[EventKind, ...]] = ()  # kinds of event that it makes happen
     example: ClassVar[dict[str, Any]] = {}  # settings without a default, as a scene may give them
 
+    @property
+    def held_for(self) -> float | None:
+        """Time for which a velocity of the fluid that it has drawn stays, tu; None: it holds nothing."""
+        return None
+
     def check(self, scene: ViewOfScene) -> None:
         """Raise a ValueError if the effect does not fit the rest of the scene."""
         for need in self.needs:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.support.tables import text_table
-from mechsim.runs.record import book_of
+from mechsim.inspection.speeds import mean_speed, whole_holds
+from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.store import RunStore
 from mechsim.studies.study import Study, StudyPoint
 
@@ -23,7 +24,8 @@ BATCHES = 10  # of the trial, for the standard error of its mean
 class PointTrial:
     """A point tried for 5 tu.
 
-    speed, speed_error : mean speed of free cubes with its standard error, length / tu; nan where none stayed free
+    speed, speed_error : mean speed of free cubes over the phase of the agitation's hold, with its standard error,
+        length / tu; nan where none stayed free
     cpu_per_tu, cpu_start : CPU seconds of this machine a tu, and to build the tank
     """
 
@@ -35,9 +37,13 @@ class PointTrial:
 
 def trial(point: StudyPoint, seed: int) -> PointTrial:
     """Try a point. The speeds depend on the seed alone, the times on the machine."""
+    return timed(point.specs(WARM_UP + TRIAL, 1, seed)[0])
+
+
+def timed(spec: RunSpec) -> PointTrial:
+    """Try the first 5 tu of a run, after a short warm-up, whatever its length."""
     from mechsim.world.world import World
 
-    spec = point.specs(WARM_UP + TRIAL, 1, seed)[0]
     book, _ = book_of(spec.scene.rules)
     began = time.process_time()
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
@@ -45,7 +51,7 @@ def trial(point: StudyPoint, seed: int) -> PointTrial:
         ready = time.process_time()
         for _ in range(math.ceil(WARM_UP / world.step_size)):
             world.step()
-        steps = math.ceil(TRIAL / world.step_size)
+        steps = BATCHES * whole_holds(spec.scene, TRIAL / BATCHES)
         speeds, cpu = np.full(steps, np.nan), np.zeros(steps)
         for step in range(steps):
             before = time.process_time()
@@ -54,7 +60,7 @@ def trial(point: StudyPoint, seed: int) -> PointTrial:
             bodies = world.bodies
             free = [slot for slot in bodies.live if len(bodies.members[slot]) == 1]
             if free:
-                speeds[step] = np.sqrt(np.einsum("ij,ij->i", bodies.velocity[free], bodies.velocity[free])).mean()
+                speeds[step] = mean_speed(bodies, free)
     batches = [part[~np.isnan(part)] for part in np.array_split(speeds, BATCHES)]
     means = np.array([part.mean() for part in batches if part.size])
     error = float(means.std(ddof=1) / math.sqrt(means.size)) if means.size > 1 else math.nan

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.stream_keys import seed_of
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, species_of
 from mechsim.scene import Scene
@@ -77,13 +77,13 @@ class StudyPoint:
     cubes: int
 
     def specs(self, cap: float, runs: int, seed: int) -> list[RunSpec]:
-        """Its runs. Their seed is the CRC-32 of ours and the scene's fingerprint: two points share their random numbers
-        only where these 32 bits agree, one pair in 4e9.
+        """Its runs. Their seed is 63 bits of the SHA-256 of ours and the scene's fingerprint: two points share their
+        random numbers only where these agree, by chance one pair in 9e18.
         """
         derivation = book_of(self.scene.rules)[1]
         target = species_of(derivation, derivation.book.target)
         start = single_cubes(derivation, self.cubes)
-        own = zlib.crc32(f"{seed} {self.scene.fingerprint}".encode())
+        own = seed_of(f"{seed} {self.scene.fingerprint}")
         return [RunSpec(self.scene, start, cap, own, run, until=target) for run in range(runs)]
 
 

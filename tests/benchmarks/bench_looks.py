@@ -18,8 +18,9 @@ import click
 import numpy as np
 
 from kinetics.assembly import RuleBook
-from mechsim.accuracy.diagram import change_of
-from mechsim.accuracy.trial import WARM_UP, counter, unbound, with_numerics
+from mechsim.accuracy.changes import change_of
+from mechsim.accuracy.quantities import counter
+from mechsim.accuracy.trial import WARM_UP, unbound, with_numerics
 from mechsim.effects.faces import FINEST
 from mechsim.scene import Scene
 from mechsim.world.world import World
@@ -64,7 +65,7 @@ def show(scene: Scene, ways: list[Way], duration: float, seed: int) -> None:
             for _ in range(round((BLOCK if seen else WARM_UP) / step)):
                 world.step()
                 for k, (way, count) in enumerate(zip(ways, counts, strict=True)):
-                    if count is not None and world.step_count % way.every == 0:
+                    if world.step_count % way.every == 0:
                         totals[k] = count()
             seen.append(list(totals))
     blocks = np.diff(seen, axis=0).T

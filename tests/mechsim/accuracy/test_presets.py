@@ -1,15 +1,17 @@
 """Presets: chosen by what was measured, refused where nothing was, told before the run and kept with its result."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
 from mechsim.accuracy import preset
-from mechsim.accuracy.diagram import Accuracy, RelativeChange, SettingResult
+from mechsim.accuracy.changes import RelativeChange
+from mechsim.accuracy.diagram import Accuracy, SettingResult
 from mechsim.accuracy.plan import plan
 from mechsim.accuracy.preset import Presets, choose, load
-from mechsim.runs.record import RunSpec
+from mechsim.runs.record import PHYSICS, RunSpec
 from mechsim.scene import SCENES, Scene
 from wellmixed import main
 
@@ -44,8 +46,9 @@ def test_the_cheapest_step_within_a_tolerance(measured, line4):
     step = line4.numerics.step
     assert [found[name].step for name in ("draft", "standard", "reference")] == [2 * step, step / 2, step / 4]
     assert found["draft"].cpu_per_cube == pytest.approx(0.03 / 120)
-    assert (found["standard"].meetings.error, found["standard"].meetings.half_width) == (0.01, 0.01)
-    assert (found["reference"].meetings.error, found["reference"].meetings.half_width) == (0.0, 0.02)
+    met = {name: given.errors["meetings"] for name, given in found.items()}
+    assert (met["standard"].error, met["standard"].half_width) == (0.01, 0.01)
+    assert (met["reference"].error, met["reference"].half_width) == (0.0, 0.02)
     assert found["reference"].solver_iterations == 200
 
 
@@ -57,6 +60,11 @@ def test_an_interval_that_reaches_beyond_the_tolerance_does_not_count(measured, 
 
 def test_a_stopped_step_is_no_preset(measured, line4):
     assert choose(measured(None, (0.0, 0.0), (0.0, 0.0))).presets["draft"].step == line4.numerics.step
+    found = measured((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    coarsest, *others = sorted(found.numerical, key=lambda point: point.cost)
+    stopped = replace(coarsest, stopped="stopped: spin")  # with structures alone: its cubes were compared
+    assert choose(found).presets["draft"].step == 2 * line4.numerics.step
+    assert choose(replace(found, numerical=(stopped, *others))).presets["draft"].step == line4.numerics.step
 
 
 def test_sub_cycles_are_chosen_where_they_are_worth_it(measured, line4, tmp_path):
@@ -78,6 +86,25 @@ def test_sub_cycles_are_chosen_where_they_are_worth_it(measured, line4, tmp_path
     assert presets.presets["reference"].sub_cycles == 1
 
 
+def test_loads_that_are_shown_to_be_wrong_rule_a_step_out(measured, line4):
+    """Their interval is wider than any tolerance; a preset says what was measured of them."""
+    found = measured((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    step = line4.numerics.step
+
+    def with_loads(*loads):
+        points = tuple(
+            replace(point, changes=dict(point.changes) | {"loads": load})
+            for point, load in zip(found.numerical, loads[::-1], strict=True)
+        )
+        return choose(replace(found, numerical=points)).presets
+
+    wide, wrong = RelativeChange(0.05, 0.17), RelativeChange(0.30, 0.17)
+    assert with_loads(wide, wide, wide)["draft"].step == 2 * step
+    chosen = with_loads(wrong, wide, wide)["draft"]
+    assert chosen.step == step
+    assert (chosen.errors["loads"].error, chosen.errors["loads"].half_width) == (0.05, 0.17)
+
+
 def test_too_short_a_measurement_is_told(measured):
     with pytest.raises(ValueError, match=r"no step is within 4% \(standard\).*best is within 6.0%"):
         choose(measured((0.05, 0.06), (0.05, 0.05), (0.05, 0.05)))
@@ -92,6 +119,9 @@ def test_they_survive_their_file(measured, line4, tmp_path):
         load(f"{path}:best", line4)
     with pytest.raises(ValueError, match="never measured for scene line4"):
         load(f"{path}:draft", line4.changed("agitation", sigma=3.0))
+    path.write_text(path.read_text().replace("errors.meetings", "errors.meeting"))
+    with pytest.raises(ValueError, match="an error of 'meeting'; expected one of speed, meetings"):
+        load(f"{path}:draft", line4)
     path.write_text("scene = 3")
     with pytest.raises(ValueError, match=r"mine\.toml"):
         load(f"{path}:draft", line4)
@@ -104,7 +134,8 @@ def test_shipped_presets_know_their_scene(name):
     found = [load(preset_name, scene).preset for preset_name in ("draft", "standard", "reference")]
     assert found[0].step >= found[1].step > found[2].step
     for given, tolerance in zip(found, preset.TOLERANCES.values(), strict=False):
-        for expected in (given.speed, given.meetings):
+        assert set(given.errors) == {"speed", "meetings"}
+        for expected in given.errors.values():
             assert abs(expected.error) + expected.half_width <= tolerance
     with pytest.raises(ValueError, match=f"never measured for scene {name} as it is"):
         load("draft", scene.changed("drag", sub_cycles=2))
@@ -116,6 +147,16 @@ def test_without_a_preset_the_scene_stays_as_it_is(line4):
     assert chosen.scene(line4).without("bonding").effects == line4.without("bonding").effects
     run = RunSpec(line4, {"monomer": 2}, 1.0, 1, 0)
     assert RunSpec(chosen.scene(line4), {"monomer": 2}, 1.0, 1, 0).key != run.key
+
+
+def test_a_preset_of_another_physics_says_so(measured, line4, tmp_path):
+    presets = choose(measured((0.05, 0.02), (0.005, -0.04), (0.001, 0.01)))
+    presets.write(tmp_path / "mine.toml")
+    told = str(load(f"{tmp_path / 'mine.toml'}:draft", line4).expected(2, 1.0))
+    assert "of the encounter rate +2.00 ± 1.00 %; expected cost" in told
+    presets.model_copy(update={"physics": 0}).write(tmp_path / "old.toml")
+    told = str(load(f"{tmp_path / 'old.toml'}:draft", line4).expected(2, 1.0))
+    assert f"± 1.00 % (measured by physics 0, these runs are {PHYSICS}); expected cost" in told
 
 
 def simulate(tmp_path, *arguments):
@@ -130,7 +171,7 @@ def test_a_run_tells_what_to_expect_and_keeps_it(tmp_path, line4):
     assert f"preset standard: step {expected.step:g} tu" in done.stderr
     told = json.loads(done.stdout)["preset"]
     assert told["name"] == "standard"
-    assert told["speed"]["error"] == expected.speed.error
+    assert told["errors"]["speed"]["error"] == expected.errors["speed"].error
     assert told["expected_cpu_seconds"] == pytest.approx(expected.cpu_per_cube * 2 * 0.4)
 
 

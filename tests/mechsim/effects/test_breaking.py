@@ -7,6 +7,7 @@ from kinetics.assembly import Structure
 from mechsim.effects.breaking import CRITERIA
 from mechsim.effects.bridges import Bridges
 from mechsim.kernels.loads import bond_loads
+from mechsim.world.engine import Touch
 
 MASS, EDGE = 0.7, 0.3
 LINE = np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * EDGE
@@ -69,6 +70,23 @@ def test_bonds_in_a_loop_are_not_bridges():
     bridges = Bridges.of(Structure((*ring, tail), (0,) * 5, ("a",) * 5))
     assert bridges.bonds.tolist() == [[1, 4]]
     assert bridges.sides.tolist() == [[True, True, True, True, False]]
+
+
+def test_a_touch_loads_both_of_its_bodies(make_world, line4):
+    """The engine names one of the two first; its impulse is on that one, and the opposite on the other."""
+    scene = line4.changed("breaking", threshold=0.01, log_above=1e-6)
+    world = make_world({"dimer": 2}, scene)
+    b = world.bodies
+    struck, other = (int(s) for s in b.live)
+    judge = world.after["breaking"].__self__.judge
+    end, next_to_it = (b.centre[cube] for cube in b.members[struck])
+    pull = 0.004 * (end - next_to_it) / b.edge  # tears this end off its neighbour; the opposite presses it on
+    as_first = Touch(struck, other, tuple(end), tuple(pull))
+    as_second = Touch(other, struck, tuple(end), tuple(-pull))
+    assert judge(struck, [as_first]).load == pytest.approx(0.002)
+    assert judge(struck, [as_second]).load == pytest.approx(0.002)
+    # The control: read with the wrong sign it is a push, which tears nothing.
+    assert judge(struck, [as_second._replace(impulse=as_first.impulse)]) is None
 
 
 def collide(make_world, scene, speed):

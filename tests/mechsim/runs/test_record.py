@@ -3,13 +3,17 @@
 import json
 import zlib
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
 from kinetics.runs import RESTART
 from mechsim.runs.record import RunSpec, execute
+from mechsim.scene import TankSize
 from mechsim.world.world import World
+
+KEYED_BY = "mechsim.runs.record.version"
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +52,33 @@ def test_a_restarted_run_always_leaves_from_its_start(eager):
     assert (path.channels[1::2] == RESTART).all()
     assert (path.channels[0::2] != RESTART).all()
     np.testing.assert_array_equal(path.states[2::2], np.tile(path.initial, (len(path.channels) // 2, 1)))
+
+
+def test_only_the_first_event_of_a_step_counts_before_a_restart(eager):
+    """In a crowd that bonds from afar the first step alone makes many joins."""
+    grasping = eager.changed("bonding", capture_distance=0.15, latch={"kind": "delay", "rate": 1e6})
+    crowded = grasping.without("breaking").model_copy(update={"tank": TankSize(size=(1.2, 1.2, 1.2))})
+    spec = RunSpec(crowded, {"monomer": 100}, 0.02, seed=4, run=0)
+    times = execute(spec).arrays["times"]
+    assert (times == times[0]).sum() > 2  # the control: events that share a step
+    restarted = execute(replace(spec, restart=True))
+    channels = restarted.arrays["channels"]
+    assert len(channels) > 2
+    assert (channels[1::2] == RESTART).all()
+    assert (channels[0::2] != RESTART).all()
+    assert len(set(restarted.arrays["times"].tolist())) == len(channels) / 2
+    np.testing.assert_array_equal(restarted.path.states[2::2], np.tile(restarted.path.initial, (len(channels) // 2, 1)))
+
+
+def test_a_run_is_named_by_the_versions_that_decide_its_numbers(line4, monkeypatch):
+    spec = RunSpec(line4, {"monomer": 2}, 1.0, seed=1, run=0)
+    keys = {spec.key}
+    for package in ("numpy", "pybullet"):
+        monkeypatch.setattr(KEYED_BY, lambda name, other=package: "0.0" if name == other else version(name))
+        keys.add(replace(spec).key)
+    monkeypatch.setattr(KEYED_BY, lambda name: "0.0" if name == "pandas" else version(name))
+    assert replace(spec).key == spec.key  # the control: a package that decides nothing
+    assert len(keys) == 3
 
 
 def test_what_a_scene_does_not_list_does_not_happen(eager):

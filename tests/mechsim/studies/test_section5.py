@@ -1,5 +1,7 @@
 """Studies: what a file expands to, what it may not say, what it will cost, and runs that are made once."""
 
+import zlib
+
 import numpy as np
 import pytest
 
@@ -87,6 +89,16 @@ def test_points_do_not_share_random_numbers():
     seeds = [point.specs(9.0, 1, 3)[0].seed for point in Study.load("velocity").points]
     assert len(set(seeds)) == len(seeds)
     assert seeds != [point.specs(9.0, 1, 4)[0].seed for point in Study.load("velocity").points]
+
+
+def test_points_whose_checksums_agree_have_different_seeds():
+    """These seeds give texts of one CRC-32, by which points were keyed before: the control."""
+    point, seeds = Study.load("number").points[0], (319673993917, 449686726958)
+    texts = [f"{seed} {point.scene.fingerprint}".encode() for seed in seeds]
+    assert zlib.crc32(texts[0]) == zlib.crc32(texts[1])
+    one, other = (point.specs(9.0, 1, seed)[0].seed for seed in seeds)
+    assert one != other
+    assert 2**32 < min(one, other) < 2**63  # more than 32 bits; they fit into any file
 
 
 def test_points_are_chosen_by_their_levels():

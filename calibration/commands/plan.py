@@ -1,0 +1,236 @@
+"""The command `wellmixed plan`: which runs a study needs, and what they will show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from calibration.commands.shared import seed_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
+from kinetics.support.tables import text_table
+from mechsim.commands.options import executor_options, progress_option, runs_option
+
+if TYPE_CHECKING:
+    from calibration.pipeline.planner import PlannedStudy
+    from mechsim.runs.executors import Executor
+
+
+class Percentage(click.ParamType):
+    """A share between 0 and 1: `10%` or 0.1."""
+
+    name = "percentage"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number."""
+        text = str(value).strip()
+        try:
+            share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        except ValueError:
+            share = float("nan")
+        if not 0 < share < 1:
+            self.fail(f"{value} is no share between 0 and 1, such as 10%", param, ctx)
+        return share
+
+
+@click.command(cls=NumbersCommand)
+@click.argument("scene")
+@click.option(
+    "--out",
+    required=True,
+    metavar="FILE",
+    type=click.Path(dir_okay=False),
+    callback=in_a_folder,
+    help="The plan to write (TOML), which calibrate and validate then carry out.",
+)
+@click.option(
+    "--width",
+    metavar="PERCENT",
+    type=Percentage(),
+    default="10%",
+    show_default=True,
+    help="Half-width of the 95 % interval of every join's rate and of all breaks together, relative to the rate.",
+)
+@click.option(
+    "--cpu-hours",
+    metavar="H",
+    type=click.FloatRange(min=0, min_open=True),
+    help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
+)
+@click.option(
+    "--rates",
+    "rates_name",
+    metavar="NAME|FILE",
+    help="Pilot rates, by which the path is predicted.  [default: from short pilot runs of the mechanics]",
+)
+@click.option(
+    "--cubes",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(60, 120),
+    show_default=True,
+    metavar="N ...",
+    help="Numbers of cubes of the calibration.",
+)
+@click.option(
+    "--along",
+    type=click.FloatRange(min=0),
+    multiple=True,
+    default=(0.0, 50.0, 200.0, 800.0, 2000.0),
+    show_default=True,
+    metavar="T ...",
+    help="Times on the predicted path at which tanks may be taken, tu.",
+)
+@click.option(
+    "--duration", metavar="T", type=float, default=500.0, show_default=True, help="Length of a calibration run, tu."
+)
+@click.option("--each-break", is_flag=True, help="Reach the width for each break, not only for all of them together.")
+@click.option(
+    "--held-out",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(40, 80, 160),
+    show_default=True,
+    metavar="N ...",
+    help="Numbers of cubes of the held-out runs.",
+)
+@click.option(
+    "--held-out-duration",
+    metavar="T",
+    type=float,
+    default=2000.0,
+    show_default=True,
+    help="Length of a held-out run, tu.",
+)
+@click.option(
+    "--shift",
+    metavar="PERCENT",
+    type=Percentage(),
+    default="20%",
+    show_default=True,
+    help="Held-out runs are to show joins, or breaks, whose rates are off by this share.",
+)
+@click.option(
+    "--power",
+    metavar="PERCENT",
+    type=Percentage(),
+    default="90%",
+    show_default=True,
+    help="Probability with which they are to show it, at level 1 %.",
+)
+@click.option(
+    "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank of all runs.  [default: the scene's]"
+)
+@click.option(
+    "--pilot-time",
+    metavar="T",
+    type=float,
+    default=500.0,
+    show_default=True,
+    help="Length of a pilot run, tu; there are four at each number of cubes.",
+)
+@click.option("--strict", is_flag=True, help="Leave with exit code 2 where the plan falls short of what is asked for.")
+@plot_option
+@runs_option
+@executor_options
+@progress_option
+@seed_option(1)
+@json_option
+def plan(
+    scene: str,
+    out: str,
+    rates_name: str | None,
+    pilot_time: float,
+    strict: bool,
+    plot_file: str | None,
+    runs_folder: str,
+    workers: Executor,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+    **wanted: Any,
+) -> None:
+    """Plan the runs of a study of SCENE: tanks, runs, and held-out runs with the power to show wrong rates.
+
+    Tanks are taken along the assembly's path as pilot rates predict it. A linear programme then gives the runs of least
+    CPU time that measure every rate as narrowly as asked for. The number of held-out runs is that which gives the test
+    of seen over expected events its power, with the calibration's own uncertainty. The cost of a run is that of stored
+    runs alike, or of a short trial, so that it depends on the machine. Where the budget does not reach, the plan that
+    fits is written, and what is lacking is said.
+    """
+    from calibration.pipeline.pilot import Pilot
+    from calibration.pipeline.planner import PlanRequest, make_plan
+    from calibration.pipeline.run_costs import RunCosts
+    from kinetics.rates import Rates
+    from kinetics.support.plots import save
+    from mechsim.scene import Scene
+
+    target = Path(out)
+    if target.suffix != ".toml":
+        raise ValueError(f"--out {out}: expected a name that ends in .toml")
+    request = PlanRequest(name=target.stem, scene=scene, seed=seed, **wanted)
+    costs = RunCosts(runs_folder)
+    if rates_name is not None:
+        rates = Rates.load(rates_name)
+    else:
+        pilot = Pilot(Scene.load(scene), request.cubes, pilot_time, seed + 2)
+        click.echo(f"pilot: {pilot.described(costs)}", err=True)
+        rates = pilot.rates(runs_folder, workers=workers, progress=progress)
+    planned = make_plan(request, rates, costs)
+    planned.plan.save(target)
+    if plot_file is not None:
+        save(plot_file, planned.plot, size=(7.5, 4.5))
+    if as_json:
+        echo_json(planned.to_dict() | {"out": out, "seed": seed})
+    else:
+        click.echo(_text(planned))
+        click.echo(f"plan written to {out}")
+    for shortfall in planned.shortfalls:
+        click.echo(f"falls short: {shortfall}", err=True)
+    if strict and planned.shortfalls:
+        click.get_current_context().exit(2)
+
+
+def _text(planned: PlannedStudy) -> str:
+    """The plan in three tables, for people."""
+    found = planned.to_dict()
+    channels = planned.forecast.network.channels
+    tanks = text_table(
+        ("tank", "at (tu)", "runs", *channels, "CPU (min)"),
+        [
+            (
+                " ".join(f"{n} {name}" for name, n in row["composition"].items()),
+                f"{row['along']:g}",
+                str(row["runs"]),
+                *(f"{row['events'][name]:.0f}" for name in channels),
+                f"{row['cpu_seconds'] / 60:.1f}",
+            )
+            for row in found["tanks"]
+        ],
+    )
+    rates = text_table(
+        ("rate", "events", "half-width"),
+        [(row["rate"], f"{row['events']:.0f}", f"{row['half_width']:.1%}") for row in found["rates"]],
+    )
+    tests = text_table(
+        ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),
+        [
+            (
+                str(row["cubes"]),
+                row["group"],
+                f"{row['events_of_a_run']:.1f}",
+                f"± {row['relative_sd_from_calibration']:.1%}",
+                "-" if row["runs_needed"] is None else str(row["runs_needed"]),
+                str(row["runs"]),
+                f"{row['power']:.0%}",
+                f"{row['largest_power']:.0%}",
+            )
+            for row in found["held_out"]
+        ],
+    )
+    cost = (
+        f"CPU time: calibration {planned.calibration_seconds / 3600:.2f} h, held-out runs "
+        f"{planned.held_out_seconds / 3600:.2f} h"
+    )
+    return f"calibration, events expected\n{tanks}\n\n{rates}\n\nheld-out runs\n{tests}\n\n{cost}"

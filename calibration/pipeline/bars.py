@@ -1,0 +1,97 @@
+"""The rules of a plan, held against what came: each a bar that the prediction clears or misses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from calibration.pipeline.plan import VerdictRules
+from calibration.validating.events import EventRow
+from calibration.validating.groups import POOLED
+from calibration.validating.over_sizes import ComparedSizes
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One rule, stated before the runs, and what came of it.
+
+    rule : in words
+    came : in words
+    is_cleared : whether the rule holds; None where the runs cannot say, for want of events
+    """
+
+    rule: str
+    came: str
+    is_cleared: bool | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For tables and JSON."""
+        return vars(self)
+
+    @property
+    def sentence(self) -> str:
+        """Rule, result and what came."""
+        word = {True: "holds", False: "fails", None: "cannot be judged"}[self.is_cleared]
+        return f"{self.rule}: {word} ({self.came})"
+
+
+def bars(rules: VerdictRules, compared: ComparedSizes, control: ComparedSizes | None = None) -> list[Bar]:
+    """All rules of a plan. Rows are those of all joins together and of all breaks together.
+
+    control : the same runs beside the rates of the model that must fail
+    """
+    found = _on_events(rules, compared)
+    found.append(_on_single_runs(rules, compared))
+    if control is not None:
+        missed = [bar for bar in _on_events(rules, control) if bar.is_cleared is False]
+        came = "; ".join(f"{bar.rule}: {bar.came}" for bar in missed) or "it clears all of them"
+        found.append(Bar(f"{rules.control} breaks, the control, fail one of these", came, bool(missed)))
+    return found
+
+
+def _on_events(rules: VerdictRules, compared: ComparedSizes) -> list[Bar]:
+    """The rules on seen and expected events."""
+    rows = [row for row in compared.events if row.group in POOLED]
+    by_size = [row for row in rows if row.cubes is not None]
+    pooled = [row for row in rows if row.cubes is None] or by_size
+    least = min(rows, key=lambda row: row.p)
+    low, high = rules.ratio
+    large = [row for row in by_size if row.expected >= rules.from_events]
+    odd = [row for row in large if not low <= _ratio(row) <= high]
+    outside = [row for row in pooled if not rules.pooled_ratio[0] <= _ratio(row) <= rules.pooled_ratio[1]]
+    return [
+        Bar(
+            f"p of every row at least {rules.p_row:g}",
+            f"least of {len(rows)}: {_shown(least)}, p = {least.p:.2g}",
+            least.p >= rules.p_row,
+        ),
+        Bar(
+            f"seen / expected from {low:g} to {high:g} wherever {rules.from_events:g} events are expected",
+            ", ".join(map(_shown, odd or large)) or f"no row expects {rules.from_events:g} events",
+            not odd if large else None,
+        ),
+        Bar(
+            f"seen / expected over all sizes from {rules.pooled_ratio[0]:g} to {rules.pooled_ratio[1]:g}",
+            ", ".join(map(_shown, pooled)),
+            not outside,
+        ),
+    ]
+
+
+def _on_single_runs(rules: VerdictRules, compared: ComparedSizes) -> Bar:
+    """All single runs together: Fisher's combination of the sizes' p-values (1932)."""
+    from scipy.special import chdtrc
+
+    values = [comparison.single_runs.p_value for comparison in compared.comparisons]
+    together = float(chdtrc(2 * len(values), -2 * sum(math.log(p) for p in values)))
+    came = f"p = {together:.2g}; by size {', '.join(f'{p:.2g}' for p in values)}"
+    return Bar(f"p of the PIT of all single runs above {rules.p_pit:g}", came, together > rules.p_pit)
+
+
+def _ratio(row: EventRow) -> float:
+    return row.seen / row.expected if row.expected > 0 else math.inf if row.seen else 1.0
+
+
+def _shown(row: EventRow) -> str:
+    return f"{row.group} {row.size} {row.seen} / {row.expected:.4g} = {_ratio(row):.2f}"

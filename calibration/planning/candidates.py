@@ -1,0 +1,64 @@
+"""Candidate tanks of a calibration: compositions that the assembly passes through, and what a run in each shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.planning.forecast import Forecast, whole_bodies
+from kinetics.breaks import is_break
+from kinetics.network import Network
+from kinetics.support.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Tanks alike.
+
+    composition : species -> copies at time 0
+    along : time on the predicted path at which the composition is expected, tu
+    events : (R,) expected in a run, by channel of the rule book
+    """
+
+    composition: dict[str, int]
+    along: float
+    events: Floats
+
+
+def candidates(
+    forecast: Forecast,
+    starts: Sequence[Mapping[str, int]],
+    sizes: ArrayLike,
+    along: Sequence[float],
+    duration: float,
+) -> list[Candidate]:
+    """Tanks on the predicted path from each start, at rising times `along`, each composition once.
+
+    sizes : (S,) parts in a body of each species; duration : of a run, tu
+    """
+    found: list[Candidate] = []
+    network = forecast.network
+    for start in starts:
+        for time, mean in zip(along, forecast.composition(network.state(start), along), strict=True):
+            counts = whole_bodies(mean, sizes)
+            composition = {name: int(n) for name, n in zip(network.species, counts, strict=True) if n}
+            if all(composition != other.composition for other in found):
+                found.append(Candidate(composition, float(time), forecast.events(counts, duration)))
+    return found
+
+
+def wanted_rates(network: Network, each_break: bool = False) -> dict[str, NDArray[np.bool_]]:
+    """What is to be measured, name -> channels (R,) bool: every join, and all breaks together or each of them."""
+    breaks = is_break(network)
+    alone = [r for r in range(breaks.size) if each_break or not breaks[r]]
+    groups = {network.channels[r]: np.arange(breaks.size) == r for r in alone}
+    return groups if each_break or not breaks.any() else groups | {"breaks": breaks}
+
+
+def joins_and_breaks(network: Network) -> dict[str, NDArray[np.bool_]]:
+    """Channels (R,) bool of the two groups by which held-out runs are judged; none is empty."""
+    breaks = is_break(network)
+    return {name: members for name, members in (("joins", ~breaks), ("breaks", breaks)) if members.any()}

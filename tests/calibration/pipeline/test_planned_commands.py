@@ -1,0 +1,94 @@
+"""`calibrate` and `validate` with a plan in the place of a scene."""
+
+import json
+
+import pytest
+
+from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks
+from kinetics.rates import Rates
+
+MIXED = {"monomer": 6, "dimer": 4, "trimer": 3, "quadmer": 3}
+MODELS = ["first-order", "collision", "collision-wall", "collision-species"]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("planned")
+    StudyPlan(
+        name="small",
+        scene="line4",
+        calibration=PlannedRuns(seed=5, tanks=[Tanks(composition=MIXED, runs=3, duration=1.5)]),
+        held_out=PlannedRuns(seed=6, tanks=[Tanks(composition={"monomer": n}, runs=2, duration=1.0) for n in (8, 12)]),
+    ).save(folder / "plan.toml")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(wellmixed_here, place):
+    command = ["calibrate", "plan.toml", "--out", "rates.toml", "--report", "calibration.html", "--json"]
+    return wellmixed_here(*command, cwd=place).json
+
+
+def test_a_plan_is_carried_out(wellmixed_here, place, calibrated):
+    assert (calibrated["seed"], calibrated["evidence"]["plan"], calibrated["evidence"]["runs"]) == (5, "small", 3)
+    rates = Rates.load(place / "rates.toml")
+    assert rates.evidence["plan_hash"] == StudyPlan.load(place / "plan.toml").fingerprint
+    done = wellmixed_here("validate", "plan.toml", "--rates", "rates.toml", "--json", cwd=place).json
+    assert (done["plan"], done["seed"]) == ("small", 6)
+    assert len(done["comparisons"]) == 2
+
+
+def test_the_table_of_break_models(wellmixed_here, place, calibrated):
+    breaks = calibrated["breaks"]
+    assert [row["model"] for row in breaks["models"]] == MODELS
+    assert [row["model"] for row in breaks["models"] if row["is_chosen"]] == [breaks["chosen"]]
+    assert Rates.load(place / "rates.toml").breaks.model == breaks["chosen"]
+    assert breaks["reason"] in (place / "calibration.html").read_text(encoding="utf-8")
+    said = wellmixed_here("calibrate", "plan.toml", "--out", "again.toml", cwd=place).out
+    assert f"* {breaks['reason']}." in said
+    for model in MODELS:
+        assert model in said
+
+
+def test_another_break_model_is_asked_for(wellmixed_here, place, calibrated):
+    command = ["calibrate", "plan.toml", "--out", "other.toml", "--breaks", "collision", "--json"]
+    data = wellmixed_here(*command, cwd=place).json
+    assert [row["model"] for row in data["breaks"]["models"]] == ["collision"]
+    assert Rates.load(place / "other.toml").breaks.model == "collision"
+    assert data["channels"] == calibrated["channels"]  # events and exposures of the same runs
+
+
+def test_shards_of_a_plan(wellmixed_here, place, calibrated, tmp_path):
+    rest = ["--missing", "--json"]
+    assert calibrated["problems"] == []
+    found = wellmixed_here("calibrate", "plan.toml", "--out", "x.toml", *rest, cwd=place).json
+    assert (found["runs"], found["missing"]) == (3, [])
+    (tmp_path / "plan.toml").write_bytes((place / "plan.toml").read_bytes())
+    command = ["validate", "plan.toml", "--rates", place / "rates.toml", "--shard", "1/2", *rest]
+    done = wellmixed_here(*command, cwd=tmp_path)
+    assert done.code == 4
+    assert len(json.loads(done.out)["missing"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        *(
+            (["calibrate", "--out", "x.toml"], [name, 5])
+            for name in ("--cubes", "--join-time", "--break-time", "--seed")
+        ),
+        *((["validate", "--rates", "table3"], [name, 5]) for name in ("--cubes", "--runs", "--duration", "--seed")),
+    ],
+)
+def test_what_a_plan_fixes_is_no_option(wellmixed_here, place, command, option):
+    done = wellmixed_here(command[0], "plan.toml", *command[1:], *option, cwd=place)
+    assert (done.code, done.out) == (2, "")
+    assert f"{option[0]} is fixed by the plan plan.toml" in done.err
+
+
+@pytest.mark.parametrize("source", ["plan.toml", "line4"])
+def test_an_unknown_break_model(wellmixed_here, place, source):
+    done = wellmixed_here("calibrate", source, "--out", "x.toml", "--breaks", "magic", cwd=place)
+    assert (done.code, done.out) == (2, "")
+    assert "magic" in done.err
+    assert not (place / "x.toml").exists()
