@@ -14,7 +14,6 @@ from kinetics.passage import first_passage
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import Rates, RatesPosterior
 from kinetics.solving import Transient, solve
-from kinetics.solving.states import TooManyStatesError
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import student_quantile
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
 STEP = 1e-3  # relative, or a share of a shape parameter's range: the error of a difference is near 1e-6 of its value
 EXACT_STATES = 5000  # with more reachable states than these, elasticities of counts come from draws
+EXACT_SECONDS = 60.0  # estimated for one solution, likewise
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,10 @@ class Elasticities:
         """Bars with intervals for the last time, one colour for each of the S names of the last axis; returns `ax`."""
         from kinetics.support import plots
 
-        at_last = [each.reshape(len(each), -1, len(names))[:, -1] for each in (self.value, self.low, self.high)]
-        return plots.grouped_bars(ax, self.parameters, names, *at_last, "elasticity of the mean")
+        values, low, high = (
+            each.reshape(len(each), -1, len(names))[:, -1] for each in (self.value, self.low, self.high)
+        )
+        return plots.grouped_bars(ax, self.parameters, names, values, low, high, "elasticity of the mean")
 
 
 def count_elasticities(
@@ -109,17 +111,17 @@ def count_elasticities(
     """
 
     def mean(model: Network) -> Floats:
-        solved = solve(model, Transient(max_states=exact_states), initial, times)
+        solved = solve(model, Transient(max_states=exact_states, max_seconds=EXACT_SECONDS), initial, times)
         return (solved if observables is None else observables.of_distribution(solved)).mean()
 
     try:
         return exact_elasticities(rates.posterior(network, tank), mean)
-    except TooManyStatesError:
+    except ValueError as refusal:  # too many states, or too stiff
         if drawn is None:
             raise ValueError(
-                f"elasticities of a network with more than {exact_states} states need draws of the rates, and these "
-                "rates come without evidence (events and exposure); start from fewer copies, or give the evidence"
-            ) from None
+                f"elasticities need an exact solution, or draws of the rates, which rates without evidence (events and "
+                f"exposure) do not have; {refusal}"
+            ) from refusal
         return elasticities_of_draws(drawn)
 
 
