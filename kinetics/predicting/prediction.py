@@ -119,12 +119,13 @@ def predict(
     posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
     model = network if rates is None else rates.expected(network, tank)
     shown = model if observables is None else observables.network
-    is_sampled = isinstance(method, SamplingMethod)
+    # first, because it may be refused, and sampling takes long
+    solved = solve(model, method, initial, times) if isinstance(method, SolvingMethod) else None
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
+    sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:
         weights = None if observables is None else observables.weights
-        sampling = method if isinstance(method, SamplingMethod) else Auto()
-        at_least = runs if is_sampled else 1
+        at_least = runs if solved is None else 1
         spread = runs_over_draws(
             posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report
         )
@@ -132,8 +133,7 @@ def predict(
         if not is_complete:
             notes.append(f"interrupted: {spread.draws} draws of the rates, {spread.statistics.runs} runs were made")
     result: EnsembleStatistics | Distribution
-    if isinstance(method, SolvingMethod):
-        solved = solve(model, method, initial, times)
+    if solved is not None:
         result = solved if observables is None else observables.of_distribution(solved)
         standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
         if posterior is not None:
@@ -142,7 +142,7 @@ def predict(
         result, standard_error, error = spread.statistics, spread.standard_error, 0.0
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
-        sampling = method if observables is None else observables.sampling(method, model)
+        sampling = sampling if observables is None else observables.sampling(sampling, model)
         result = simulate_statistics(
             shown, sampling, initial, times, runs, seed, threads,
             covariances=False, progress=lambda done: report(f"{done} of {runs} runs"),
