@@ -40,7 +40,7 @@ import pandas as pd
 from calibration import Calibration, Exposure, crossvalidate
 from kinetics import Direct, Rates, Transient, predict
 from kinetics.assembly import RuleBook, derive
-from kinetics.predicting.prediction import predict_passage
+from kinetics.predicting import predict_passage
 from mechsim import RunSpec, Scene, draw_tank, execute
 from mechsim.inspection.poses import record_at
 
@@ -110,8 +110,9 @@ _ = calibration.plot(ax, references={"paper, Table III": Rates.load("table3")})
 # ## 3. The chain predicts
 #
 # Two independent methods: `Transient` solves the master equation without sampling, `Direct` draws trajectories
-# (Gillespie's algorithm). Colours: mean and the middle 95 % of single runs, from 1,000 trajectories. Dashed in
-# the same colours: the 95 % interval of the mean that the uncertain rates leave. Black dots: the exact mean.
+# (Gillespie's algorithm). Colours: mean and the middle 95 % of single runs, from 20,000 trajectories under 200
+# draws of the rates. Dashed in the same colours: the 95 % interval of the mean that the uncertain rates leave.
+# Black dots: the exact mean at the posterior mean of each rate constant.
 
 # %%
 times = np.linspace(0.0, 2000.0, 101)
@@ -125,9 +126,9 @@ for ax, n in zip(axes, sizes, strict=True):
     ax.set_title(f"{n} cubes")
 
 # %% [markdown]
-# The two methods agree within the sampling error, as they must. The exact solution costs next to nothing
-# either: it needs no truncation, although 120 cubes have thousands of states. (Of the hundreds of differences,
-# at all times and of all species, the largest is shown: chance gives two to three.)
+# The two agree but for sampling error and for what the spread of the rates does to the mean, which is little. The
+# exact solution costs next to nothing either: it needs no truncation, although 120 cubes have thousands of states.
+# (Of the hundreds of differences, at all times and of all species, the largest is shown.)
 
 # %%
 pd.DataFrame(
@@ -146,21 +147,23 @@ pd.DataFrame(
 # %% [markdown]
 # ### When comes the first line of four?
 #
-# The time to the first quadmer is a first passage. Its law is exact too, and the interval of its mean carries
-# the uncertainty of the rates. More cubes find each other sooner.
+# The time to the first quadmer is a first passage. Its law at the posterior mean of each rate constant is exact too.
+# The mean is the posterior median of the mean time, its interval carries the uncertainty of the rates. More cubes
+# find each other sooner.
 
 # %%
 passages = {n: predict_passage(network, rates, {"monomer": n}, "quadmer", seed=1) for n in sizes}
 figure, axes = plt.subplots(1, 3, figsize=(13, 3.5))
-for ax, (n, (law, _)) in zip(axes, passages.items(), strict=True):
-    law.plot(ax)
+for ax, (n, found) in zip(axes, passages.items(), strict=True):
+    found.passage.plot(ax)
     ax.set_title(f"{n} cubes")
 
 pd.DataFrame(
     {
-        f"{n} cubes": {"mean (tu)": law.mean, "mean, low": low, "mean, high": high, "sd (tu)": law.sd}
-        | {f"quantile {q:g}": law.quantile(q) for q in (0.025, 0.5, 0.975)}
-        for n, (law, (low, high)) in passages.items()
+        f"{n} cubes": {"mean (tu)": found.mean, "mean, low": found.low, "mean, high": found.high}
+        | {"sd (tu)": found.passage.sd}
+        | {f"quantile {q:g}": found.passage.quantile(q) for q in (0.025, 0.5, 0.975)}
+        for n, found in passages.items()
     }
 ).map("{:.1f}".format)
 

@@ -11,11 +11,11 @@ import numpy as np
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.validating.first_times import FirstTimes, compare_first_times
 from kinetics.network import Network
-from kinetics.predicting.prediction import noise_free_limits
+from kinetics.predicting.over_draws import noise_free_limits
 from kinetics.runs import JumpPath
 from kinetics.sampling import Direct
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.intervals import posterior_draws
+from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,6 +152,7 @@ def rates_by_point(points: Sequence[PointRuns], species: str, cap: float, seed: 
                 horizon=cap,
             )
             low, high = _left_open(network, point.paths[0].initial, species, cap, draws, seed)
+            low, high = min(low, first.predicted_mean), max(high, first.predicted_mean)
             titles = tuple(points[j].title for j in kin)
             found.append(PointRates(point.title, estimate(own), first, low, high, titles))
     return RatesByPoint(tuple(found), species, cap, seed)
@@ -165,8 +166,12 @@ def most_seen(found: RatesByPoint) -> tuple[str, ...]:
 
 
 def _rates(calibration: Calibration, seed: int) -> tuple[Floats, Floats]:
-    """Rates (R,), and draws (groups, R) of their posterior under Jeffreys' prior; 0 without exposure."""
-    rates = [e.rate if e.is_measured else 0.0 for e in calibration.estimates]
+    """Posterior means (R,) of the rates, and draws (groups, R), under Jeffreys' prior; 0 without exposure."""
+    rates = [0.0] * len(calibration.estimates)
+    for r, e in enumerate(calibration.estimates):
+        if e.is_measured:
+            shape, total = jeffreys_posterior(e.events, e.exposure)
+            rates[r] = shape / total
     events = [e.events if e.is_measured else None for e in calibration.estimates]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     exposure = [e.exposure for e in calibration.estimates]

@@ -43,11 +43,12 @@ class CrossValidation:
     label : name of the experiment, such as `80 cubes`
     runs : number n of held-out runs
     observed_mean, observed_low, observed_high : their mean with a Student t interval over the runs
-    ssa_mean : mean of SSA runs at the point rates
-    predicted_mean, predicted_sd : mean, and sd of a single run, at the point rates; solved where the state space is
-        small enough, otherwise those of the SSA runs
+    ssa_mean : mean of SSA runs at the posterior mean of each rate constant
+    predicted_mean, predicted_sd : mean, and sd of a single run, at these rates; solved where the state space is small
+        enough, otherwise those of the SSA runs
     predicted_error : standard error of `predicted_mean` by sampling; 0 where that is exact
-    low, high : predicted band of the mean of n runs, from intrinsic noise and the uncertainty of the rates
+    low, high : predicted band of the mean of n runs, from intrinsic noise and the uncertainty of the rates; it holds
+        `predicted_mean`
     z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
     misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups with at
         least this misfit

@@ -2,7 +2,8 @@
 
 The measure is the posterior predictive distribution of the experiment itself: rates are drawn from their posterior, and
 with each draw the same number of runs is simulated. What n runs show should look like one more such group of n. The
-mean is predicted by the exact solution where the states allow, else by SSA runs.
+mean is predicted at the posterior mean of each rate constant, by the exact solution where the states allow, else by SSA
+runs.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def crossvalidate(
 
     times : (T,) tu, rising, none after the end of a path; events are counted until the last of them
     target : species whose first-passage times are compared
-    runs : number of SSA runs at the point rates
+    runs : number of SSA runs at the posterior mean of each rate constant
     groups : number of draws of the rates, each with as many runs as there are paths; the smallest p-value is
         1 / (groups + 1)
     mechanics_cpu : CPU time of the held-out runs, s
@@ -102,8 +103,9 @@ def crossvalidate(
         predicted_mean=mean,
         predicted_sd=sd,
         predicted_error=error,
-        low=low,
-        high=high,
+        # what hardly ever happens has its mean above the middle 95 % of groups; the band that is shown holds it
+        low=np.minimum(low, mean),
+        high=np.maximum(high, mean),
         z=_z(observed - mean, sd / np.sqrt(n), error, means),
         misfit=misfit,
         p_misfit=p_misfit,
@@ -140,7 +142,7 @@ def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> 
 def _predicted_mean(
     simulated: SimulatedGroups, grid: Floats, runs: int, exact_states: int, mechanics_cpu: float
 ) -> tuple[Floats, Floats, Floats, Floats, Cost]:
-    """Mean, sd and error at the point rates, the mean of SSA runs, all (T, S), and what they cost."""
+    """Mean, sd and error at the posterior mean rates, the mean of SSA runs, all (T, S), and what they cost."""
     known, initial, first_run = simulated.model, simulated.initial, simulated.first_run(0)
     # Once in little, so that the costs below are those of the work and not of compiling or loading kernels.
     Direct().simulate(known, initial, grid[:1], runs=1)
@@ -171,7 +173,7 @@ def _z(difference: Floats, intrinsic: Floats, error: Floats, means: Floats) -> F
     """Difference over its predicted sd (T, S).
 
     means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; where events are so rare that the
-        groups hardly show them, the intrinsic sd at the point rates is the larger and the better known
+        groups hardly show them, the intrinsic sd at the mean rates is the larger and the better known
     error : of the prediction itself, by sampling
     """
     sd = np.hypot(np.maximum(intrinsic, means.std(axis=0, ddof=1)), error)

@@ -54,13 +54,13 @@ class SimulatedGroups:
 
     @cached_property
     def model(self) -> Network:
-        """The network that is simulated, at the point rates."""
-        return self.rates.apply(self.network, self.tank)
+        """The network that is simulated, at the posterior mean of each rate constant."""
+        return self.rates.expected(self.network, self.tank)
 
     @cached_property
     def mean_constants(self) -> Floats:
-        """Posterior means (R,) of the rate constants, from the first block of draws."""
-        return self.constants(0, BLOCK).mean(axis=0)
+        """Posterior means (R,) of the rate constants."""
+        return self.model.known_rates
 
     def first_run(self, part: int) -> int:
         """Number of the first run of a part of this experiment, such as GROUPS."""

@@ -52,13 +52,15 @@ def passage(
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for, not sampled; if the rates come with their events and exposure, the mean has a 95 % interval from these.
+    for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
+    time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
     """
-    from kinetics.predicting.prediction import evidence_notes, predict_passage
+    from kinetics.predicting import predict_passage
 
     began = time.process_time()
     begin = start(book, rates_name, cubes, initial, edges)
-    found, interval = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
+    made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
+    found = made.passage
     quantiles = found.quantile(QUANTILES)
     if plot_file:
         from kinetics.support import plots
@@ -75,23 +77,26 @@ def passage(
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "species": species,
                 "copies": copies,
-                "mean": found.mean,
+                "mean": made.mean,
                 "sd": found.sd,
                 "probability": found.probability,
                 "certain": found.is_certain,
                 "quantiles": dict(zip(QUANTILES, quantiles.tolist(), strict=True)),
                 "curve": {"times": curve, "cdf": found.cdf(curve)},
-                "interval": {"level": 0.95, "low": interval[0], "high": interval[1]} if interval else None,
+                "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
                 "error": found.error,
                 "seed": seed,
-                "notes": evidence_notes(begin.rates),
+                "notes": made.notes,
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    click.echo(str(found))
-    if interval:
-        click.echo(f"95 % interval of the mean, from the rates: {interval[0]:.4g} to {interval[1]:.4g} tu")
+    if made.low is None:
+        click.echo(str(found))
+    else:
+        limits = f"95 % interval of the mean, from the rates: {made.low:.4g} to {made.high:.4g} tu"
+        click.echo(f"mean time until {found.target}: {made.mean:.4g} tu; {limits}")
+        click.echo(f"at the posterior mean of each rate constant: {found}")
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
-    for note in (*begin.in_words, *evidence_notes(begin.rates)):
+    for note in (*begin.in_words, *made.notes):
         click.echo(note)

@@ -14,6 +14,7 @@ from kinetics.support.cli.options import (
     csv_option,
     echo_json,
     json_option,
+    picture_of,
     plot_option,
     seed_option,
     starting_options,
@@ -24,7 +25,7 @@ from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
-    from kinetics.predicting import Prediction
+    from kinetics.predicting import Elasticities, Prediction
 
 METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
     **{method.name: method for method in SAMPLING_METHODS},
@@ -50,7 +51,7 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
     type=click.IntRange(min=1),
     default=1000,
     show_default=True,
-    help="Number of runs, for a sampling method.",
+    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.",
 )
 @click.option(
     "--threads",
@@ -64,7 +65,17 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
     type=click.IntRange(min=2),
     default=200,
     show_default=True,
-    help="Number of draws of the rates from which the interval is made.",
+    help="Least number of draws of the rates, over which runs are spread and from which the interval is made.",
+)
+@click.option(
+    "--elasticity", "with_elasticity", is_flag=True, help="Say what each parameter of the rates does to the last means."
+)
+@click.option(
+    "--elasticity-plot",
+    "elasticity_file",
+    metavar="FILE",
+    callback=picture_of,
+    help="Write bars of these elasticities to this PNG, PDF or SVG file.",
 )
 @csv_option
 @plot_option
@@ -83,6 +94,8 @@ def predict(
     runs: int,
     threads: int | None,
     draws: int,
+    with_elasticity: bool,
+    elasticity_file: str | None,
     csv_file: str | None,
     plot_file: str | None,
     seed: int,
@@ -91,26 +104,39 @@ def predict(
     """Predict the counts of all species over time, for a rule book or a network file, by a Markov chain.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
-    and others). The report gives mean and standard deviation of every species, and a 95 % interval of the mean if the
-    rates come with their events and exposure. The method `auto` samples runs by the exact method expected to be
-    cheapest; `exact` solves the master equation. Runs are not stored, so there may be millions; Ctrl-C reports those
-    made so far.
+    and others). The report gives mean and standard deviation of every species. If the rates come with their events and
+    exposure, runs are spread over draws of the rates from their posterior, and the mean has a 95 % interval; a method
+    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the exact method
+    expected to be cheapest; `exact` solves the master equation. Runs are not stored, so there may be millions; Ctrl-C
+    reports those made so far.
     """
     from kinetics.predicting import predict as make
 
     begin = start(book, rates_name, cubes, initial, edges)
-    grid = time_grid(duration, times)
+    if (with_elasticity or elasticity_file) and begin.rates is None:
+        raise ValueError(f"elasticities are those to the parameters of a rates file; {book} brings rates of its own")
+    grid, sums = time_grid(duration, times), begin.shown(shown)
     with progress_line() as progress:
         made = make(
             begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress,
-            begin.shown(shown), begin.tank,
+            sums, begin.tank,
         )  # fmt: skip
+    found = None
+    if begin.rates is not None and (with_elasticity or elasticity_file):
+        from kinetics.predicting import count_elasticities
+
+        drawn = None if made.drawn is None else made.drawn.at_last()
+        found = count_elasticities(begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank)
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False)
     if plot_file:
         from kinetics.support import plots
 
         plots.save(plot_file, made.plot)
+    if elasticity_file and found is not None:
+        from kinetics.support import plots
+
+        plots.save(elasticity_file, lambda ax: found.plot(ax, made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(
@@ -131,12 +157,15 @@ def predict(
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
                 "standard_error": made.standard_error,
                 "error": made.error,
+                "elasticities": None if found is None else found.to_dict(),
                 "notes": made.notes,
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
         click.echo(_prediction_table(made, begin.in_words))
+        if found is not None:
+            click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
 
@@ -159,3 +188,16 @@ def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:
         precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
     head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
     return "\n".join([text_table(("time (tu)", *made.network.species), rows), head, *conditions, *made.notes])
+
+
+def _elasticity_table(found: Elasticities, made: Prediction) -> str:
+    """Elasticity and share of variance of the last means, a row a parameter."""
+    rows = []
+    for p, name in enumerate(found.parameters):
+        cells = [name if found.is_rate[p] else f"{name} (d ln / d {name})"]
+        for s in range(len(made.network.species)):
+            error = "" if found.is_exact else f" ± {found.standard_error[p, 0, s]:.2g}"
+            cells.append(f"{found.value[p, 0, s]:.3g}{error} ({100 * found.share[p, 0, s]:.0f} %)")
+        rows.append(cells)
+    head = f"elasticity of the mean at {made.times[-1]:g} tu (share of the variance that the rates leave)"
+    return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), found.note])

@@ -2,6 +2,7 @@
 
 from kinetics.rates.break_terms import BreakTerms, ShapePosterior
 from kinetics.rates.by_class import ClassRates
+from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 
-__all__ = ["BreakTerms", "ChannelRate", "ClassRates", "Convention", "Rates", "ShapePosterior"]
+__all__ = ["BreakTerms", "ChannelRate", "ClassRates", "Convention", "Rates", "RatesPosterior", "ShapePosterior"]

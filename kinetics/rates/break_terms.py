@@ -79,13 +79,6 @@ class BreakTerms(Settings):
         """Weights (P,) of the partners at the largest likelihood."""
         return self.law.weights(network, self.shape)
 
-    def weight_draws(self, network: Network, rng: np.random.Generator, n: int) -> Floats:
-        """Weights (n, P) under draws from the posterior of the shape."""
-        table = self.at_shapes(network)
-        if table is None:
-            return np.tile(self.weights(network), (n, 1))
-        return np.asarray(table[self.shape_draws(rng, n)[0]])
-
     def at_shapes(self, network: Network) -> Floats | None:
         """Weights (G, P) at each point of the posterior of the shape; None where there is no posterior."""
         if self.posterior is None:

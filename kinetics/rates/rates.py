@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 from kinetics.breaks import Expansion
 from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.posterior import RatesPosterior
 from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, find, read_toml, validated, write_toml
-from kinetics.support.intervals import posterior_draws
 
 SHIPPED = Path(__file__).parent / "tables"
 
@@ -105,22 +105,31 @@ class Rates(Settings):
         constants = expansion.constants(base.known_rates, self.breaks.weights(base))
         return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
 
-    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
-        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu.
-
-        Given the shape of the break model each constant comes from Gamma(events + 1/2, exposure), its posterior under
-        Jeffreys' prior, or is the point rate where there is no evidence. The shape comes from its own posterior.
-        """
+    def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
+        """What the evidence leaves open of the parameters behind the constants of `apply(network, tank)`."""
         expansion = self.expansion(network)
         known = [self.channels[name] for name in network.channels]
-        table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
-        weights = self.breaks.weight_draws(network, rng, n)
-        for r, channel in enumerate(known):
-            if channel.exposures is not None and channel.exposure is not None:
-                # the exposure that goes with the shape of this draw, where there is any
-                exposure = weights @ np.array(channel.exposures)
-                table[:, r] *= np.divide(channel.exposure, exposure, out=np.ones(n), where=exposure > 0)
-        return expansion.constants(table, weights) * expansion.scales(self.measured_in, tank)
+        return RatesPosterior(
+            expansion,
+            self.breaks,
+            tuple(channel.rate for channel in known),
+            tuple(channel.events for channel in known),
+            tuple(channel.exposure for channel in known),
+            tuple(channel.exposures for channel in known),
+            expansion.scales(self.measured_in, tank),
+        )
+
+    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
+        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu; see `RatesPosterior`."""
+        posterior = self.posterior(network, tank)
+        return posterior.constants(posterior.draw(rng, n))
+
+    def expected(self, network: Network, tank: Tank | None = None) -> Network:
+        """As `apply`, with the posterior mean of each rate constant; the point rate where there is no evidence.
+
+        A channel without events then has a rate above 0: half an event in its exposure.
+        """
+        return self.posterior(network, tank).expected
 
     @property
     def measured_in(self) -> Tank | None:
@@ -174,6 +183,11 @@ class Rates(Settings):
                     f"{name} has exposure = {channel.exposure}; its exposures, weighted as break model "
                     f"{self.breaks.model!r} weights the partners, add up to {total:g}: give that number"
                 )
+
+    @property
+    def has_evidence(self) -> bool:
+        """Whether any channel has events and exposure."""
+        return len(self.without_evidence()) < len(self.channels)
 
     def without_evidence(self) -> list[str]:
         """Channels whose rate has no events and exposure, and therefore no known uncertainty."""

@@ -54,7 +54,7 @@ def simulate_statistics(
         for begin in range(0, runs, block):
             many = min(block, runs - begin)
             part = method.simulate(network, initial, grid, many, seed, threads, first_run=first_run + begin)
-            with _whole():
+            with unbroken():
                 tally.add(part.counts)
             if progress is not None:
                 progress(begin + many)
@@ -65,7 +65,7 @@ def simulate_statistics(
 
 
 @contextmanager
-def _whole() -> Iterator[None]:
+def unbroken() -> Iterator[None]:
     """Let Ctrl-C wait until the end of the block: half a block taken in would falsify the statistics."""
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or before is None:

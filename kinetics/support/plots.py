@@ -51,6 +51,24 @@ def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, targ
     return _finish(ax, "probability of having been reached")
 
 
+def grouped_bars(
+    ax: Any, groups: Sequence[str], names: Sequence[str], values: Any, low: Any, high: Any, label: str
+) -> Any:
+    """Horizontal bars (groups, names) with intervals, the first group on top, one colour a name; returns `ax`."""
+    height = 0.8 / len(names)
+    middle = np.arange(len(groups), dtype=float)
+    for i, name in enumerate(names):
+        spread = [np.maximum(values[:, i] - low[:, i], 0.0), np.maximum(high[:, i] - values[:, i], 0.0)]
+        place = middle + (i - (len(names) - 1) / 2) * height
+        ax.barh(place, values[:, i], height, color=colour(i), label=name, xerr=spread, error_kw={"lw": 0.8})
+    ax.axvline(0.0, color="black", linewidth=0.8)
+    ax.set_yticks(middle, groups)
+    ax.invert_yaxis()
+    ax.set_xlabel(label)
+    ax.legend(frameon=False)
+    return ax
+
+
 def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int = 150) -> None:
     """Write one figure as PNG, PDF or SVG, by the end of its name. `draw(ax)` fills it.
 

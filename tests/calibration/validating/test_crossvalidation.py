@@ -12,6 +12,7 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 from calibration import compare_first_times, crossvalidate, estimate
 from calibration.validating.first_times import censored_ks_test
 from calibration.validating.scores import central_band, crps_table, mean_misfit
+from kinetics import first_passage
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
@@ -128,6 +129,26 @@ def test_nothing_lies_beyond_what_is_possible(comparison):
     assert 0 <= few.first.low <= few.first.high <= TIMES[-1]
     for share in (few.coverage, few.run_coverage):
         assert 0 <= share.low <= share.high <= 1
+
+
+def test_channels_without_events_predict_neither_infinity_nor_what_their_band_excludes():
+    """Only the first join was seen: at the point rates no quadmer ever comes."""
+    seen = calibrated(5)
+    channels = {
+        name: rate
+        if name == "1+1->2"
+        else rate.model_copy(update={"rate": 0.0, "events": 0, "low": None, "high": None})
+        for name, rate in seen.channels.items()
+    }
+    rates = seen.model_copy(update={"channels": channels})
+    assert first_passage(rates.apply(line_network()), held_out(5, n=1)[0].initial, "quadmer").mean == np.inf  # control
+    found = crossvalidate(line_network(), rates, held_out(5, n=5), TIMES, "quadmer", runs=20, groups=99)
+    assert np.isfinite(found.first.mean)
+    assert 0 <= found.first.predicted_mean <= found.first.horizon
+    assert (found.low <= found.predicted_mean).all()
+    assert (found.predicted_mean <= found.high).all()
+    assert (found.high <= 30 // np.array([1, 2, 3, 4]) + 1e-9).all()
+    assert (found.predicted_mean[-1] > 0).all()
 
 
 def test_every_output_states_the_verdict(comparison):
@@ -327,7 +348,9 @@ def test_sampled_predictions_say_how_well_they_are_known(both_ways):
     assert (off <= 6 * sampled.predicted_error + 1e-12).all()
     assert (off[1:] > 0).any()
     np.testing.assert_allclose(sampled.predicted_sd[1:], exact.predicted_sd[1:], rtol=0.2, atol=0.05)
-    np.testing.assert_array_equal(sampled.low, exact.low)  # bands, misfit and scores never needed it
+    held = (sampled.low < sampled.predicted_mean) & (exact.low < exact.predicted_mean)
+    assert held.any()
+    np.testing.assert_array_equal(sampled.low[held], exact.low[held])  # bands, misfit and scores never needed it
     assert sampled.p_misfit == exact.p_misfit
     finite = np.isfinite(exact.z) & np.isfinite(sampled.z)
     assert np.abs(sampled.z - exact.z)[finite].max() < 0.5

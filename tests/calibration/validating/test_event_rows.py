@@ -97,9 +97,8 @@ def test_numbers_are_those_of_a_count_by_hand():
     assert row["joins"].seen == events[is_join].sum()
     assert row["breaks"].expected == pytest.approx(expected[~is_join].sum())
     assert row["4->2+2"].seen == events[network.channel_places["4->2+2"]]
-    for name, channel in rates.channels.items():  # posterior means within 6 of their Monte-Carlo errors
-        mean, sd = (channel.events + 0.5) / channel.exposure, np.sqrt(channel.events + 0.5) / channel.exposure
-        assert constants[network.channel_places[name]] == pytest.approx(mean, abs=6 * sd / np.sqrt(2000))
+    for name, channel in rates.channels.items():  # posterior means
+        assert constants[network.channel_places[name]] == pytest.approx((channel.events + 0.5) / channel.exposure)
     for each in row.values():
         assert 0 <= each.low < each.expected < each.high
     # scatter: Pearson's statistic of the runs about their common seen / expected

@@ -3,6 +3,7 @@ import subprocess
 import sys
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
@@ -63,6 +64,15 @@ def test_predict_with_measured_rates(tmp_path):
     assert data["initial"] == {"monomer": 10, "dimer": 5, "trimer": 0, "quadmer": 0}
     assert "[95 % interval of the mean, from the rates]" in run("predict", *options, "--times", 100)
     assert "95 % interval of the mean" in run("passage", *options, "--species", "quadmer")
+    picture = tmp_path / "bars.svg"
+    more = ["--times", 50, 100, "--elasticity", "--elasticity-plot", picture]
+    found = json.loads(run("predict", *options, *more, "--json"))["elasticities"]
+    assert np.shape(found["value"]) == (8, 1, 4)
+    assert found["exact"] is True
+    assert_allclose(np.sum(found["share"], axis=0), 1.0)
+    assert "<svg" in picture.read_text(encoding="utf-8")
+    assert "elasticity of the mean at 100 tu" in run("predict", *options, *more)
+    assert data["elasticities"] is None
 
 
 def test_passage(tmp_path):

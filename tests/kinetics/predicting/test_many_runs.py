@@ -58,7 +58,7 @@ def test_ctrl_c_leaves_what_was_made(tmp_path):
         process.send_signal(signal.SIGINT)
         code, _ = finished(process)
     data = json.loads(out.read_text(encoding="utf-8"))
-    assert (code, data["complete"], data["interval"]) == (130, False, None)
+    assert (code, data["complete"]) == (130, False)
     assert 0 < data["runs"] < 500_000_000
     assert any(note.startswith("interrupted: ") for note in data["notes"])
     assert max(map(max, data["standard_error"])) < 0.05

@@ -1,0 +1,68 @@
+"""First-passage times with the uncertainty of the rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.network import Network, Tank
+from kinetics.passage import Passage, first_passage
+from kinetics.predicting.over_draws import LIMITS
+from kinetics.predicting.prediction import evidence_notes
+from kinetics.rates import Rates
+from kinetics.support.arrays import whole_number
+
+
+@dataclass(frozen=True, eq=False)
+class PassagePrediction:
+    """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
+
+    passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
+    mean : posterior median of the mean time; the mean of `passage` where the rates have no evidence
+    low, high : middle 95 % of the mean time from the rates; None where these have no evidence
+    notes : remarks for the reader
+
+    The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
+    and quantiles exist always; they are inf only where the target may be missed at any rates.
+    """
+
+    passage: Passage
+    mean: float
+    low: float | None
+    high: float | None
+    notes: tuple[str, ...]
+
+
+def predict_passage(
+    network: Network,
+    rates: Rates | None,
+    initial: ArrayLike,
+    species: str,
+    copies: int = 1,
+    seed: int = 0,
+    draws: int = 100,
+    tank: Tank | None = None,
+) -> PassagePrediction:
+    """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
+
+    draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
+    """
+    if rates is None or not rates.has_evidence:
+        model = network if rates is None else rates.apply(network, tank)
+        passage = first_passage(model, initial, species, copies)
+        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates))
+    posterior = rates.posterior(network, tank)
+    sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
+    table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
+    models = (posterior.expected.with_rates(constants) for constants in posterior.constants(table))
+    means = [first_passage(each, initial, species, copies).mean for each in models]
+    # No interpolation between a finite mean and an infinite one.
+    low, median, high = np.quantile(means, (LIMITS[0], 0.5, LIMITS[1]), method="inverted_cdf").tolist()
+    notes = (
+        "the mean is the posterior median of the mean time (which may have no posterior mean), with the middle 95 %",
+        "sd, quantiles and curve are those at the posterior mean of each rate constant",
+    )
+    passage = first_passage(posterior.expected, initial, species, copies)
+    return PassagePrediction(passage, median, low, high, (*evidence_notes(rates), *notes))
