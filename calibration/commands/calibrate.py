@@ -120,12 +120,7 @@ def calibrate(
                 "out": out,
                 "channels": study.calibration.table(),
                 "evidence": study.rates.evidence,
-                "diagnostics": {
-                    "verdict": study.diagnosis.verdict,
-                    "doubtful": study.diagnosis.doubtful,
-                    "by_test": study.diagnosis.verdicts(),
-                    "results": study.diagnosis.table(),
-                },
+                "diagnostics": study.diagnosis.to_dict(),
                 "problems": study.problems,
                 "seed": None if events else seed,
             }
