@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
     from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
     from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
+    from calibration.estimating.net_path import net_path
     from calibration.estimating.paper import paper_estimate
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
@@ -33,6 +34,7 @@ _HOMES = {
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
     "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
     "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
+    "calibration.estimating.net_path": ("net_path",),
     "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
@@ -77,6 +79,7 @@ __all__ = [
     "estimate",
     "exact_limits",
     "fit_rates",
+    "net_path",
     "paper_estimate",
     "pooled",
     "rate_model",

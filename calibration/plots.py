@@ -68,7 +68,8 @@ def homogeneity(ax: Axes, channel: str, labels: Sequence[str], rates: Limited, p
     for i, row in enumerate(zip(*map(np.asarray, rates), strict=True)):
         forest_row(ax, i, *row)
     ax.axvline(1.0, color=OBSERVED, linestyle="--", label="pooled")
-    _one_line_each(ax, labels)
+    every = 1 + len(labels) // 20  # of many runs, as many names as there is room for
+    _one_line_each(ax, ["" if i % every else label for i, label in enumerate(labels)])
     ax.set_xlabel("rate in units of the pooled rate")
     ax.set_title(f"{channel}, p = {p_value:.2g}")
     ax.legend(frameon=False, fontsize="small")
@@ -117,11 +118,11 @@ def p_values(ax: Axes, rising: Sequence[float], names: Sequence[str]) -> Axes:
     expected = (np.arange(shown.size) + 0.5) / max(shown.size, 1)
     ax.loglog(expected, expected, color=OBSERVED, label="if the model holds")
     ax.loglog(expected, shown, "o", color=PREDICTED, mfc="none", label=f"{shown.size} tests")
-    for x, y, name in zip(expected, shown, names[:8], strict=False):
+    for x, y, name in zip(expected, shown, names[:6], strict=False):
         ax.annotate(name, (x, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize="x-small")
     ax.set_xlabel("p expected at this rank")
     ax.set_ylabel("p of the test")
-    ax.legend(frameon=False, fontsize="small")
+    ax.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return ax
 
 

@@ -221,12 +221,19 @@ def test_validate(wellmixed, wellmixed_here, place, demonstrated, calibrated):
         assert {"coverage", "crps", "first_predicted", "cpu_mechanics_s", "cpu_ssa_s"} <= set(each["summary"])
         assert each["species"] == SPECIES
         assert len(each["table"]) == 41 * 4
-    assert "Predicted against simulated" in (place / "validation.html").read_text(encoding="utf-8")
+    report = (place / "validation.html").read_text(encoding="utf-8")
+    assert "Predicted against simulated" in report
+    diagnostics = data["diagnostics"]
+    assert [row["test"] for row in diagnostics["by_test"]] == [test.name for test in DIAGNOSTICS]
+    assert "same pieces" in {row["variant"].split(", ")[-1] for row in diagnostics["results"]}
+    for words in (diagnostics["verdict"], *(row["verdict"] for row in diagnostics["by_test"])):
+        assert html.escape(words) in report
     for each, shown in zip(data["comparisons"], demonstrated.json["summary"][:2], strict=True):
         assert {"crps": shown["crps"], "coverage": shown["coverage"]}.items() <= each["summary"].items()
     again = wellmixed_here(*VALIDATE, "--rates", "rates.toml", "--cubes", 60, cwd=place)
     assert (again.code, again.err) == (0, "")
     assert [line.split()[0] for line in again.out.splitlines()[:2]] == ["size", "60"]
+    assert any(line.startswith(("No sign against", "The model is doubtful")) for line in again.out.splitlines())
 
 
 @pytest.mark.parametrize("rates", ["table3", "rates.toml"])

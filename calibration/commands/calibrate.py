@@ -145,12 +145,7 @@ def calibrate(
                 "channels": study.calibration.table(),
                 "breaks": None if study.break_models is None else study.break_models.to_dict(),
                 "evidence": study.rates.evidence,
-                "diagnostics": {
-                    "verdict": study.diagnosis.verdict,
-                    "doubtful": study.diagnosis.doubtful,
-                    "by_test": study.diagnosis.verdicts(),
-                    "results": study.diagnosis.table(),
-                },
+                "diagnostics": study.diagnosis.to_dict(),
                 "problems": study.problems,
                 "seed": None if events else seed,
             }

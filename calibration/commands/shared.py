@@ -150,7 +150,10 @@ def comparison_table(study: ValidationStudy) -> str:
     )
     if any(not comparison.is_exact for comparison in study.comparisons):
         note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
-    return "\n".join([text_table(titles, rows), note, "", _event_table(study), "", study.verdict.sentence])
+    diagnosed = diagnosis_lines(study.diagnosis)
+    return "\n".join(
+        [text_table(titles, rows), note, "", _event_table(study), "", *diagnosed, "", study.verdict.sentence]
+    )
 
 
 def _event_table(study: ValidationStudy) -> str:

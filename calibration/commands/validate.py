@@ -115,6 +115,7 @@ def validate(
                 "verdict": study.verdict.sentence,
                 "events": [row.to_dict() for row in study.events],
                 "comparisons": [comparison.to_dict() for comparison in study.comparisons],
+                "diagnostics": study.diagnosis.to_dict(),
                 "digest": study.outcome.digest,
                 "problems": study.problems,
             }

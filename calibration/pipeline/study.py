@@ -16,6 +16,7 @@ from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
+from calibration.estimating.rate_fit import RateFit
 from calibration.pipeline.plan import StudyPlan
 from calibration.validating.crossvalidation import crossvalidate
 from calibration.validating.over_sizes import ComparedSizes
@@ -169,8 +170,8 @@ class CalibrationStudy:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """Are the runs those of a well-mixed Markov chain?"""
-        return diagnose([record.path for record in self.sound])
+        """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
+        return _diagnosed(self.sound, None if self.break_models is None else self.break_models.chosen)
 
     @cached_property
     def paper_rates(self) -> dict[str, float]:
@@ -279,6 +280,11 @@ class ValidationStudy(ComparedSizes):
     rates: Rates
     outcome: Outcome
 
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Do the held-out runs of all sizes together behave as the chain of these rates would?"""
+        return _diagnosed([record for record in self.outcome.records if record.completed], self.rates)
+
     @property
     def problems(self) -> list[str]:
         """Runs that were stopped by the guard or given up, in words."""
@@ -356,6 +362,12 @@ def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, durat
     if not outcome.records:
         raise ValueError(f"{spec.title}: given up: {outcome.quarantined[0].reasons[-1]}")
     return outcome.records[0]
+
+
+def _diagnosed(records: Sequence[RunRecord], fit: RateFit | Rates | None) -> Diagnosis:
+    """By pieces too, where all records know the cubes of their events."""
+    bonds = [record.arrays["bonds"] for record in records if "bonds" in record.arrays]
+    return diagnose([record.path for record in records], fit, bonds if len(bonds) == len(records) else None)
 
 
 def _run(specs: list[RunSpec], runs_folder: str | Path, workers: int | Executor, progress: bool | None) -> Outcome:

@@ -166,7 +166,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         if comparison.first is not None:
             first = comparison.first
             parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
-    return parts
+    return parts + diagnosis_parts(study.diagnosis, "held-out-diagnostics")
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:

@@ -5,7 +5,8 @@
 A line a diagnostic: how often it fails at 5 % on runs that are sound and on runs that are doubtful in its own way, and
 how often the latter at 0.02 %, which is what the correction for some 50 tests leaves. Then all diagnostics together, on
 calibration runs of the T of five (25 channels): how often any fails at 1 % after correction, for sound runs and where
-half of the runs have three times the rates.
+half of the runs have three times the rates; and on runs of the line of four whose cubes are known, how often rebinding
+fails after correction.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
-from doubtful_runs import CASES, t5_runs
+from doubtful_runs import CASES, broken, t5_runs
 
 from calibration import diagnose
 
@@ -35,6 +36,14 @@ def main(repeats: int = 1000, t5_repeats: int = 60) -> None:
     for words, rates in (("sound", (1.0,)), ("half of the runs at three times the rates", (1.0, 3.0))):
         flagged = sum(bool(diagnose(t5_runs(rates, rng)).doubtful) for _ in range(t5_repeats))
         print(f"T of five, {words}: doubtful in {flagged} of {t5_repeats}", flush=True)
+    for words, share in (("sound", 0.0), ("4 % of 500 breaks undone", 0.04)):
+        found = []
+        for _ in range(t5_repeats):
+            paths, bonds = broken(share, rng)
+            found.append([name for name in diagnose(paths, bonds=bonds).doubtful if "rebinding" in name])
+        same = sum(any("same pieces" in name for name in names) for names in found)
+        kind = sum(any("same pieces" not in name for name in names) for names in found)
+        print(f"line of four, {words}: rebinding by pieces in {same}, by kind in {kind} of {t5_repeats}", flush=True)
 
 
 if __name__ == "__main__":

@@ -45,4 +45,5 @@ class Ages(SpreadDiagnostic):
             for k, (low, high) in enumerate(bounds):
                 exposure[k] += clocked.passed_between(origin + low, origin + high).sum(axis=0)
                 np.add.at(events[k], clocked.path.channels[fired[(low <= age) & (age < high)]], 1)
-        return Groups([f"{low:g}-{high:g} tu" for low, high in bounds], events, exposure)
+        names = [f"{low:g}-{high:g} tu" if high < np.inf else f"after {low:g} tu" for low, high in bounds]
+        return Groups(names, events, exposure)

@@ -1,4 +1,5 @@
-"""P-values of counts over groups, given their sum: valid whatever the number of draws, and as small as they need be.
+"""P-values of counts over groups, and of gaps between events, given their sum: valid whatever the number of draws, and
+as small as they need be.
 
 Under the null n events spread over groups by a multinomial with known shares. Plain draws from it cannot give a p-value
 below 1 / draws. These draws come half from the null and half from alternatives that spread or tilt the counts, and are
@@ -9,7 +10,7 @@ level alpha has a size of at most alpha (Harrison 2012, doi:10.1093/biomet/asr07
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,16 +18,18 @@ from kinetics.support.arrays import Floats, Ints
 
 DRAWS = 3000  # a p-value of 0.01 has a standard error of about a seventh of itself
 INFLATIONS = (1.5, 3.0, 8.0, 25.0, 80.0)  # of the variance of counts, under the alternatives that spread them
+STEPS = (1.0, 2.5, 4.5, 7.0, 11.0)  # of the logarithm of the shape of gaps, in standard deviations to either side
+LARGEST, FEWEST_DRAWS = 1_500_000, 200  # numbers drawn for a test of gaps, and its draws where there are very many
 TILTS = (2.0, 4.0, 7.0, 11.0, 16.0, 25.0)  # of the mean, in standard deviations, to either side
 
 
 class Proposal(Protocol):
-    """A distribution of counts (G,) with a known sum."""
+    """A distribution of counts or gaps (G,) with a known sum."""
 
-    def draw(self, rng: np.random.Generator, size: int) -> Ints:
-        """Counts (size, G)."""
+    def draw(self, rng: np.random.Generator, size: int) -> Any:
+        """Counts or gaps (size, G)."""
 
-    def log_ratio(self, counts: Ints) -> Floats:
+    def log_ratio(self, counts: Any, /) -> Floats:
         """Logarithm (size,) of its probability over that under the null."""
 
 
@@ -64,6 +67,26 @@ class DirichletMultinomial:
         whole = self.alpha.sum()
         rising = (gammaln(counts + self.alpha) - gammaln(self.alpha)).sum(axis=1)
         return np.asarray(rising - gammaln(whole + self.n) + gammaln(whole) - counts @ np.log(self.null))
+
+
+class Spacings:
+    """n gaps (n,) that sum to 1, Dirichlet of one shape: 1, the null, between points without order, below it clustered
+    and above it regular."""
+
+    def __init__(self, n: int, shape: float) -> None:
+        self.n, self.shape = n, shape
+
+    def draw(self, rng: np.random.Generator, size: int) -> Floats:
+        """Gaps (size, n)."""
+        drawn = np.maximum(rng.standard_gamma(self.shape, (size, self.n)), 1e-300)
+        return np.asarray(drawn / drawn.sum(axis=1, keepdims=True))
+
+    def log_ratio(self, gaps: Floats) -> Floats:
+        """Of its density to the null's."""
+        from scipy.special import gammaln
+
+        of_shape = gammaln(self.n * self.shape) - self.n * gammaln(self.shape) - gammaln(self.n)
+        return np.asarray(of_shape + (self.shape - 1) * np.log(gaps).sum(axis=1))
 
 
 class Independent:
@@ -133,15 +156,38 @@ def trend_test(channels: Sequence[Trended], rng: np.random.Generator) -> tuple[f
     return float(seen @ every), p_value
 
 
+def spacing_test(gaps: Floats, rng: np.random.Generator) -> tuple[float, float]:
+    """Anderson-Darling statistic of gaps (n,) against exponentials of unknown mean, and its p-value.
+
+    Gaps of 0, of which an exponential has none, count as 1e-12 of the mean. n is 2 or more.
+    """
+    n = gaps.size
+    shares = np.maximum(gaps, 1e-12 * gaps.mean())
+    shares = shares / shares.sum()
+    proposals = [Spacings(n, float(np.exp(sign * step / n**0.5))) for step in STEPS for sign in (-1, 1)]
+    draws = int(np.clip(LARGEST // n, FEWEST_DRAWS, DRAWS))
+    found = weighted_p_value(shares, Spacings(n, 1.0), proposals, anderson_darling, rng, draws)
+    return float(anderson_darling(shares[None])[0]), found
+
+
+def anderson_darling(shares: Floats) -> Floats:
+    """Statistic (k,) of samples (k, n) of gaps that sum to 1, against the exponential with their mean (Anderson &
+    Darling 1954)."""
+    n = shares.shape[-1]
+    x = np.sort(shares, axis=-1) * n
+    odd = 2 * np.arange(1, n + 1) - 1
+    return np.asarray(-n - (odd * (np.log(-np.expm1(-x)) - x[..., ::-1])).sum(axis=-1) / n)
+
+
 def weighted_p_value(
-    seen: Ints,
+    seen: Any,
     null: Proposal,
     proposals: Sequence[Proposal],
-    statistic: Callable[[Ints], Floats],
+    statistic: Callable[[Any], Floats],
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> float:
-    """P-value of `statistic(seen)` for counts (G,) that follow `null`; large values are extreme."""
+    """P-value of `statistic(seen)` for counts or gaps (G,) that follow `null`; large values are extreme."""
     each = draws // 2 // max(len(proposals), 1)
     sizes = [draws - each * len(proposals), *[each] * len(proposals)]
     mixed = [null, *proposals]
@@ -152,4 +198,5 @@ def weighted_p_value(
     found = statistic(counts)
     # ties are many with few events, and rounding must not break them
     is_extreme = found >= found[0] * (1 - 1e-9)
-    return float(min(weights[is_extreme].sum() / (draws + 1), 1.0))
+    smallest = np.finfo(float).tiny  # nothing is impossible
+    return float(np.clip(weights[is_extreme].sum() / (draws + 1), smallest, 1.0))

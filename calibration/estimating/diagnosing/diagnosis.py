@@ -106,6 +106,15 @@ class Diagnosis:
                 row[f"{result.test} {result.variant}".rstrip()] = result.p_value
         return list(rows.values())
 
+    def to_dict(self) -> dict[str, Any]:
+        """Verdict, names of what is doubtful, and the rows by test and of all results, ready for JSON."""
+        return {
+            "verdict": self.verdict,
+            "doubtful": self.doubtful,
+            "by_test": self.verdicts(),
+            "results": self.table(),
+        }
+
     def plot(self, ax: Axes) -> Axes:
         """Plot all p-values against those of as many true models, the failed ones named; returns `ax`."""
         from calibration import plots

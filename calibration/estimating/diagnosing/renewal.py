@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.watched import Watched
 from kinetics.support.arrays import Floats
 
@@ -42,23 +43,14 @@ class WaitingTimes:
         result = kstest(self.positions / self.total, "uniform")
         return float(result.statistic), float(result.pvalue)
 
-    def shape_test(self) -> tuple[float, float]:
+    def shape_test(self, rng: np.random.Generator) -> tuple[float, float]:
         """Anderson-Darling statistic of the waits against an exponential of unknown mean, and its p-value.
 
-        The n + 1 gaps between n uniform points are exponentials divided by their sum, so the classical test with an
-        estimated mean applies if the last gap is included. The statistic is modified for sample size, and the p-value
-        is the fit of D'Agostino & Stephens (1986, table 4.11). Below 0.01, where the fit ends, the tail is exponential
-        (as that of every quadratic form of Gaussians); its slope was measured for 30 to 200 waits, where p is within a
-        factor of 1.5 down to 1e-4. Smaller samples have longer tails.
+        The n + 1 gaps between n uniform points are exponentials divided by their sum, so the test with an unknown mean
+        is that of the gaps, the last one included; its p-value is by weighted draws of such gaps, valid for any n. A
+        gap of 0 (two events in one mechanics step) counts as a very small one.
         """
-        gaps = np.sort(np.diff(self.positions, prepend=0.0, append=self.total))
-        n = gaps.size
-        # A gap of 0 (two events in one mechanics step) has no finite logarithm; it counts as the smallest one.
-        x = np.maximum(gaps * n / self.total, 1e-12)
-        odd = 2 * np.arange(1, n + 1) - 1
-        statistic = -n - np.sum(odd * (np.log(-np.expm1(-x)) - x[::-1])) / n
-        statistic *= 1 + 0.6 / n
-        return float(statistic), _anderson_darling_p(float(statistic))
+        return spacing_test(np.diff(self.positions, prepend=0.0, append=self.total), rng)
 
     def plot(self, ax: Axes) -> Axes:
         """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
@@ -90,16 +82,3 @@ def waiting_times(watched: Watched, channel: int | None = None) -> WaitingTimes:
         total = float(clock[-1])
     name = "any event" if channel is None else watched.network.channels[channel]
     return WaitingTimes(name, np.concatenate(positions), total)
-
-
-def _anderson_darling_p(a: float) -> float:
-    """P-value of the modified statistic for an exponential whose mean was estimated."""
-    if a < 0.26:
-        return float(1 - np.exp(-12.2204 + 67.459 * a - 110.3 * a**2))
-    if a < 0.51:
-        return float(1 - np.exp(-6.1327 + 20.218 * a - 18.663 * a**2))
-    if a < 0.95:
-        return float(np.exp(0.9209 - 3.353 * a + 0.3 * a**2))
-    if a < 1.95:
-        return float(np.exp(0.731 - 3.009 * a + 0.15 * a**2))
-    return float(0.01 * np.exp(-2.1 * (a - 1.97)))

@@ -10,7 +10,7 @@ from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.renewal import waiting_times
 from calibration.estimating.diagnosing.watched import Watched
 
-FEWEST = 30  # waits; below, the fitted p-values are too small in the tail, and the test sees little
+FEWEST = 5  # waits; below, the test sees nothing
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,8 @@ class Waits(Diagnostic):
     """Anderson-Darling test of the waits between events of a channel, and of any event, rescaled by their hazard.
 
     By the time-rescaling theorem integrated hazards between events are unit exponential (Brown et al. 2002,
-    doi:10.1162/08997660252741149). Statistic: A squared, modified for sample size (D'Agostino & Stephens 1986).
+    doi:10.1162/08997660252741149). Statistic: A squared (Anderson & Darling 1954); the p-value is at least valid for
+    any number of waits.
     """
 
     name = "waits"
@@ -36,7 +37,7 @@ class Waits(Diagnostic):
         if n < FEWEST:
             reason = f"{n} events, fewer than {FEWEST}" if n else "no events"
             return DiagnosticResult(self.name, waits.name, n, reason=reason)
-        statistic, p_value = waits.shape_test()
+        statistic, p_value = waits.shape_test(watched.random(self.name, waits.name))
         spread = float(np.std(waits.residuals) / np.mean(waits.residuals))
         remedy = "long and short waits alternate: try the weibull model, or net break rates where pieces rebind"
         if spread < 1:

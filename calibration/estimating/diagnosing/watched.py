@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibration.estimating.diagnosing.hazards import Elapsed, elapsed_of, hazard_of
 from calibration.estimating.exposure import Sojourns, require_same, sojourns
 from calibration.estimating.rate_fit import RateFit
 from kinetics.network import Network
 from kinetics.rates import Rates
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers
-
-Hazard = Callable[[JumpPath], Floats]
-Elapsed = Callable[[Floats, Floats], Floats]
 
 
 class Clocked(NamedTuple):
@@ -89,10 +86,10 @@ class Watched:
         return tuple(self._clocked())
 
     def _clocked(self) -> Iterator[Clocked]:
-        hazard = _hazard(self.fit, self.network)
+        hazard = hazard_of(self.fit, self.network, self.runs[0].tank)
         for path in self.runs:
             stretches = sojourns(path)
-            elapsed = _elapsed(self.fit, stretches, self.network)
+            elapsed = elapsed_of(self.fit, stretches, self.network)
             yield Clocked(path, stretches, hazard(path) * path.open_channels, elapsed)
 
     @cached_property
@@ -133,47 +130,3 @@ class Watched:
             np.add.at(exposure, group, clocked.passed)
             np.add.at(events, (group[clocked.fired], clocked.path.channels[clocked.fired]), 1)
         return events, exposure
-
-
-def _hazard(fit: RateFit | Rates | None, network: Network) -> Hazard:
-    """The hazard (E + 1, R) of each channel in each state of a path, per unit of `elapsed`, up to a factor a channel.
-
-    Channels to which the model gives no rate, having seen no event, keep the shape of mass action: only their size is
-    unknown, and the tests do not use it. So do channels that were not fitted.
-    """
-    if isinstance(fit, Rates):
-        known = fit.apply(network)  # the one place that turns rates into hazards
-        k = np.where(known.known_rates > 0, known.known_rates, 1.0)
-        return lambda path: np.asarray(k * known.combinations_of(path.states))
-    if fit is None:
-        return lambda path: np.asarray(network.ways * network.combinations_of(path.states))
-    model, chosen = fit.model, _fitted(fit, network)
-    coefficients = np.nan_to_num(fit.best.coefficients)
-    is_known = coefficients.any(axis=0)
-    places = np.flatnonzero(chosen)[is_known]
-
-    def hazard(path: JumpPath) -> Floats:
-        found = np.array(network.combinations_of(path.states), dtype=float)
-        terms = np.array(model.combinations(path))[:, :, places]
-        found[:, places] = np.einsum("pr,per->er", coefficients[:, is_known], terms)
-        return found * network.ways
-
-    return hazard
-
-
-def _elapsed(fit: RateFit | Rates | None, stretches: Sojourns, network: Network) -> Elapsed:
-    """The integral of the model's speed between two moments of each stretch, (E + 1, 1) or (E + 1, R)."""
-    if not isinstance(fit, RateFit):
-        return lambda begin, end: (end - begin)[:, None]
-    model, chosen = fit.model, _fitted(fit, network)
-    return lambda begin, end: np.where(
-        chosen, model.elapsed(begin, end, stretches.origin)[:, None], (end - begin)[:, None]
-    )
-
-
-def _fitted(fit: RateFit, network: Network) -> NDArray[np.bool_]:
-    """Which channels (R,) a fit holds, in the network's order."""
-    require_same(network, fit.likelihood.paths[0].network)
-    chosen = np.zeros(len(network.channels), bool)
-    chosen[list(fit.likelihood.channels)] = True
-    return chosen

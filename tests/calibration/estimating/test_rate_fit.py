@@ -158,11 +158,11 @@ def test_waits_are_rescaled_by_any_model():
     constants = [Watched(tuple(runs), each) for each in (None, fit_rates(MassActionRates(), runs))]
     partly = Watched(tuple(runs), fit_rates(Weibull(), runs, ["join"]))  # the break by mass action
     for channel in (0, None):
-        assert waiting_times(judged, channel).shape_test()[1] > 1e-3  # a fixed seed
-        assert waiting_times(constants[0], channel).shape_test()[1] < 1e-3
+        assert waiting_times(judged, channel).shape_test(rng)[1] > 1e-3  # a fixed seed
+        assert waiting_times(constants[0], channel).shape_test(rng)[1] < 1e-3
         residuals = [waiting_times(each, channel).residuals for each in constants]
         np.testing.assert_allclose(*residuals, rtol=1e-12)
-    assert waiting_times(partly, 0).shape_test()[1] > 1e-3
+    assert waiting_times(partly, 0).shape_test(rng)[1] > 1e-3
     residuals = [waiting_times(each, 1).residuals for each in (partly, constants[0])]
     np.testing.assert_allclose(*residuals, rtol=1e-12)
 

@@ -1,8 +1,14 @@
 """Which runs a study asks for."""
 
-import pytest
+from types import SimpleNamespace
 
-from calibration.pipeline.study import calibration_specs, validation_specs
+import numpy as np
+import pytest
+from synthetic_runs import line_network
+
+from calibration.pipeline.study import CalibrationStudy, ValidationStudy, calibration_specs, validation_specs
+from kinetics.rates import BreakTerms, Rates
+from kinetics.sampling import sample_path
 from mechsim.scene import Scene
 
 
@@ -41,3 +47,35 @@ def test_held_out_runs_start_from_single_cubes_and_the_seed(line4):
     ]
     (spec, _) = validation_specs(Scene.load("pyramid45"), [101], 2, 10.0, 2)
     assert spec.composition == {"monomer": 100, "seed": 1}
+
+
+def records(network, has_bonds, n=4):
+    """Stand-ins for records of full runs, whose cubes are known or not."""
+    made = []
+    for run in range(n):
+        path = sample_path(network, [30 + 20 * (run % 2), 0, 0, 0], 20.0, seed=1, run=run)
+        bonds = np.arange(2 * path.times.size).reshape(-1, 2)
+        made.append(SimpleNamespace(completed=True, path=path, arrays={"bonds": bonds} if has_bonds else {}))
+    return tuple(made)
+
+
+def test_studies_judge_their_runs_by_the_break_model_and_the_pieces():
+    """Held-out runs under the rates that predict, calibration runs under the model that was chosen."""
+    network = line_network()
+    plain = Rates(
+        convention={"combinations": "distinct"},
+        channels={name: {"rate": 1.0, "ways": 1.0} for name in network.channels},
+    )
+    by_collision = plain.model_copy(update={"breaks": BreakTerms(model="collision", shape={"alpha": 1.0})})
+    known, unknown = (SimpleNamespace(records=records(network, has_bonds)) for has_bonds in (True, False))
+
+    def p_of_breaks(study):
+        return [f.p_value for f in study.diagnosis.results if (f.test, f.channel) == ("crowd", "all breaks")]
+
+    held_out = ValidationStudy((), plain, known)
+    assert p_of_breaks(held_out) != p_of_breaks(ValidationStudy((), by_collision, known))
+    assert any("same pieces" in f.variant for f in held_out.diagnosis.results)
+    assert not any("same pieces" in f.variant for f in ValidationStudy((), plain, unknown).diagnosis.results)
+    calibrated = {name: CalibrationStudy(None, known, {}, name) for name in ("first-order", "collision")}
+    assert p_of_breaks(calibrated["first-order"]) == pytest.approx(p_of_breaks(held_out))
+    assert p_of_breaks(calibrated["collision"]) != p_of_breaks(held_out)

@@ -68,7 +68,7 @@ def test_waits_and_groups():
     assert ax.get_title() == "any event"
     ax = axes()
     found["2->1+1: age"].plot(ax)
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["0-2 tu", "2-10 tu", "10-inf tu"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["0-2 tu", "2-10 tu", "after 10 tu"]
     ax = axes()
     found["1+2->3: drift"].plot(ax)
     assert texts(ax)[:2] == ["share of the integrated hazard", "share of the events"]

@@ -6,7 +6,10 @@ from scipy.stats import binomtest, chi2
 
 from calibration.estimating.diagnosing.conditional import (
     Multinomial,
+    Spacings,
     Trended,
+    anderson_darling,
+    spacing_test,
     spread_test,
     trend_test,
     weighted_p_value,
@@ -54,6 +57,19 @@ def test_plain_draws_end_at_one_over_their_number():
     assert plain > 1e-4
     tilted = Multinomial(100, np.array([0.95, 0.05]), np.full(2, 0.5))
     assert weighted_p_value(events, null, [tilted], off, np.random.default_rng(3)) < 1e-15
+
+
+@pytest.mark.parametrize("n", [3, 31])
+def test_gaps_have_the_tail_of_plain_draws(n):
+    """Of 100,000 plain draws the one with rank 100 has p = 1e-3 (10 %), within a factor of 1.5 of the mean of 8 tests;
+    draws from clustered gaps, the control,
+    exceed it more often."""
+    rng = np.random.default_rng(n)
+    plain = Spacings(n, 1.0).draw(rng, 100_000)
+    seen = plain[np.argsort(anderson_darling(plain))[-100]]
+    assert 1 / 1.5 < np.mean([spacing_test(seen, rng)[1] for _ in range(8)]) / 1e-3 < 1.5
+    other = Spacings(n, 0.6).draw(rng, 20_000)
+    assert np.mean(anderson_darling(other) >= anderson_darling(seen[None])) > 3e-3
 
 
 def test_a_trend_has_its_sign():
