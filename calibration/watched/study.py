@@ -58,8 +58,8 @@ class WatchedStudy:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """Are waits exponential, and rates the same in all runs?"""
-        return diagnose(self.paths)
+        """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
+        return diagnose(self.paths, None if self.break_models is None else self.break_models.chosen)
 
     @cached_property
     def paper_rates(self) -> dict[str, float]:

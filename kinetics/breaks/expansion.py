@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.breaks.base import ALONE, WALL, BreakModel
 from kinetics.network import Network, Tank
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.runs import BY_WALL, NO_BREAK, RESTART, JumpPath
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 BY = " by "  # between a break and its partner, in the name of a channel
@@ -127,7 +127,8 @@ class Expansion:
         np.logical_or.at(is_open, self.base_of, path.open_channels)
         partners = None
         if self.network is not self.base:
-            named = [BY_WALL if name == WALL else self.base.index(name) for name in self.model.partners(self.base)]
+            numbers = self.base.species_places | {WALL: BY_WALL, ALONE: BY_UNKNOWN}
+            named = [numbers[name] for name in self.model.partners(self.base)]
             of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
             partners = np.append(of_channel, NO_BREAK)[path.channels]
         return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, path.tank, partners)
