@@ -13,10 +13,11 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
-from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
+    from calibration.pipeline.bars import Bar
     from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
@@ -50,6 +51,19 @@ if TYPE_CHECKING:
 @click.option(
     "--duration", metavar="T", type=float, default=2000.0, show_default=True, help="Simulated time of a run, tu."
 )
+@click.option(
+    "--control",
+    "control_name",
+    metavar="NAME|FILE",
+    help="Rates of the break model that the rules of a PLAN expect to fail, fitted to the same calibration runs.",
+)
+@click.option(
+    "--csv",
+    "csv_file",
+    metavar="FILE",
+    callback=in_a_folder,
+    help="Write the events seen and expected to this CSV file.",
+)
 @report_option
 @run_options
 @seed_option(2)
@@ -60,6 +74,8 @@ def validate(
     cubes: tuple[int, ...],
     runs: int,
     duration: float,
+    control_name: str | None,
+    csv_file: str | None,
     report: str | None,
     runs_folder: str,
     workers: Executor,
@@ -70,7 +86,8 @@ def validate(
 ) -> None:
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
-    A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself.
+    A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself, and the
+    rules by which its verdict falls; the report says which of them hold.
 
     The verdict rests on the events of every channel, seen and expected, on their scatter between runs, on mean counts,
     single runs and first times, each by an exact p-value that carries the uncertainty of the rates. Coverage is the
@@ -87,6 +104,8 @@ def validate(
     if plan is not None:
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
         seed = plan.held_out.seed
+    elif control_name:
+        raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
     described, rates = Scene.load(plan.scene if plan else scene), Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:
@@ -99,10 +118,22 @@ def validate(
     else:
         sizes: dict[str, Any] = {"sizes": cubes, "runs": runs, "duration": duration}
         study = run_validation(described, rates, runs_folder, seed=seed, **sizes, **common)
+    cleared: list[Bar] = []
+    if plan is not None:
+        from calibration.pipeline.bars import bars
+
+        control = (
+            run_planned_validation(plan, Rates.load(control_name), runs_folder, **common) if control_name else None
+        )
+        cleared = bars(plan.verdict, study, control)
+    if csv_file:
+        import pandas as pd
+
+        pd.DataFrame([row.to_dict() for row in study.events]).to_csv(csv_file, index=False)
     if report:
         from calibration.reporting.overview import validation_report
 
-        validation_report(study).write(report, data=True)
+        validation_report(study, cleared).write(report, data=True)
     if as_json:
         echo_json(
             {
@@ -113,6 +144,7 @@ def validate(
                 "seed": seed,
                 "is_consistent": study.is_consistent,
                 "verdict": study.verdict.sentence,
+                "rules": [bar.to_dict() for bar in cleared],
                 "events": [row.to_dict() for row in study.events],
                 "comparisons": [comparison.to_dict() for comparison in study.comparisons],
                 "diagnostics": study.diagnosis.to_dict(),
@@ -122,4 +154,6 @@ def validate(
         )
     else:
         click.echo(comparison_table(study))
+        for bar in cleared:
+            click.echo(f"rule: {bar.sentence}")
     leave(study.problems)

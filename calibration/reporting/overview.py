@@ -12,6 +12,7 @@ from kinetics.rates import Rates
 if TYPE_CHECKING:
     from calibration.estimating.break_fit import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
+    from calibration.pipeline.bars import Bar
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
@@ -55,9 +56,9 @@ def calibration_report(study: CalibrationStudy | WatchedStudy) -> HtmlReport:
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
 
-def validation_report(study: ValidationStudy) -> HtmlReport:
-    """How predictions stand against held-out runs."""
-    return HtmlReport("Held-out runs", _validation_parts(study), study.rates.evidence)
+def validation_report(study: ValidationStudy, rules: Sequence[Bar] = ()) -> HtmlReport:
+    """How predictions stand against held-out runs; `rules` of a plan, and what came of them."""
+    return HtmlReport("Held-out runs", _rule_parts(rules) + _validation_parts(study), study.rates.evidence)
 
 
 def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: Draw | None = None) -> HtmlReport:
@@ -125,6 +126,16 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
         Heading("Who breaks a bond"),
         Text(f"{ABOUT_BREAKS} {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
+    ]
+
+
+def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
+    """What was agreed beforehand; nothing without a plan."""
+    if not rules:
+        return []
+    return [
+        Heading("The rules of the plan"),
+        ReportTable("Stated before the runs.", [bar.to_dict() for bar in rules], "rules"),
     ]
 
 
