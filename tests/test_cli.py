@@ -313,7 +313,7 @@ def posed(wellmixed_here, place):
         "rules draw t5 --out t5.png",
         "rules check line4",
         "accuracy kinetics line4 --rates table3 --cubes 4 --duration 10 --budget 1e-9",
-        "study number --points number=40 --collect",
+        "study number --points number=40 --collect --runs-folder posed",
     ],
 )
 def test_what_is_tested_elsewhere_in_one_process_works_as_installed(wellmixed, place, posed, command):

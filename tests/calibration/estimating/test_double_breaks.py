@@ -37,7 +37,7 @@ def doubled(path, share, rng):
             state = state + network.stoichiometry[dimer]
             rows.append((t, dimer))
     times, channels = zip(*rows, strict=True)
-    return replace(path, times=np.array(times), channels=np.array(channels))
+    return replace(path, times=np.array(times), channels=np.array(channels), partners=None)
 
 
 def test_chance_is_as_expected_and_doubles_are_seen(runs):

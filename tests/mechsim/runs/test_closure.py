@@ -206,7 +206,7 @@ def test_a_shape_that_no_event_tells_of_is_seen(eager_t5):
     forged = type(eager_t5)(
         eager_t5.spec,
         eager_t5.outcome,
-        eager_t5.arrays | {name: eager_t5.arrays[name][:-1] for name in ("times", "channels")},
+        eager_t5.arrays | {name: eager_t5.arrays[name][:-1] for name in ("times", "channels", "bonds", "partners")},
         eager_t5.facts,
     )
     assert shapes(forged, last) != recorded_shapes(forged, last)
