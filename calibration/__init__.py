@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from calibration.estimating.break_fit import BreakComparison, fit_breaks
     from calibration.estimating.diagnosing import DIAGNOSTICS
     from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
     from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from kinetics.support.intervals import exact_limits
 
 _HOMES = {
+    "calibration.estimating.break_fit": ("BreakComparison", "fit_breaks"),
     "calibration.estimating.diagnosing": ("DIAGNOSTICS",),
     "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
     "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),
@@ -49,6 +51,7 @@ _HOMES = {
 __all__ = [
     "DIAGNOSTICS",
     "RATE_MODELS",
+    "BreakComparison",
     "Calibration",
     "Chart",
     "CrossValidation",
@@ -78,6 +81,7 @@ __all__ = [
     "diagnose",
     "estimate",
     "exact_limits",
+    "fit_breaks",
     "fit_rates",
     "net_path",
     "paper_estimate",

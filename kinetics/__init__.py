@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.network import Network
+    from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
+    from kinetics.network import Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.passage import (
         Committor,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
         rare_event,
         stationary,
     )
-    from kinetics.predicting import Prediction, predict
+    from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.ranking import Ranking, rank
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
@@ -43,13 +44,14 @@ if TYPE_CHECKING:
 __version__ = "0.2.0.dev0"
 
 _HOMES = {
-    "kinetics.network": ("Network",),
+    "kinetics.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
+    "kinetics.network": ("Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.passage": (
         *("Passage", "RareEvent", "Committor", "Stationary"),
         *("first_passage", "rare_event", "committor", "stationary"),
     ),
-    "kinetics.predicting": ("Prediction", "predict"),
+    "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
     "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
@@ -65,8 +67,10 @@ _HOMES = {
 }
 
 __all__ = [
+    "BREAK_MODELS",
     "RESTART",
     "Auto",
+    "BreakModel",
     "ChannelRate",
     "ClassRates",
     "Committor",
@@ -86,19 +90,23 @@ __all__ = [
     "Network",
     "PartialPropensities",
     "Passage",
+    "PassagePrediction",
     "Prediction",
     "Ranking",
     "RareEvent",
     "Rates",
     "StateSpace",
     "Stationary",
+    "Tank",
     "Transient",
     "Verification",
     "__version__",
+    "break_model",
     "committor",
     "first_passage",
     "grow",
     "predict",
+    "predict_passage",
     "rank",
     "rare_event",
     "reachable",

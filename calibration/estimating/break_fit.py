@@ -253,7 +253,8 @@ def admits(law: BreakModel, network: Network) -> bool:
 def deviance(fit: RateFit) -> LikelihoodRatio:
     """Breaks seen and expected by channel and group of runs alike in tank and initial counts: does one model fit all?
 
-    The p-value is by the chi-square distribution, for which a group should expect a few breaks.
+    The p-value is by the chi-square distribution, for which a group should expect a few breaks. A channel without any
+    break fits by itself: it adds neither to the statistic nor to the degrees of freedom.
     """
     from scipy.special import chdtrc, xlogy
 
@@ -269,7 +270,8 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     n, mean = np.array(seen, dtype=float), np.array(expected, dtype=float)
     possible = mean > 0
     statistic = 2 * float((xlogy(n[possible], n[possible] / mean[possible]) - n[possible] + mean[possible]).sum())
-    freedom = int(possible.sum()) - fit.free_parameters
+    shape = sum(parameter.name not in fit.fixed for parameter in fit.model.shape)
+    freedom = int(possible.sum()) - int(possible.any(axis=0).sum()) - shape
     return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)) if freedom > 0 else float("nan"))
 
 

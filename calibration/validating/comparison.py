@@ -212,7 +212,7 @@ class CrossValidation:
                 "verdict": self.verdict.sentence,
                 "power": [vars(power) for power in self.verdict.powers],
                 "events": [row.to_dict() for row in self.events],
-                "single_runs": vars(self.single_runs),
+                "single_runs": self.single_runs.to_dict(),
                 "is_exact": self.is_exact,
                 "level": self.level,
                 "species": self.network.species,

@@ -88,7 +88,7 @@ class SimulatedGroups:
         return counts
 
     def events(self, begin: int, end: int, until: float) -> Iterator[tuple[Ints, Floats]]:
-        """Events and exposures (n, R) of the groups begin to end, until a time, tu: of the runs of `counts`."""
+        """Events and exposures (n, R) of the groups begin to end, until a time, tu; see `exposures_of_draws`."""
         return exposures_of_draws(
             self.model, self.constants(begin, end), self.initial, until, self.runs, self.seed,
             first_run=self.first_run(GROUPS) + begin * self.runs,

@@ -9,6 +9,7 @@ from typing import Any
 from calibration.validating.comparison import CrossValidation
 from calibration.validating.events import EventRow, event_rows
 from calibration.validating.power import powers
+from calibration.validating.single_runs import pooled_p
 from calibration.validating.verdict import Verdict, event_checks, judged
 
 
@@ -31,6 +32,11 @@ class ComparedSizes:
     def events(self) -> list[EventRow]:
         """Events of every size, then of all sizes pooled."""
         return [row for comparison in self.comparisons for row in comparison.events] + list(self.pooled)
+
+    @cached_property
+    def p_single_runs(self) -> float:
+        """P-value of the PITs of all single runs together."""
+        return pooled_p([comparison.single_runs for comparison in self.comparisons])
 
     @cached_property
     def verdict(self) -> Verdict:

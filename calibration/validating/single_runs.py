@@ -8,8 +8,9 @@ Kolmogorov-Smirnov distance of all PITs is judged among those of simulated group
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class SingleRuns:
     pit : (n, Q) in [0, 1]
     distance, p_value : Kolmogorov-Smirnov distance of all of them from uniform, and the share of simulated groups of n
         runs with at least that distance
+    simulated : (D,) the distances of the simulated groups
     band_low, band_high : 95 % of the simulated groups have between them as many PITs in a bin (BINS,) of the histogram
     """
 
@@ -35,8 +37,13 @@ class SingleRuns:
     pit: Floats
     distance: float
     p_value: float
+    simulated: Floats
     band_low: Floats
     band_high: Floats
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the distances of the simulated groups."""
+        return {name: value for name, value in vars(self).items() if name != "simulated"}
 
     def plot(self, ax: Axes) -> Axes:
         """The histogram of all PITs beside its range under the model; returns `ax`."""
@@ -74,6 +81,24 @@ def judge_single_runs(names: tuple[str, ...], seen: Floats, simulated: Floats, s
         pit[0],
         float(distances[0]),
         upper_p(float(distances[0]), distances[1:]),
+        distances[1:],
         low.astype(float),
         high.astype(float),
     )
+
+
+def pooled_p(experiments: Sequence[SingleRuns]) -> float:
+    """P-value of the single runs of several experiments of one study, by the rank of Fisher's statistic (1932).
+
+    Their p-values are not independent, because all experiments share the true rates. So do simulated groups of one
+    number, of which there must be equally many: among these the sum of -log p is ranked, not by its textbook law.
+    """
+    totals = np.sum([_surprise(each) for each in experiments], axis=0)
+    return upper_p(float(totals[0]), totals[1:])
+
+
+def _surprise(runs: SingleRuns) -> Floats:
+    """-log p (1 + D,) of the held-out group, then of each simulated one among all of them."""
+    distances = np.append(runs.distance, runs.simulated)
+    below = np.searchsorted(np.sort(distances), distances, "left")
+    return np.asarray(-np.log1p(-below / distances.size))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kinetics.network import Tank
 from kinetics.support.arrays import Floats, Ints
 from mechsim.effects.breaking import Breaking
 from mechsim.runs.record import RunRecord, book_of, kinds
@@ -94,8 +95,7 @@ def _loads_of(record: RunRecord) -> Loads:
     length = np.diff(np.concatenate([[0.0], path.times, [path.end]]))
     states = path.states.astype(float)
     alone = length @ states
-    size = np.array(scene.tank.size)
-    volume, surface = float(size.prod()), 2 * float(size[0] * size[1] + size[0] * size[2] + size[1] * size[2])
+    tank = Tank(scene.tank.size)
     has_walls = scene.provider("walls") is not None
     is_break = np.array([kind == "break" for kind in kinds(derivation)])
     fired = path.channels[path.channels >= 0]
@@ -107,8 +107,8 @@ def _loads_of(record: RunRecord) -> Loads:
         partner=arrays["load_partner"].astype(np.int64),
         value=arrays["load_value"].astype(float),
         alone=alone,
-        pairs=((states * length[:, None]).T @ states - np.diag(alone)) / volume,
-        walls=alone * surface / volume * has_walls,
+        pairs=((states * length[:, None]).T @ states - np.diag(alone)) / tank.volume,
+        walls=alone * tank.surface / tank.volume * has_walls,
         breaks=np.bincount(from_species[fired], minlength=len(path.network.species)),
         log_above=float(breaking.log_above or 0),
         threshold=breaking.threshold,

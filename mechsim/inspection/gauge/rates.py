@@ -209,9 +209,11 @@ def check(gauged: Loads, counted: Loads, runs: int) -> list[CountedBreaks]:
         weights = counted.sizes.astype(float) ** alpha
         exposures = {"bodies": float(counted.pairs[s] @ weights), "walls": float(counted.walls[s])}
         for source, exposure in exposures.items():
+            if not exposure:
+                continue  # a tank without walls, or a body alone in it
             try:
                 rate = break_rate(gauged, s, source, gauged.threshold, alpha)
-            except ValueError:  # too few hits: the source is left out, and so is the species
+            except ValueError:  # too few hits by one source leave the breaks by all unknown
                 break
             expected += rate.rate * exposure
             variance += (rate.rate * exposure * _log_error(rate.low, rate.high)) ** 2

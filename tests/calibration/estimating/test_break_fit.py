@@ -314,6 +314,16 @@ def test_deviance_is_that_of_poisson_counts(plain_runs):
     assert deviance(fit_breaks(FIRST, plain_runs)).p_value < 1e-6
 
 
+def test_a_channel_without_breaks_takes_no_freedom():
+    """Dimers break in two groups of runs, the trimers that are there do not: two numbers of breaks, one coefficient."""
+    network = line_network()
+    (breaks,) = (r for r in np.flatnonzero(is_break(network)) if network.reactants[r, 1])
+    starts = ([0, 30, 30, 0], [0, 60, 30, 0])
+    found = deviance(fit_breaks(FIRST, [JumpPath(network, start, [1, 2, 3], [breaks] * 3, 10.0) for start in starts]))
+    assert found.freedom == 1
+    assert 0.01 < found.p_value < 1
+
+
 def test_errors(plain_runs):
     with pytest.raises(ValueError, match="no runs to fit"):
         fit_breaks(COLLISION, [])

@@ -4,12 +4,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import combine_pvalues, kstest
 
 from calibration.validating.power import Power
 from calibration.validating.predictive import least_p, predictive_p, shown_p, staged_p, upper_p
 from calibration.validating.scores import share_inside
-from calibration.validating.single_runs import judge_single_runs
+from calibration.validating.single_runs import judge_single_runs, pooled_p
 from calibration.validating.verdict import ConsistencyCheck, judged
 
 FALSE_ALARM = 1e-6
@@ -74,6 +74,23 @@ def test_single_runs_have_the_exact_p_value(scale, holds):
     textbook = [kstest(each.pit.ravel(), "uniform").pvalue for each in found]
     assert kstest(textbook, "uniform").pvalue < FALSE_ALARM
     assert all(each.pit.min() >= 0 and each.pit.max() <= 1 for each in found)
+
+
+@pytest.mark.parametrize(("scale", "holds"), [(1.0, True), (2.0, False)])
+def test_single_runs_of_all_sizes_have_the_exact_p_value(scale, holds):
+    """Experiments share the rates, so their p-values go together, and Fisher's textbook law would be wrong."""
+    rng = np.random.default_rng(5)
+    together, textbook = [], []
+    for i in range(200):
+        rates = rng.gamma(20.0, 0.1, size=(60, 1, 1))
+        rates[0] *= scale
+        sizes = [rng.poisson(rates * cubes * np.ones((1, 6, 2))).astype(float) for cubes in (8, 16, 24)]
+        found = [judge_single_runs(("a", "b"), values[0], values[1:], seed=i) for values in sizes]
+        together.append(pooled_p(found))
+        textbook.append(combine_pvalues([each.p_value for each in found]).pvalue)
+        assert pooled_p(found[:1]) == found[0].p_value
+    assert (kstest(together, "uniform").pvalue > FALSE_ALARM) == holds
+    assert kstest(textbook, "uniform").pvalue < FALSE_ALARM
 
 
 def test_shares_stand_beside_their_range():

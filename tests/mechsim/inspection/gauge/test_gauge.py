@@ -1,6 +1,7 @@
 """The gauge for rare breaks, on hits of known rates, exponents and tails."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,6 +125,14 @@ def test_breaks_counted_elsewhere_agree_with_the_gauge_and_others_do_not():
     assert np.mean([abs(row.z) > 2 for row in rows]) < 0.13
     doubled = check(hits(rng, **wide), hits(rng, **wide | {"tu": 800.0, "breaks": 2.0}), 4)
     assert all(row.z > 2 for row in doubled)
+
+
+def test_tanks_without_walls_are_checked_too():
+    """No exposure to walls is no lack of hits by them; hits by walls that are too few to tell are."""
+    rng = np.random.default_rng(13)
+    gauged, counted = (replace(hits(rng, scale=0.4, tu=800.0, walls=0.0), walls=np.zeros(4)) for _ in range(2))
+    assert [row.species for row in check(gauged, counted, 1)] == ["dimer", "trimer", "quadmer"]
+    assert not check(gauged, hits(rng, scale=0.4), 1)
 
 
 def test_rates_of_hits_are_counts_over_time():
