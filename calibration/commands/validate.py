@@ -89,11 +89,12 @@ def validate(
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself, and the
     rules by which its verdict falls; the report says which of them hold.
 
-    The verdict rests on the events of every channel, seen and expected, on their scatter between runs, on mean counts,
-    single runs and first times, each by an exact p-value that carries the uncertainty of the rates. Coverage is the
-    share of times and species at which the runs' mean lies in its predicted 95 % band. CRPS, the continuous ranked
-    probability score, is the mean distance of a run from the predicted distribution, in copies; it is shown beside the
-    model's score against its own runs. Exit code 4: some runs were stopped by the guard or given up.
+    The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
+    runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
+    rates; those of events, scatter, mean counts and single runs are exact. Coverage is the share of times and species
+    at which the runs' mean lies in its predicted 95 % band. CRPS, the continuous ranked probability score, is the mean
+    distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
+    runs. Exit code 4: some runs were stopped by the guard or given up.
     """
     from calibration.pipeline.plan import StudyPlan, is_plan
     from calibration.pipeline.study import check_held_out, run_planned_validation, run_validation, validation_specs

@@ -88,9 +88,8 @@ def exposures_of_draws(
     """Events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
 
     The runs are those of `simulate_draws` by `Direct` where that computes all propensities at every event, as it does
-    in small networks; else they are others of the same distribution. An exposure is the
-    integral of ways * combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some
-    15 us.
+    in small networks; else they are others of the same distribution. An exposure is the integral of ways *
+    combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some 15 us.
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     if not network.is_mass_action:
