@@ -74,7 +74,7 @@ def refused(wellmixed_here, tmp_path):
         ("edge = 0.15", "edge = nan", "cubes.edge = nan: should be a finite number"),
         ("step = 0.00525", "step = inf", "numerics.step = inf: should be a finite number"),
         ("sigma = 4.0", "sigma = -inf", "effects.0.agitation.sigma = -inf: should be"),
-        ("threshold = 0.008", "threshold = 0.0", "effects.4.breaking.threshold = 0.0: should be greater than 0"),
+        ("threshold = 0.0065", "threshold = 0.0", "effects.4.breaking.threshold = 0.0: should be greater than 0"),
         ("probability = 0.09", "probability = 1.5", "probability = 1.5: should be less than or equal to 1"),
         ("sigma = 4.0", "sigma = true", "effects.0.agitation.sigma = True: should be a valid number"),
         ("sigma = 4.0", 'sigma = "4.0"', "effects.0.agitation.sigma = '4.0': should be a valid number"),

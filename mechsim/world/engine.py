@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
+from mechsim.world.boxes import boxes_of
 
 
 @contextmanager
@@ -240,16 +241,19 @@ class Engine:
         """Collision shape of cubes at these lattice places; cached, for each new compound shape leaks 9 kB."""
         known = self._shapes.get(positions)
         if known is None:
-            half = [self.bodies.edge / 2] * 3
-            if len(positions) == 1:
-                known = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
+            edge, shape, boxes = self.bodies.edge, BodyShape.of(positions), boxes_of(positions)
+            halves = [(np.array(size) * edge / 2).tolist() for _, size in boxes]
+            if len(boxes) == 1:  # its principal axes are the lattice's
+                known = pybullet.createCollisionShape(
+                    pybullet.GEOM_BOX, halfExtents=halves[0], physicsClientId=self.client
+                )
             else:
-                shape, k = BodyShape.of(positions), len(positions)
+                middles = np.array([np.add(low, (np.array(size) - 1) / 2) for low, size in boxes])
                 known = pybullet.createCollisionShapeArray(
-                    shapeTypes=[pybullet.GEOM_BOX] * k,
-                    halfExtents=[half] * k,
-                    collisionFramePositions=(shape.offset * self.bodies.edge).tolist(),
-                    collisionFrameOrientations=[quaternion_of(shape.frame.T).tolist()] * k,
+                    shapeTypes=[pybullet.GEOM_BOX] * len(boxes),
+                    halfExtents=halves,
+                    collisionFramePositions=((middles - shape.centre) @ shape.frame * edge).tolist(),
+                    collisionFrameOrientations=[quaternion_of(shape.frame.T).tolist()] * len(boxes),
                     physicsClientId=self.client,
                 )
             if known < 0:
