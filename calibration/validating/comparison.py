@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, WatchedEvents, event_rows
 from calibration.validating.first_times import FirstTimes
-from calibration.validating.groups import POOLED
 from calibration.validating.power import powers
 from calibration.validating.scores import BandShare, Score
 from calibration.validating.single_runs import SingleRuns
@@ -182,8 +182,8 @@ class CrossValidation:
             "p_crps": overall.p_value,
             "p_single_runs": self.single_runs.p_value,
         }
-        row |= {f"p_{each.group}": each.p for each in self.events if each.group in POOLED}
-        row |= {f"p_scatter_{each.group}": each.p_scatter for each in self.events if each.group in POOLED}
+        row |= {f"p_{each.group}": each.p for each in self.events if each.group in WHOLES}
+        row |= {f"p_scatter_{each.group}": each.p_scatter for each in self.events if each.group in WHOLES}
         if self.first:
             row |= {
                 "first_observed": self.first.observed_mean,

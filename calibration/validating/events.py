@@ -17,7 +17,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.validating.groups import POOLED, SimulatedGroups, event_groups
+from calibration.estimating.joins_and_breaks import WHOLES
+from calibration.validating.groups import SimulatedGroups, event_groups
 from calibration.validating.predictive import staged_p
 from calibration.validating.scores import Counts, central_band
 from kinetics.breaks import base_channel
@@ -125,7 +126,8 @@ class WatchedEvents:
     """Events of n held-out runs until a time, and of simulated groups of n runs.
 
     names : of the G groups of channels
-    seen, expected : (n, G) of the held-out runs
+    seen : (n, G) events of the held-out runs
+    exposures : (n, R) of the simulated network's channels in these runs, tu
     first, most : numbers of groups simulated at first, and where a p-value is below 0.05
     """
 
@@ -133,7 +135,7 @@ class WatchedEvents:
     until: float
     names: tuple[str, ...]
     seen: Ints
-    expected: Floats
+    exposures: Floats
     first: int
     most: int
 
@@ -146,8 +148,17 @@ class WatchedEvents:
         cut = [_until(path, until) for path in paths]
         seen = np.array([np.bincount(path.channels, minlength=len(path.network.channels)) for path in cut])
         exposures = np.array([_exposures(path, groups.model) for path in cut])
-        expected = exposures * groups.mean_constants @ _membership(groups.network, groups.model.channels)[1]
-        return cls(groups, until, names, seen @ members, expected, first, most)
+        return cls(groups, until, names, seen @ members, exposures, first, most)
+
+    @cached_property
+    def expected(self) -> Floats:
+        """Events (n, G) expected in the held-out runs."""
+        return self.exposures * self.groups.mean_constants @ self._members
+
+    def expected_by_draw(self, group: str, draws: int) -> Floats:
+        """Events (draws,) of a group of channels that each draw of the rates expects in all held-out runs together."""
+        members = self._members[:, self.names.index(group)]
+        return self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members)
 
     @cached_property
     def observed(self) -> EventTotals:
@@ -187,7 +198,7 @@ class WatchedEvents:
 
         counts, simulated : (n, S) and (first, n, S) at the end. Events are taken over the expected ones.
         """
-        pooled = [g for g, name in enumerate(self.names) if name in POOLED]
+        pooled = [g for g, name in enumerate(self.names) if name in WHOLES]
         names = (*(self.names[g] for g in pooled), *species)
         values = []
         for events, expected, final in ((self.seen, self.expected, counts), (*self.first_runs, simulated)):
@@ -197,8 +208,7 @@ class WatchedEvents:
 
     def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
         """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
-        _, members = _membership(self.groups.network, self.groups.model.channels)
-        factors = np.where(members[:, self.names.index(group)] > 0, factor, 1.0)
+        factors = np.where(self._members[:, self.names.index(group)] > 0, factor, 1.0)
         return self._totals(self.groups.events_off(factors, groups, self.until, part))
 
     def _totals(self, made: Iterator[tuple[Ints, Floats]]) -> EventTotals:
@@ -210,10 +220,14 @@ class WatchedEvents:
 
     def _grouped(self, made: Iterator[tuple[Ints, Floats]]) -> Iterator[tuple[Ints, Floats]]:
         """Events and expected events (n, G), from events and exposures (n, R) of the model's channels."""
-        _, members = _membership(self.groups.network, self.groups.model.channels)
-        weights = self.groups.mean_constants[:, None] * members
+        weights = self.groups.mean_constants[:, None] * self._members
         for events, exposures in made:
-            yield events @ members, exposures @ weights
+            yield events @ self._members, exposures @ weights
+
+    @cached_property
+    def _members(self) -> Ints:
+        """(R, G) 1 where a channel of the simulated network is in a group."""
+        return _membership(self.groups.network, self.groups.model.channels)[1]
 
 
 def event_rows(

@@ -31,6 +31,6 @@ class Crowds(TrendDiagnostic):
 
     def remedy(self, watched: Watched, channel: int) -> str:
         """Breaks by collision, or a crowded model."""
-        if watched.is_break(channel):
+        if watched.breaks[channel]:
             return "breaks depend on the number of others: try --breaks collision"
         return "the rate depends on the number of others: try the crowded model"

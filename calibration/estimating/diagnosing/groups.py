@@ -13,6 +13,7 @@ import numpy as np
 from calibration.estimating.diagnosing.base import ChannelDiagnostic, DiagnosticResult, Judged
 from calibration.estimating.diagnosing.conditional import Trended, spread_test, trend_test
 from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.joins_and_breaks import WHOLES, joins_and_breaks
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import exact_limits
 
@@ -119,8 +120,9 @@ class TrendDiagnostic(ChannelDiagnostic):
         """One result a channel, then one of all joins and one of all breaks, whose trends add up."""
         single = super().results(watched)
         pooled = []
-        for name, kind in (("all joins", False), ("all breaks", True)):
-            mine = [j for j in range(len(single)) if watched.is_break(j) == kind]
+        members = joins_and_breaks(watched.network)
+        for whole in WHOLES:
+            name, mine = f"all {whole}", np.flatnonzero(members.get(whole, False)).tolist()
             chosen = [j for j in mine if single[j].p_value is not None]
             n = sum(single[j].events for j in mine)
             if len(chosen) > 1:

@@ -30,6 +30,6 @@ class Sizes(TrendDiagnostic):
 
     def remedy(self, watched: Watched, channel: int) -> str:
         """Breaks by collision, or calibration at each density."""
-        if watched.is_break(channel):
+        if watched.breaks[channel]:
             return "breaks depend on the density: try --breaks collision"
         return "the rate depends on the density: try the crowded model, or calibrate at each size"

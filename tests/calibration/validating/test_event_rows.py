@@ -13,7 +13,7 @@ from calibration import count, crossvalidate, estimate
 from calibration.validating.events import EventTotals, WatchedEvents, event_rows
 from calibration.validating.groups import SimulatedGroups, event_groups
 from calibration.validating.over_sizes import ComparedSizes
-from calibration.validating.power import power
+from calibration.validating.power import power_of_runs
 from kinetics.assembly import RuleBook, derive
 from kinetics.rates import Rates
 from kinetics.rates.break_terms import BreakTerms
@@ -196,13 +196,13 @@ def stored(cubes):
 
 
 def test_joins_twenty_per_cent_off_in_ten_runs_of_sixty_cubes_are_seen():
-    """At p < 0.05 in at least 85 %; control: joins that are right are seen in 5 %."""
+    """At p <= 0.05 in at least 85 %; control: joins that are right are seen in 5 %."""
     network, rates = line4()
     simulated = SimulatedGroups(network, rates, stored(60)[0].initial, 10, 3)
     seen = WatchedEvents.of(simulated, stored(60), 2000.0, 1999, 1999)
-    assert power([seen], "joins", checks=16).doubtful >= 0.85
-    assert power([seen], "joins", checks=16, off_by=0.0).doubtful < 0.12
-    assert power([seen], "breaks", checks=16).doubtful < 0.3  # so few breaks cannot show it
+    assert power_of_runs([seen], "joins").power(level=0.05) >= 0.85
+    assert power_of_runs([seen], "joins", off_by=0.0).power(level=0.05) == pytest.approx(0.05)
+    assert power_of_runs([seen], "breaks").power(level=0.05) < 0.3  # so few breaks cannot show it
 
 
 @pytest.fixture(scope="module")
