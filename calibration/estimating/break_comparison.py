@@ -45,8 +45,10 @@ class BreakComparison:
     ) -> BreakComparison:
         """Fit all models that the network admits."""
         runs = tuple(paths)
-        admitted = [law for law in models if admits(law, runs[0].network)]
-        return cls(tuple(fit_breaks(law, runs) for law in admitted), tuple(_fits_by_partner(admitted, runs)), within)
+        admitted = [model for model in models if admits(model, runs[0].network)]
+        return cls(
+            tuple(fit_breaks(model, runs) for model in admitted), tuple(_fits_by_partner(admitted, runs)), within
+        )
 
     @classmethod
     def asked_for(cls, name: str, paths: Iterable[JumpPath], within: float | None = None) -> BreakComparison | None:
@@ -59,8 +61,8 @@ class BreakComparison:
             return None
         if name == "auto":
             return cls.of(runs, within=within)
-        law = break_model(name)
-        return cls((fit_breaks(law, runs),), tuple(_fits_by_partner([law], runs)), within)
+        model = break_model(name)
+        return cls((fit_breaks(model, runs),), tuple(_fits_by_partner([model], runs)), within)
 
     def __getitem__(self, name: str) -> RateFit:
         for fit in self.fits:
@@ -79,8 +81,8 @@ class BreakComparison:
         return _simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
 
     def _asks_for_partners(self, chosen: RateFit) -> bool:
-        laws = {fit.model.name for fit in self.fits_by_partner}
-        return bool(laws) and ALONE not in break_model(chosen.model.name).partners(chosen.likelihood.paths[0].network)
+        named = {fit.model.name for fit in self.fits_by_partner}
+        return bool(named) and ALONE not in break_model(chosen.model.name).partners(chosen.likelihood.paths[0].network)
 
     @property
     def reason(self) -> str:
@@ -92,7 +94,7 @@ class BreakComparison:
 
     def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
         """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""
-        nested = getattr(fit.model, "law").nested  # noqa: B009 - only fits of break models are held here
+        nested = getattr(fit.model, "breaks").nested  # noqa: B009 - only fits of break models are held here
         known = {each.model.name: each for each in self.fits}
         return fit.test_against(known[nested]) if nested in known else None
 
@@ -155,15 +157,15 @@ class BreakComparison:
         return rows
 
 
-def _fits_by_partner(laws: Sequence[BreakModel], runs: Sequence[JumpPath]) -> list[RateFit]:
+def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath]) -> list[RateFit]:
     """Fits to who broke what, of the models that have partners and call nothing impossible that was seen."""
     if any(run.partners is None for run in runs):
         return []
     found = []
-    for law in laws:
-        if ALONE not in law.partners(runs[0].network):
+    for model in models:
+        if ALONE not in model.partners(runs[0].network):
             with contextlib.suppress(ImpossibleEventError):
-                found.append(fit_breaks(law, runs, by_partner=True))
+                found.append(fit_breaks(model, runs, by_partner=True))
     return found
 
 

@@ -28,7 +28,7 @@ def break_channels(network: Network) -> tuple[str, ...]:
 
 
 def fit_breaks(
-    law: BreakModel,
+    model: BreakModel,
     paths: Iterable[JumpPath],
     fixed: Mapping[str, float] | None = None,
     by_partner: bool = False,
@@ -50,13 +50,13 @@ def fit_breaks(
         raise ValueError("no channel of this network is a break, so that there is no break model to fit")
     if len({run.tank is None for run in runs}) > 1:
         raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
-    return fit_rates(BreakRates.of(law, network, runs[0].tank, by_partner), runs, channels, fixed)
+    return fit_rates(BreakRates.of(model, network, runs[0].tank, by_partner), runs, channels, fixed)
 
 
-def admits(law: BreakModel, network: Network) -> bool:
+def admits(model: BreakModel, network: Network) -> bool:
     """Whether the model can be asked of this network: weights by size need sizes."""
     try:
-        law.weights(network, {parameter.name: parameter.start for parameter in law.parameters(network)})
+        model.weights(network, {parameter.name: parameter.start for parameter in model.parameters(network)})
     except ValueError:
         return False
     return True

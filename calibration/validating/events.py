@@ -122,7 +122,7 @@ class EventTotals:
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedEvents:
+class HeldOutEvents:
     """Events of n held-out runs until a time, and of simulated groups of n runs.
 
     names : of the G groups of channels
@@ -142,7 +142,7 @@ class WatchedEvents:
     @classmethod
     def of(
         cls, groups: SimulatedGroups, paths: Sequence[JumpPath], until: float, first: int, most: int
-    ) -> WatchedEvents:
+    ) -> HeldOutEvents:
         """Count the events of `paths` until a time, tu, none of which ends before it."""
         names, members = _membership(groups.network, groups.network.channels)
         cut = [_until(path, until) for path in paths]
@@ -231,19 +231,19 @@ class WatchedEvents:
 
 
 def event_rows(
-    watched: Sequence[WatchedEvents], size: str, cubes: int | None = None, tank: Tank | None = None
+    held_out: Sequence[HeldOutEvents], size: str, cubes: int | None = None, tank: Tank | None = None
 ) -> tuple[EventRow, ...]:
     """A row for each group of channels: of one experiment, or of several pooled.
 
     First some 2,000 groups are simulated, and 49,999 where a p-value is below 0.05, see `staged_p`.
     """
-    observed = EventTotals.pooled([each.observed for each in watched])
-    first = EventTotals.pooled([each.first_totals for each in watched])
+    observed = EventTotals.pooled([each.observed for each in held_out])
+    first = EventTotals.pooled([each.first_totals for each in held_out])
 
     def everything() -> EventTotals:
-        return EventTotals.pooled([each.all_totals for each in watched])
+        return EventTotals.pooled([each.all_totals for each in held_out])
 
-    rng = np.random.default_rng(np.random.SeedSequence(watched[0].groups.seed, spawn_key=(5,)))
+    rng = np.random.default_rng(np.random.SeedSequence(held_out[0].groups.seed, spawn_key=(5,)))
     p, least = staged_p(observed.ratio[0], first.ratio, lambda: everything().ratio, rng)
     low, high = central_band(first.ratio, LEVEL)
     p_scatter = least_scatter = scatter_low = scatter_high = np.full(p.shape, np.nan)
@@ -258,7 +258,7 @@ def event_rows(
             float(observed.scatter[0, g]), float(scatter_low[g]), float(scatter_high[g]),
             float(p_scatter[g]), float(least_scatter[g]),
         )
-        for g, name in enumerate(watched[0].names)
+        for g, name in enumerate(held_out[0].names)
     )  # fmt: skip
 
 
@@ -270,7 +270,7 @@ def _membership(network: Network, channels: Sequence[str]) -> tuple[tuple[str, .
 
 
 def _until(path: JumpPath, end: float) -> JumpPath:
-    """The path as if it had been watched until `end` only."""
+    """The path as if it had ended at `end`."""
     kept = path.times <= end
     return JumpPath(path.network, path.initial, path.times[kept], path.channels[kept], end)
 

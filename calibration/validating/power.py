@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.joins_and_breaks import WHOLES
-from calibration.validating.events import WatchedEvents
+from calibration.validating.events import HeldOutEvents
 
 LEVEL = 0.01  # of a false "not consistent" under the model
 OFF_BY = 0.2  # relative
@@ -101,21 +101,21 @@ class Power:
         )
 
 
-def powers(watched: Sequence[WatchedEvents], checks: int) -> tuple[Power, ...]:
+def powers(held_out: Sequence[HeldOutEvents], checks: int) -> tuple[Power, ...]:
     """Of joins and breaks where there are any, where the verdict rests on so many checks."""
-    found = [power_of_runs(watched, name) for name in watched[0].names if name in WHOLES]
+    found = [power_of_runs(held_out, name) for name in held_out[0].names if name in WHOLES]
     return tuple(Power(each.group, OFF_BY, each.power(), each.power(level=LEVEL / checks)) for each in found)
 
 
-def power_of_runs(watched: Sequence[WatchedEvents], group: str, off_by: float = OFF_BY) -> GroupPower:
+def power_of_runs(held_out: Sequence[HeldOutEvents], group: str, off_by: float = OFF_BY) -> GroupPower:
     """What the held-out runs of one experiment, or of several pooled, can tell; `a run` is then all of them."""
-    column = watched[0].names.index(group)
-    totals = np.sum([each.expected_by_draw(group, DRAWS) for each in watched], axis=0)
+    column = held_out[0].names.index(group)
+    totals = np.sum([each.expected_by_draw(group, DRAWS) for each in held_out], axis=0)
     mean = float(totals.mean())
     shifted = [
         (factor, sum(float(each.totals_off(group, factor, GROUPS, 2 * column + part).seen[:, column].mean())
-                     for each in watched))
+                     for each in held_out))
         for part, factor in enumerate((1 - off_by, 1 + off_by))
     ]  # fmt: skip
-    expected = sum(float(each.observed.expected[0, column]) for each in watched)
+    expected = sum(float(each.observed.expected[0, column]) for each in held_out)
     return GroupPower(group, expected, float(totals.std(ddof=1)) / mean if mean > 0 else math.inf, tuple(shifted))

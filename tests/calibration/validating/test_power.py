@@ -12,7 +12,7 @@ from calibration import estimate
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.planning.forecast import Forecast
 from calibration.planning.held_out import group_powers
-from calibration.validating.events import WatchedEvents
+from calibration.validating.events import HeldOutEvents
 from calibration.validating.groups import SimulatedGroups
 from calibration.validating.power import LEVEL, Power, power, power_of_runs, powers
 from kinetics.sampling import sample_path
@@ -32,7 +32,7 @@ def calibrated():
 def held_out():
     network = line_network()
     paths = [sample_path(network, START, END, seed=7, run=i) for i in range(RUNS)]
-    return WatchedEvents.of(SimulatedGroups(network, calibrated(), START, RUNS, 5), paths, END, 3000, 3000)
+    return HeldOutEvents.of(SimulatedGroups(network, calibrated(), START, RUNS, 5), paths, END, 3000, 3000)
 
 
 @pytest.mark.parametrize("events", [0.5, 3.0, 400.0, math.inf])

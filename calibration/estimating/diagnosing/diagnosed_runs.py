@@ -52,7 +52,7 @@ class Clocked(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class DiagnosedRuns:
     """Runs of one network, and the model of rates under which they are judged.
 
     fit : a model fitted to all channels or some, rates as predictions use them, or None for mass action
