@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from calibration.estimating.break_fit import BreakComparison, fit_breaks
+    from calibration.estimating.break_comparison import BreakComparison
+    from calibration.estimating.break_fit import fit_breaks
     from calibration.estimating.diagnosing import DIAGNOSTICS
     from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
     from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from kinetics.support.intervals import exact_limits
 
 _HOMES = {
-    "calibration.estimating.break_fit": ("BreakComparison", "fit_breaks"),
+    "calibration.estimating.break_comparison": ("BreakComparison",),
+    "calibration.estimating.break_fit": ("fit_breaks",),
     "calibration.estimating.diagnosing": ("DIAGNOSTICS",),
     "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
     "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),

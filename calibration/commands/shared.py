@@ -14,7 +14,7 @@ from kinetics.support.tables import text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
-    from calibration.estimating.break_fit import BreakComparison
+    from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
     from calibration.watched.study import WatchedStudy
@@ -61,7 +61,7 @@ def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
 
 def breaks_table(compared: BreakComparison) -> str:
     """Break models side by side, and why one was chosen, for people."""
-    from calibration.estimating.break_fit import shape_in_words
+    from calibration.estimating.break_comparison import shape_in_words
 
     rows = [
         (
@@ -80,7 +80,10 @@ def breaks_table(compared: BreakComparison) -> str:
         *("break model", "parameters", "AIC above the least", "p against nested", "log score"),
         *("deviance (df)", "p", "shape [95 %]"),
     )
-    return f"{text_table(titles, rows)}\n* {compared.reason}."
+    lines = [text_table(titles, rows), f"* {compared.reason}."]
+    if compared.doubles is not None:
+        lines.append(f"double breaks: {compared.doubles.sentence}.")
+    return "\n".join(lines)
 
 
 def rates_table(study: CalibrationStudy | WatchedStudy) -> str:

@@ -21,13 +21,13 @@ from kinetics.support.arrays import Floats
 class BreakRates(RateModel):
     """Propensity N b sum over partners w_Y pairs_Y of every break; joins are not covered.
 
-    law : the break model
+    breaks : the break model
     tank : where the coefficients hold; None where the runs do not know their tank
     values : the shape parameters, in the order of the model's
     by_partner : whether the likelihood is that of who broke what, where a run names the partner; else of the breaks
     """
 
-    law: BreakModel
+    breaks: BreakModel
     network: Network
     tank: Tank | None
     values: tuple[float, ...]
@@ -36,19 +36,21 @@ class BreakRates(RateModel):
     terms = ("b",)
 
     @classmethod
-    def of(cls, law: BreakModel, network: Network, tank: Tank | None, by_partner: bool = False) -> BreakRates:
+    def of(cls, breaks: BreakModel, network: Network, tank: Tank | None, by_partner: bool = False) -> BreakRates:
         """The break model in a network with one channel a break, its shape where a search starts."""
-        return cls(law, network, tank, tuple(parameter.start for parameter in law.parameters(network)), by_partner)
+        return cls(
+            breaks, network, tank, tuple(parameter.start for parameter in breaks.parameters(network)), by_partner
+        )
 
     @property
     def name(self) -> str:  # type: ignore[override]
         """That of the break model."""
-        return self.law.name
+        return self.breaks.name
 
     @cached_property
     def shape(self) -> tuple[ShapeParameter, ...]:  # type: ignore[override]
         """That of the break model in this network."""
-        return self.law.parameters(self.network)
+        return self.breaks.parameters(self.network)
 
     @property
     def shape_values(self) -> dict[str, float]:
@@ -61,13 +63,13 @@ class BreakRates(RateModel):
 
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
         """The pairs with each partner, as many as there would be in the tank of the coefficients."""
-        parts = pairs(path.network, self.law, path.states)
+        parts = pairs(path.network, self.breaks, path.states)
         if self.tank is None or path.tank is None or path.tank == self.tank:
             return parts
         rarer, wall = self.tank.dilution(path.tank), self.tank.wall_factor(path.tank)
         factors = [
             wall if name == WALL else rarer if name in path.network.species_places else 1.0
-            for name in self.law.partners(path.network)
+            for name in self.breaks.partners(path.network)
         ]
         return [factor * part for factor, part in zip(factors, parts, strict=True)]
 
@@ -76,14 +78,14 @@ class BreakRates(RateModel):
         if not self.by_partner or path.partners is None:
             return None
         numbers = [BY_WALL if name == WALL else path.network.species_places.get(name, BY_UNKNOWN)
-                   for name in self.law.partners(path.network)]  # fmt: skip
+                   for name in self.breaks.partners(path.network)]  # fmt: skip
         return (path.partners[:, None] == numbers) | (path.partners[:, None] <= BY_UNKNOWN)
 
     def mixture(self) -> Floats:
         """The weights of the partners (1, P)."""
-        return np.asarray(self.law.weights(self.network, self.shape_values))[None, :]
+        return np.asarray(self.breaks.weights(self.network, self.shape_values))[None, :]
 
     @property
     def collected_as(self) -> Hashable:
         """Pairs do not depend on the shape."""
-        return self.law, self.network, self.tank, self.by_partner
+        return self.breaks, self.network, self.tank, self.by_partner

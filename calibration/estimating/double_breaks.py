@@ -1,7 +1,8 @@
 """Double breaks: one collision breaks both partners, which a path shows as two breaks within a step or two.
 
-A chain of single breaks supposes that there are none. With a share s of breaks followed by a second one, counts of
-breaks vary (1 + 3 s) / (1 + s) times as much as they would if breaks came one by one; their means do not change.
+A chain of single breaks supposes that there are none. They are measured, and no break model makes them. With a share s
+of breaks followed by a second one, counts of breaks vary (1 + 3 s) / (1 + s) times as much as they would if breaks came
+one by one; their means do not change.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,9 @@ from calibration.estimating.exposure import sojourns
 from calibration.estimating.rate_fit import RateFit
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats
+
+LEVEL = 0.01  # of a false call for double breaks
+ROUNDING = 1e-6  # of the time between two breaks
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,53 @@ class DoubleBreaks:
     @property
     def variance_factor(self) -> float:
         """How much more the counts of breaks vary than those of breaks that come one by one."""
-        return (1 + 3 * self.share) / (1 + self.share)
+        return _variance_factor(self.share)
+
+    @property
+    def is_asked_for(self) -> bool:
+        """Whether the data ask for a model with double breaks: chance gives as many with probability below 1 %."""
+        return self.p_value < LEVEL
+
+    @property
+    def sentence(self) -> str:
+        """What was seen and expected, the share, and what it does to the spread of counts."""
+        if not self.breaks:
+            return "no bond broke"
+        low, high = self.interval()
+        seen = (
+            f"{self.seen} of {self.breaks} breaks came within {self.within:.3g} tu of the one before, "
+            f"{self.expected:.2g} expected by chance (p = {self.p_value:.1g}): {self.share:.1%} "
+            f"[{low:.1%}, {high:.1%}] of breaks take a second one with them"
+        )
+        if not self.is_asked_for:
+            return f"{seen}; the data do not ask for a model with double breaks"
+        limits = f"{_variance_factor(low):.2f}, {_variance_factor(high):.2f}"
+        return (
+            f"{seen}, and counts of breaks vary {self.variance_factor:.2f} [{limits}] times as much as in a chain of "
+            "single breaks, whose means hold and whose spread is that much too small"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        low, high = self.interval()
+        return {
+            "within": self.within,
+            "breaks": self.breaks,
+            "seen": self.seen,
+            "expected": self.expected,
+            "p": self.p_value,
+            "share": self.share,
+            "low": low,
+            "high": high,
+            "variance_factor": self.variance_factor,
+            "is_asked_for": self.is_asked_for,
+            "pairs": [{"first": a, "second": b, "seen": n} for (a, b), n in self.pairs.items()],
+            "sentence": self.sentence,
+        }
+
+
+def _variance_factor(share: float) -> float:
+    return (1 + 3 * share) / (1 + share)
 
 
 def double_breaks(fit: RateFit, paths: Iterable[JumpPath], within: float) -> DoubleBreaks:
@@ -96,7 +147,7 @@ def double_breaks(fit: RateFit, paths: Iterable[JumpPath], within: float) -> Dou
         segment = np.cumsum(path.channels == RESTART)[is_break]
         following = np.append(times[1:], np.inf)
         is_same = np.append(segment[1:] == segment[:-1], False)
-        is_second = is_same & (following - times <= within)
+        is_second = is_same & (following - times <= within * (1 + ROUNDING))
         seen += int(is_second.sum())
         closed = np.minimum(np.where(is_same, following, stop[segment]), times + within)
         expected += float((_hazard(fit, path, closed) - _hazard(fit, path, times)).sum())

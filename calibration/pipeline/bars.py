@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.pipeline.plan import VerdictRules
 from calibration.validating.events import EventRow
-from calibration.validating.groups import POOLED
 from calibration.validating.over_sizes import ComparedSizes
 
 
@@ -52,7 +52,7 @@ def bars(rules: VerdictRules, compared: ComparedSizes, control: ComparedSizes | 
 
 def _on_events(rules: VerdictRules, compared: ComparedSizes) -> list[Bar]:
     """The rules on seen and expected events."""
-    rows = [row for row in compared.events if row.group in POOLED]
+    rows = [row for row in compared.events if row.group in WHOLES]
     by_size = [row for row in rows if row.cubes is not None]
     pooled = [row for row in rows if row.cubes is None] or by_size
     least = min(rows, key=lambda row: row.p)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.estimate import estimate
 from calibration.pipeline.run_costs import Cost
 from kinetics.rates import Rates

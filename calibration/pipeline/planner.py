@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, in_tank
 from calibration.pipeline.run_costs import Cost
 from calibration.planning.allocation import affordable, allocate, events_for, half_width
-from calibration.planning.candidates import Candidate, candidates, joins_and_breaks, wanted_rates
+from calibration.planning.candidates import Candidate, candidates, wanted_rates
 from calibration.planning.forecast import Forecast
-from calibration.planning.held_out import LEVEL, MOST_RUNS, GroupPower, group_powers
+from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for, widest_sd
+from calibration.validating.power import GroupPower
 from kinetics.network import Tank
 from kinetics.rates import Rates
 from kinetics.support.arrays import Floats, Ints
@@ -128,11 +130,7 @@ class PlannedStudy:
 
     def narrower(self, test: HeldOutTest) -> float:
         """The half-width with which a calibration like this one would just allow a test to reach its power."""
-        from scipy.special import ndtri
-
-        away = min(abs(math.log(factor)) for factor, _ in test.power.shifted)
-        needed = away / float(ndtri(self.request.power) - ndtri(LEVEL / 2))
-        return float(self.width * needed / test.power.rates_sd)
+        return self.width * widest_sd(test.power, self.request.power) / test.power.rates_sd
 
     @property
     def shortfalls(self) -> list[str]:
@@ -306,7 +304,7 @@ def held_out_tests(
     for n in sizes:
         start = forecast.network.state(single_cubes(derivation, n))
         powers = group_powers(forecast, events, groups, start, request.held_out_duration, request.shift)
-        tests += [HeldOutTest(n, power, power.runs_for(request.power), power.power(math.inf)) for power in powers]
+        tests += [HeldOutTest(n, power, runs_for(power, request.power), power.power(math.inf)) for power in powers]
     return tuple(tests)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
@@ -166,7 +166,8 @@ class CalibrationStudy:
     @cached_property
     def break_models(self) -> BreakComparison | None:
         """Break models fitted to the runs; all of them, or the one that was asked for. None without breaks."""
-        return BreakComparison.asked_for(self.breaks, [record.path for record in self.sound])
+        paths = [record.path for record in self.sound]
+        return BreakComparison.asked_for(self.breaks, paths, within=2 * self.scene.numerics.step)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:

@@ -56,9 +56,3 @@ def wanted_rates(network: Network, each_break: bool = False) -> dict[str, NDArra
     alone = [r for r in range(breaks.size) if each_break or not breaks[r]]
     groups = {network.channels[r]: np.arange(breaks.size) == r for r in alone}
     return groups if each_break or not breaks.any() else groups | {"breaks": breaks}
-
-
-def joins_and_breaks(network: Network) -> dict[str, NDArray[np.bool_]]:
-    """Channels (R,) bool of the two groups by which held-out runs are judged; none is empty."""
-    breaks = is_break(network)
-    return {name: members for name, members in (("joins", ~breaks), ("breaks", breaks)) if members.any()}

@@ -3,64 +3,35 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.planning.forecast import Forecast
+from calibration.validating.power import GroupPower
 from kinetics.support.arrays import Floats
 
-LEVEL = 0.01
 MOST_RUNS = 1000
 
 
-@dataclass(frozen=True)
-class GroupPower:
-    """What held-out runs can tell of a group of channels, such as all joins.
+def runs_for(found: GroupPower, wanted: float) -> int | None:
+    """Fewest runs, at least 2, with a power; None where `MOST_RUNS` do not reach it."""
+    runs = range(2, MOST_RUNS + 1)
+    fewest = bisect_left(runs, wanted, key=found.power)
+    return runs[fewest] if fewest < len(runs) else None
 
-    The test is that of seen / expected events, where rate times exposure of the held-out runs themselves is expected:
-    the mere number of events would hardly depend on the rates once most cubes are used up. Events about the exposure
-    have the variance of a Poisson count (they differ by a martingale), the rates that of a count of as many events as
-    the calibration saw; the logarithm of the ratio is taken as normal, which is good from some twenty events on.
 
-    expected : events of a run
-    rates_sd : relative standard deviation that the calibration leaves to what is expected
-    shifted : of each shift (factor of the rates, events of a run)
-    """
+def widest_sd(found: GroupPower, wanted: float) -> float:
+    """Largest relative standard deviation from the calibration at which enough runs reach a power."""
+    from scipy.optimize import brentq
 
-    group: str
-    expected: float
-    rates_sd: float
-    shifted: tuple[tuple[float, float], ...]
+    def lacking(log_sd: float) -> float:
+        return replace(found, rates_sd=math.exp(log_sd)).power(math.inf) - wanted
 
-    def power(self, runs: float) -> float:
-        """Probability that so many runs differ at level 1 %, for the shift that is hardest to see.
-
-        runs : math.inf gives the limit that the calibration sets
-        """
-        from scipy.special import ndtr, ndtri
-
-        found = []
-        for factor, events in self.shifted:
-            if not self._sd(runs * events) < math.inf:
-                return 0.0
-            # judged by what the rates promise in the states that the shifted assembly is in
-            limit = -float(ndtri(LEVEL / 2)) * self._sd(runs * events / factor)
-            spread, away = self._sd(runs * events), abs(math.log(factor))
-            found.append(float(ndtr((away - limit) / spread)) if spread else float(away > limit))
-        return min(found)
-
-    def _sd(self, events: float) -> float:
-        """Of the logarithm of seen / expected."""
-        return math.hypot(1 / math.sqrt(events), self.rates_sd) if events > 0 else math.inf
-
-    def runs_for(self, power: float) -> int | None:
-        """Fewest runs, at least 2, with this power; None where `MOST_RUNS` do not reach it."""
-        if self.power(MOST_RUNS) < power:
-            return None
-        return next(runs for runs in range(2, MOST_RUNS + 1) if self.power(runs) >= power)
+    return math.exp(brentq(lacking, math.log(1e-3), math.log(10.0)))
 
 
 def group_powers(

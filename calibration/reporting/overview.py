@@ -10,7 +10,7 @@ from calibration.reporting.report import Chart, Heading, HtmlReport, Part, Repor
 from kinetics.rates import Rates
 
 if TYPE_CHECKING:
-    from calibration.estimating.break_fit import BreakComparison
+    from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.pipeline.bars import Bar
     from calibration.pipeline.study import CalibrationStudy, ValidationStudy
@@ -119,13 +119,14 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
     """Break models side by side; the shape in words, its intervals at 95 %."""
-    from calibration.estimating.break_fit import shape_in_words
+    from calibration.estimating.break_comparison import shape_in_words
 
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("Who breaks a bond"),
         Text(f"{ABOUT_BREAKS} {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
+        *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
     ]
 
 

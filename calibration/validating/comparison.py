@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.validating.events import EventRow, WatchedEvents, event_rows
+from calibration.estimating.joins_and_breaks import WHOLES
+from calibration.validating.events import EventRow, HeldOutEvents, event_rows
 from calibration.validating.first_times import FirstTimes
-from calibration.validating.groups import POOLED
 from calibration.validating.power import powers
 from calibration.validating.scores import BandShare, Score
 from calibration.validating.single_runs import SingleRuns
@@ -57,7 +57,7 @@ class CrossValidation:
     groups : number of simulated groups behind bands, shares, misfit and scores
     scores : one per species, then one of all species together
     first : first-passage times to the target, if one was named
-    watched : events of the held-out runs, and of simulated groups
+    held_out : events of the held-out runs, and of simulated groups
     single_runs : randomised PIT of each run
     """
 
@@ -83,7 +83,7 @@ class CrossValidation:
     groups: int
     scores: tuple[Score, ...]
     first: FirstTimes | None
-    watched: WatchedEvents
+    held_out: HeldOutEvents
     single_runs: SingleRuns
     cost: Cost
 
@@ -95,7 +95,7 @@ class CrossValidation:
     @property
     def cubes(self) -> int:
         """Number of cubes of a run; of all copies at its start where the network conserves no cubes."""
-        initial = self.watched.groups.initial
+        initial = self.held_out.groups.initial
         return int(initial @ self.network.conserved.get("cubes", np.ones(initial.size)))
 
     @property
@@ -106,7 +106,7 @@ class CrossValidation:
     @cached_property
     def events(self) -> tuple[EventRow, ...]:
         """Events seen and expected: joins, breaks, and every channel by itself."""
-        return event_rows([self.watched], self.name, self.cubes, self.watched.tank)
+        return event_rows([self.held_out], self.name, self.cubes, self.held_out.tank)
 
     @property
     def checks(self) -> list[ConsistencyCheck]:
@@ -130,7 +130,7 @@ class CrossValidation:
     def verdict(self) -> Verdict:
         """All checks together, and what these runs would have shown."""
         checks = self.checks
-        return judged(checks, powers([self.watched], len(checks)))
+        return judged(checks, powers([self.held_out], len(checks)))
 
     @property
     def is_consistent(self) -> bool:
@@ -182,8 +182,8 @@ class CrossValidation:
             "p_crps": overall.p_value,
             "p_single_runs": self.single_runs.p_value,
         }
-        row |= {f"p_{each.group}": each.p for each in self.events if each.group in POOLED}
-        row |= {f"p_scatter_{each.group}": each.p_scatter for each in self.events if each.group in POOLED}
+        row |= {f"p_{each.group}": each.p for each in self.events if each.group in WHOLES}
+        row |= {f"p_scatter_{each.group}": each.p_scatter for each in self.events if each.group in WHOLES}
         if self.first:
             row |= {
                 "first_observed": self.first.observed_mean,

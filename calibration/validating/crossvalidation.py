@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.validating.comparison import Cost, CrossValidation
-from calibration.validating.events import WatchedEvents
+from calibration.validating.events import HeldOutEvents
 from calibration.validating.first_times import compare_first_times
 from calibration.validating.groups import FIRST_TIMES, SimulatedGroups
 from calibration.validating.scores import central_band, group_scores, mean_misfit, share_inside
@@ -89,7 +89,7 @@ def crossvalidate(
     misfit, p_misfit = mean_misfit(observed, means)
     most = _most_copies(network, initial)
     observed_low, observed_high = (np.clip(limit, 0.0, most) for limit in student_interval(counts, level))
-    watched = WatchedEvents.of(simulated, paths, float(grid[-1]), groups, most_groups)
+    held_out = HeldOutEvents.of(simulated, paths, float(grid[-1]), groups, most_groups)
     return CrossValidation(
         label=label,
         network=known,
@@ -114,9 +114,9 @@ def crossvalidate(
         groups=groups,
         scores=group_scores(known.species, counts, predicted),
         first=first,
-        watched=watched,
+        held_out=held_out,
         single_runs=judge_single_runs(
-            *watched.run_values(counts[:, -1], predicted[:, :, -1], known.species), seed=seed
+            *held_out.run_values(counts[:, -1], predicted[:, :, -1], known.species), seed=seed
         ),
         cost=cost,
     )

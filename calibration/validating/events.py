@@ -17,7 +17,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.validating.groups import POOLED, SimulatedGroups, event_groups
+from calibration.estimating.joins_and_breaks import WHOLES
+from calibration.validating.groups import SimulatedGroups, event_groups
 from calibration.validating.predictive import staged_p
 from calibration.validating.scores import Counts, central_band
 from kinetics.breaks import base_channel
@@ -121,11 +122,12 @@ class EventTotals:
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedEvents:
+class HeldOutEvents:
     """Events of n held-out runs until a time, and of simulated groups of n runs.
 
     names : of the G groups of channels
-    seen, expected : (n, G) of the held-out runs
+    seen : (n, G) events of the held-out runs
+    exposures : (n, R) of the simulated network's channels in these runs, tu
     first, most : numbers of groups simulated at first, and where a p-value is below 0.05
     """
 
@@ -133,21 +135,30 @@ class WatchedEvents:
     until: float
     names: tuple[str, ...]
     seen: Ints
-    expected: Floats
+    exposures: Floats
     first: int
     most: int
 
     @classmethod
     def of(
         cls, groups: SimulatedGroups, paths: Sequence[JumpPath], until: float, first: int, most: int
-    ) -> WatchedEvents:
+    ) -> HeldOutEvents:
         """Count the events of `paths` until a time, tu, none of which ends before it."""
         names, members = _membership(groups.network, groups.network.channels)
         cut = [_until(path, until) for path in paths]
         seen = np.array([np.bincount(path.channels, minlength=len(path.network.channels)) for path in cut])
         exposures = np.array([_exposures(path, groups.model) for path in cut])
-        expected = exposures * groups.mean_constants @ _membership(groups.network, groups.model.channels)[1]
-        return cls(groups, until, names, seen @ members, expected, first, most)
+        return cls(groups, until, names, seen @ members, exposures, first, most)
+
+    @cached_property
+    def expected(self) -> Floats:
+        """Events (n, G) expected in the held-out runs."""
+        return self.exposures * self.groups.mean_constants @ self._members
+
+    def expected_by_draw(self, group: str, draws: int) -> Floats:
+        """Events (draws,) of a group of channels that each draw of the rates expects in all held-out runs together."""
+        members = self._members[:, self.names.index(group)]
+        return self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members)
 
     @cached_property
     def observed(self) -> EventTotals:
@@ -187,7 +198,7 @@ class WatchedEvents:
 
         counts, simulated : (n, S) and (first, n, S) at the end. Events are taken over the expected ones.
         """
-        pooled = [g for g, name in enumerate(self.names) if name in POOLED]
+        pooled = [g for g, name in enumerate(self.names) if name in WHOLES]
         names = (*(self.names[g] for g in pooled), *species)
         values = []
         for events, expected, final in ((self.seen, self.expected, counts), (*self.first_runs, simulated)):
@@ -197,8 +208,7 @@ class WatchedEvents:
 
     def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
         """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
-        _, members = _membership(self.groups.network, self.groups.model.channels)
-        factors = np.where(members[:, self.names.index(group)] > 0, factor, 1.0)
+        factors = np.where(self._members[:, self.names.index(group)] > 0, factor, 1.0)
         return self._totals(self.groups.events_off(factors, groups, self.until, part))
 
     def _totals(self, made: Iterator[tuple[Ints, Floats]]) -> EventTotals:
@@ -210,26 +220,30 @@ class WatchedEvents:
 
     def _grouped(self, made: Iterator[tuple[Ints, Floats]]) -> Iterator[tuple[Ints, Floats]]:
         """Events and expected events (n, G), from events and exposures (n, R) of the model's channels."""
-        _, members = _membership(self.groups.network, self.groups.model.channels)
-        weights = self.groups.mean_constants[:, None] * members
+        weights = self.groups.mean_constants[:, None] * self._members
         for events, exposures in made:
-            yield events @ members, exposures @ weights
+            yield events @ self._members, exposures @ weights
+
+    @cached_property
+    def _members(self) -> Ints:
+        """(R, G) 1 where a channel of the simulated network is in a group."""
+        return _membership(self.groups.network, self.groups.model.channels)[1]
 
 
 def event_rows(
-    watched: Sequence[WatchedEvents], size: str, cubes: int | None = None, tank: Tank | None = None
+    held_out: Sequence[HeldOutEvents], size: str, cubes: int | None = None, tank: Tank | None = None
 ) -> tuple[EventRow, ...]:
     """A row for each group of channels: of one experiment, or of several pooled.
 
     First some 2,000 groups are simulated, and 49,999 where a p-value is below 0.05, see `staged_p`.
     """
-    observed = EventTotals.pooled([each.observed for each in watched])
-    first = EventTotals.pooled([each.first_totals for each in watched])
+    observed = EventTotals.pooled([each.observed for each in held_out])
+    first = EventTotals.pooled([each.first_totals for each in held_out])
 
     def everything() -> EventTotals:
-        return EventTotals.pooled([each.all_totals for each in watched])
+        return EventTotals.pooled([each.all_totals for each in held_out])
 
-    rng = np.random.default_rng(np.random.SeedSequence(watched[0].groups.seed, spawn_key=(5,)))
+    rng = np.random.default_rng(np.random.SeedSequence(held_out[0].groups.seed, spawn_key=(5,)))
     p, least = staged_p(observed.ratio[0], first.ratio, lambda: everything().ratio, rng)
     low, high = central_band(first.ratio, LEVEL)
     p_scatter = least_scatter = scatter_low = scatter_high = np.full(p.shape, np.nan)
@@ -244,7 +258,7 @@ def event_rows(
             float(observed.scatter[0, g]), float(scatter_low[g]), float(scatter_high[g]),
             float(p_scatter[g]), float(least_scatter[g]),
         )
-        for g, name in enumerate(watched[0].names)
+        for g, name in enumerate(held_out[0].names)
     )  # fmt: skip
 
 
@@ -256,7 +270,7 @@ def _membership(network: Network, channels: Sequence[str]) -> tuple[tuple[str, .
 
 
 def _until(path: JumpPath, end: float) -> JumpPath:
-    """The path as if it had been watched until `end` only."""
+    """The path as if it had ended at `end`."""
     kept = path.times <= end
     return JumpPath(path.network, path.initial, path.times[kept], path.channels[kept], end)
 

@@ -107,11 +107,11 @@ def compare_first_times(
     if paths[0].initial[network.index(species)]:
         raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")
     times = np.array([path.first_time(species) for path in paths])
-    watched = np.array([path.end for path in paths])
+    ends = np.array([path.end for path in paths])
     if horizon is None:
-        horizon = float(watched.min())
-    elif (short := np.isnan(times) & (watched < horizon)).any():
-        raise ValueError(f"horizon = {horizon:g}, but a run without a copy ends at {watched[short].min():g} tu")
+        horizon = float(ends.min())
+    elif (short := np.isnan(times) & (ends < horizon)).any():
+        raise ValueError(f"horizon = {horizon:g}, but a run without a copy ends at {ends[short].min():g} tu")
     times[times > horizon] = np.nan
     cut = np.nan_to_num(times, nan=horizon)
     grid = np.linspace(0.0, horizon, CURVE)

@@ -12,26 +12,22 @@ from functools import cached_property
 
 import numpy as np
 
+from calibration.estimating.joins_and_breaks import joins_and_breaks
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.sampling import Direct, exposures_of_draws, simulate_draws
 from kinetics.support.arrays import Floats, Ints
 
-POOLED = {"joins": 2, "breaks": 1}  # groups of channels by their number of reactants
 BLOCK = 2000  # draws that come from one random stream
 # First run number of each part of an experiment; no part makes as many runs as lie between two of them.
 EXPERIMENT, GROUPS, FIRST_TIMES, OFF = 2**40, 2**36, 2**37, 2**38
 
 
 def event_groups(network: Network) -> dict[str, tuple[str, ...]]:
-    """Joins (channels of two copies), breaks (of one), then every channel by itself: name -> channels."""
-    copies = dict(zip(network.channels, network.reactants.sum(axis=1), strict=True))
-    pooled = {
-        group: tuple(name for name in network.channels if copies[name] == taken) for group, taken in POOLED.items()
-    }
-    return {name: members for name, members in pooled.items() if members} | {
-        name: (name,) for name in network.channels if name not in pooled
-    }
+    """All joins, all breaks, then every channel by itself: name -> channels."""
+    names = np.array(network.channels, dtype=object)
+    wholes = {group: tuple(names[members]) for group, members in joins_and_breaks(network).items()}
+    return wholes | {name: (name,) for name in network.channels if name not in wholes}
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,9 @@ class ComparedSizes:
         Simulated groups of one number share their draw of the rates over all sizes, as the held-out runs share the
         true rates.
         """
-        return event_rows([each.watched for each in self.comparisons], "all sizes") if len(self.comparisons) > 1 else ()
+        return (
+            event_rows([each.held_out for each in self.comparisons], "all sizes") if len(self.comparisons) > 1 else ()
+        )
 
     @property
     def events(self) -> list[EventRow]:
@@ -43,7 +45,7 @@ class ComparedSizes:
         """All checks of all sizes together, and of the pooled rows, corrected for their number."""
         checks = [check for each in self.comparisons for check in each.checks]
         checks += event_checks(self.pooled, "at all sizes")
-        return judged(checks, powers([each.watched for each in self.comparisons], len(checks)))
+        return judged(checks, powers([each.held_out for each in self.comparisons], len(checks)))
 
     @property
     def is_consistent(self) -> bool:

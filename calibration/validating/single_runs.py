@@ -91,7 +91,8 @@ def pooled_p(experiments: Sequence[SingleRuns]) -> float:
     """P-value of the single runs of several experiments of one study, by the rank of Fisher's statistic (1932).
 
     Their p-values are not independent, because all experiments share the true rates. So do simulated groups of one
-    number, of which there must be equally many: among these the sum of -log p is ranked, not by its textbook law.
+    number, of which there must be equally many: among these the sum of -log p is ranked, not by its textbook
+    distribution.
     """
     totals = np.sum([_surprise(each) for each in experiments], axis=0)
     return upper_p(float(totals[0]), totals[1:])

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow
-from calibration.validating.groups import POOLED
 from calibration.validating.power import LEVEL, Power
 from calibration.validating.predictive import shown_p
 
@@ -77,7 +77,7 @@ def event_checks(rows: Sequence[EventRow], where: str) -> list[ConsistencyCheck]
     for row in rows:
         band = f"{row.expected:.3g} ({row.low:.3g}-{row.high:.3g}) expected"
         checks.append(ConsistencyCheck(f"{row.group} {where} {row.seen} seen, {band}", row.p, row.least))
-        if row.group in POOLED:
+        if row.group in WHOLES:
             band = f"{row.scatter:.2g} times Poisson's ({row.scatter_low:.2g}-{row.scatter_high:.2g} expected)"
             checks.append(ConsistencyCheck(f"scatter of {row.group} {where} {band}", row.p_scatter, row.least_scatter))
     return checks

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate

@@ -148,7 +148,7 @@ def exact_elasticities(posterior: RatesPosterior, mean: Callable[[Network], Floa
     is_rate = np.arange(middle.size) < len(posterior.rates)
     low, high = middle * (1 - STEP), middle * (1 + STEP)
     # of parameters that rates do not scale with: a step of the range, no further than its ends
-    shape = posterior.breaks.law.parameters(posterior.expansion.base)
+    shape = posterior.breaks.break_model.parameters(posterior.expansion.base)
     for p, of in enumerate(shape, start=len(posterior.rates)):
         step = STEP * min(of.high - of.low, 1.0)
         low[p], high[p] = max(of.low, middle[p] - step), min(of.high, middle[p] + step)
@@ -177,7 +177,7 @@ def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
     """By linear regression of the means under single draws on the parameters, each over its posterior mean.
 
     For a rate k with a Gamma posterior the coefficient is E[k d mean / dk], whatever the curvature, because
-    Cov(k, f) = E[k f'(k)] / exposure (Stein's identity for the Gamma law: Diaconis & Zabell 1991,
+    Cov(k, f) = E[k f'(k)] / exposure (Stein's identity for the Gamma distribution: Diaconis & Zabell 1991,
     doi:10.1214/ss/1177011699). So the value is that average over the posterior mean of the prediction. Monte-Carlo
     noise has mean 0 whatever the rates, so it does not bias; standard errors are those of White (HC3; MacKinnon & White
     1985, doi:10.1016/0304-4076(85)90158-7) and hold it. Draws are not weighted by their noise: this is estimated from

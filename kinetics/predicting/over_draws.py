@@ -42,7 +42,8 @@ class DrawMeans:
     def limits(self, inside: Floats) -> tuple[Floats, Floats]:
         """95 % interval of the mean (T, S) from the rates; it holds `inside` (T, S), the estimate that it belongs to.
 
-        The posterior mean lies outside of the middle 95 % where its law is very skew, as for what hardly ever happens.
+        The posterior mean lies outside of the middle 95 % where its distribution is very skew, as for what hardly ever
+        happens.
         """
         low, high = noise_free_limits(self.means, self.noise.mean(axis=0))
         return np.minimum(low, inside), np.maximum(high, inside)

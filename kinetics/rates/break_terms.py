@@ -58,13 +58,13 @@ class BreakTerms(Settings):
         return self
 
     @property
-    def law(self) -> BreakModel:
+    def break_model(self) -> BreakModel:
         """The break model itself."""
         return break_model(self.model)
 
     def check(self, network: Network) -> None:
         """ValueError where the shape parameters are not those of the model in this network."""
-        wanted = {parameter.name: parameter for parameter in self.law.parameters(network)}
+        wanted = {parameter.name: parameter for parameter in self.break_model.parameters(network)}
         if list(self.shape) != list(wanted):
             raise ValueError(
                 f"break model {self.model!r} has the shape parameters {', '.join(wanted) or 'none'}; "
@@ -77,14 +77,14 @@ class BreakTerms(Settings):
 
     def weights(self, network: Network) -> Floats:
         """Weights (P,) of the partners at the largest likelihood."""
-        return self.law.weights(network, self.shape)
+        return self.break_model.weights(network, self.shape)
 
     def at_shapes(self, network: Network) -> Floats | None:
         """Weights (G, P) at each point of the posterior of the shape; None where there is no posterior."""
         if self.posterior is None:
             return None
         shapes = [dict(zip(self.shape, point, strict=True)) for point in self.posterior.points]
-        return np.array([self.law.weights(network, shape) for shape in shapes])
+        return np.array([self.break_model.weights(network, shape) for shape in shapes])
 
     def shape_draws(self, rng: np.random.Generator, n: int) -> tuple[Ints, list[BreakTerms]]:
         """Draws from the posterior of the shape: numbers (n,) of its points, and the terms with each shape as known."""

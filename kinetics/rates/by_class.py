@@ -169,7 +169,7 @@ class ClassRates(Settings):
         """
         base = self.base(derivation)
         self.breaks.check(base)
-        expansion = Expansion.of(base, self.breaks.law)
+        expansion = Expansion.of(base, self.breaks.break_model)
         return expansion.network.with_rates(expansion.constants(base.known_rates, self.breaks.weights(base)))
 
     def base(self, derivation: Derivation) -> Network:

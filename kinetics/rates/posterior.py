@@ -74,8 +74,8 @@ class RatesPosterior:
         table = np.asarray(parameters, dtype=float)
         rates, shapes = np.split(table.copy(), [len(self.rates)], axis=1)
         points, which = np.unique(shapes, axis=0, return_inverse=True)
-        base, law, names = self.expansion.base, self.breaks.law, self.breaks.shape
-        by_point = np.array([law.weights(base, dict(zip(names, point, strict=True))) for point in points.tolist()])
+        base, model, names = self.expansion.base, self.breaks.break_model, self.breaks.shape
+        by_point = np.array([model.weights(base, dict(zip(names, point, strict=True))) for point in points.tolist()])
         weights = by_point[which.ravel()]
         for r, (whole, parts) in enumerate(zip(self.exposure, self.exposures, strict=True)):
             if parts is not None and whole is not None:

@@ -147,7 +147,7 @@ class Rates(Settings):
         )
         self.breaks.check(base)
         self._check_exposures(base)
-        return Expansion.of(base, self.breaks.law)
+        return Expansion.of(base, self.breaks.break_model)
 
     def _check(self, network: Network) -> None:
         """Raise a ValueError where these are the rates of another network."""

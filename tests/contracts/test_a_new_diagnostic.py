@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 
 
 @dataclass(frozen=True)
@@ -25,17 +25,17 @@ class Parity(SpreadDiagnostic):
     remedy = "look for what alternates"
     measured = "size 5 % and power of BetweenRuns, at as many events"
 
-    def groups(self, watched: Watched) -> Groups:
+    def groups(self, diagnosed: DiagnosedRuns) -> Groups:
         """Even and odd runs."""
-        kinds = [np.full(c.path.times.size + 1, i % 2) for i, c in enumerate(watched.clocked)]
-        return Groups(["even", "odd"], *watched.grouped(kinds, 2))
+        kinds = [np.full(c.path.times.size + 1, i % 2) for i, c in enumerate(diagnosed.clocked)]
+        return Groups(["even", "odd"], *diagnosed.grouped(kinds, 2))
 '''
 SILENT = '''
-    def unseen(self, watched: Watched, channel: int) -> str:
+    def unseen(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Nothing to say, even of no events."""
         return ""
 
-    def judge(self, watched: Watched, channel: int) -> Judged:
+    def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged:
         """A smallest p-value that is never small."""
         return Judged(0.0, 1.0, "nothing", "nothing", lambda ax: ax)
 '''

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Ages(SpreadDiagnostic):
         if len(self.edges) < 3 or self.edges[0] != 0 or not all(a < b for a, b in pairwise(self.edges)):
             raise ValueError(f"edges = {self.edges}; expected two or more classes of age, rising from 0")
 
-    def groups(self, watched: Watched) -> Groups:
+    def groups(self, diagnosed: DiagnosedRuns) -> Groups:
         """The classes of age."""
         bounds = list(pairwise(self.edges))
-        events = np.zeros((len(bounds), watched.events.size), np.int64)
+        events = np.zeros((len(bounds), diagnosed.events.size), np.int64)
         exposure = np.zeros(events.shape)
-        for clocked in watched.clocked:
+        for clocked in diagnosed.clocked:
             origin = clocked.stretches.origin
             fired = clocked.fired
             age = clocked.path.times[fired] - origin[fired]

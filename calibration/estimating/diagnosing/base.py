@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,7 +83,7 @@ class Diagnostic(ABC):
     measured: ClassVar[str]
 
     @abstractmethod
-    def results(self, watched: Watched) -> list[DiagnosticResult]:
+    def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
         """One or more a channel, in the network's order."""
 
 
@@ -100,24 +100,24 @@ class Judged(NamedTuple):
 class ChannelDiagnostic(Diagnostic):
     """A diagnostic that judges every channel by itself."""
 
-    def results(self, watched: Watched) -> list[DiagnosticResult]:
+    def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
         """One result a channel."""
         found = []
-        for j, channel in enumerate(watched.network.channels):
-            judged = self.unseen(watched, j) or self.judge(watched, j)
-            n = int(watched.events[j])
+        for j, channel in enumerate(diagnosed.network.channels):
+            judged = self.unseen(diagnosed, j) or self.judge(diagnosed, j)
+            n = int(diagnosed.events[j])
             if isinstance(judged, str):
                 found.append(DiagnosticResult(self.name, channel, n, reason=judged))
             else:
                 found.append(DiagnosticResult(self.name, channel, n, **judged._asdict()))
         return found
 
-    def unseen(self, watched: Watched, channel: int) -> str:
+    def unseen(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Why the runs say nothing of a channel; empty if they do."""
-        if not watched.exposure[channel] > 0:
+        if not diagnosed.exposure[channel] > 0:
             return "it was closed or had no reactants in any run"
-        return "" if watched.events[channel] else "no events"
+        return "" if diagnosed.events[channel] else "no events"
 
     @abstractmethod
-    def judge(self, watched: Watched, channel: int) -> Judged | str:
+    def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged | str:
         """What the runs say of one channel that fired, or why they cannot say it."""

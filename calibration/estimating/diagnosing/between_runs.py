@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class BetweenRuns(SpreadDiagnostic):
         "size 5.3 % at a level of 5 %; power .77 where half of 10 runs have a rate 35 % above the others, at 650 events"
     )
 
-    def groups(self, watched: Watched) -> Groups:
+    def groups(self, diagnosed: DiagnosedRuns) -> Groups:
         """The runs."""
-        alone = [np.full(c.path.times.size + 1, i) for i, c in enumerate(watched.clocked)]
-        return Groups([f"run {i}" for i in range(len(alone))], *watched.grouped(alone, len(alone)))
+        alone = [np.full(c.path.times.size + 1, i) for i, c in enumerate(diagnosed.clocked)]
+        return Groups([f"run {i}" for i in range(len(alone))], *diagnosed.grouped(alone, len(alone)))

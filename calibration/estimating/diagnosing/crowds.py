@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import TrendDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
 from kinetics.support.arrays import Floats
 
 
@@ -21,16 +21,16 @@ class Crowds(TrendDiagnostic):
         "power .98 for a rate half as large again among 40 bodies as among 20, at 400 events"
     )
 
-    def values(self, watched: Watched) -> list[Floats]:
+    def values(self, diagnosed: DiagnosedRuns) -> list[Floats]:
         """Bodies of all species in every state."""
-        return [c.path.states.sum(axis=1).astype(float) for c in watched.clocked]
+        return [c.path.states.sum(axis=1).astype(float) for c in diagnosed.clocked]
 
-    def unit(self, watched: Watched) -> str:  # noqa: ARG002
+    def unit(self, diagnosed: DiagnosedRuns) -> str:  # noqa: ARG002
         """Bodies, of whatever species."""
         return "bodies"
 
-    def remedy(self, watched: Watched, channel: int) -> str:
+    def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Breaks by collision, or a crowded model."""
-        if watched.is_break(channel):
+        if diagnosed.breaks[channel]:
             return "breaks depend on the number of others: try --breaks collision"
         return "the rate depends on the number of others: try the crowded model"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from calibration.estimating.diagnosing import DIAGNOSTICS
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
-from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.rate_fit import RateFit
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
@@ -143,5 +143,5 @@ def diagnose(
         is also counted by pieces
     seed : of the draws behind p-values over groups
     """
-    watched = Watched(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
-    return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(watched)))
+    diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
+    return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(diagnosed)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.estimating.diagnosing.base import ChannelDiagnostic, Judged
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.renewal import waiting_times
-from calibration.estimating.diagnosing.watched import Watched
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Drift(ChannelDiagnostic):
         "power .85 against a rate that rises by half from the first run to the last at 650 events"
     )
 
-    def judge(self, watched: Watched, channel: int) -> Judged:
+    def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged:
         """The test of one channel."""
-        waits = waiting_times(watched, channel)
+        waits = waiting_times(diagnosed, channel)
         statistic, p_value = waits.drift_test()
         early = float(np.mean(waits.positions < waits.total / 2))
         return Judged(

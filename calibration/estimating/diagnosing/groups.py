@@ -12,7 +12,8 @@ import numpy as np
 
 from calibration.estimating.diagnosing.base import ChannelDiagnostic, DiagnosticResult, Judged
 from calibration.estimating.diagnosing.conditional import Trended, spread_test, trend_test
-from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
+from calibration.estimating.joins_and_breaks import WHOLES, joins_and_breaks
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import exact_limits
 
@@ -68,22 +69,22 @@ class SpreadDiagnostic(ChannelDiagnostic):
     remedy: ClassVar[str]
 
     @abstractmethod
-    def groups(self, watched: Watched) -> Groups:
+    def groups(self, diagnosed: DiagnosedRuns) -> Groups:
         """The groups."""
 
-    def judge(self, watched: Watched, channel: int) -> Judged | str:
+    def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged | str:
         """The test of one channel."""
-        labels, events, exposure = self.groups(watched)
-        is_watched = exposure[:, channel] > 0
-        if is_watched.sum() < 2:
+        labels, events, exposure = self.groups(diagnosed)
+        is_exposed = exposure[:, channel] > 0
+        if is_exposed.sum() < 2:
             return self.single
-        chosen = tuple(label for label, there in zip(labels, is_watched, strict=True) if there)
+        chosen = tuple(label for label, there in zip(labels, is_exposed, strict=True) if there)
         found = GroupRates(
-            watched.network.channels[channel], chosen, events[is_watched, channel], exposure[is_watched, channel]
+            diagnosed.network.channels[channel], chosen, events[is_exposed, channel], exposure[is_exposed, channel]
         )
         if not found.events.any():
             return "its events fell into stretches without duration"
-        dispersion, p_value = spread_test(found.events, found.exposure, watched.random(self.name, channel))
+        dispersion, p_value = spread_test(found.events, found.exposure, diagnosed.random(self.name, channel))
         high, low = int(np.argmax(found.rates)), int(np.argmin(found.rates))
         if len(chosen) <= 4:
             seen = (
@@ -104,69 +105,70 @@ class TrendDiagnostic(ChannelDiagnostic):
     single: ClassVar[str]
 
     @abstractmethod
-    def values(self, watched: Watched) -> list[Floats]:
+    def values(self, diagnosed: DiagnosedRuns) -> list[Floats]:
         """The quantity (E + 1,) in every stretch of each run."""
 
     @abstractmethod
-    def unit(self, watched: Watched) -> str:
+    def unit(self, diagnosed: DiagnosedRuns) -> str:
         """What the quantity counts."""
 
     @abstractmethod
-    def remedy(self, watched: Watched, channel: int) -> str:
+    def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """The model to try next."""
 
-    def results(self, watched: Watched) -> list[DiagnosticResult]:
+    def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
         """One result a channel, then one of all joins and one of all breaks, whose trends add up."""
-        single = super().results(watched)
+        single = super().results(diagnosed)
         pooled = []
-        for name, kind in (("all joins", False), ("all breaks", True)):
-            mine = [j for j in range(len(single)) if watched.is_break(j) == kind]
+        members = joins_and_breaks(diagnosed.network)
+        for whole in WHOLES:
+            name, mine = f"all {whole}", np.flatnonzero(members.get(whole, False)).tolist()
             chosen = [j for j in mine if single[j].p_value is not None]
             n = sum(single[j].events for j in mine)
             if len(chosen) > 1:
-                pooled.append(DiagnosticResult(self.name, name, n, **self._judge(watched, name, chosen)._asdict()))
+                pooled.append(DiagnosticResult(self.name, name, n, **self._judge(diagnosed, name, chosen)._asdict()))
             else:
                 pooled.append(DiagnosticResult(self.name, name, n, reason="fewer than two channels can be tested"))
         return [*single, *pooled]
 
-    def judge(self, watched: Watched, channel: int) -> Judged | str:
+    def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged | str:
         """The test of one channel."""
-        values, events, exposure = self._grouped(watched)
-        is_watched = exposure[:, channel] > 0
-        if is_watched.sum() < 2:
-            return self.single.format(value=f"{values[0]:g} {self.unit(watched)}")
+        values, events, exposure = self._grouped(diagnosed)
+        is_exposed = exposure[:, channel] > 0
+        if is_exposed.sum() < 2:
+            return self.single.format(value=f"{values[0]:g} {self.unit(diagnosed)}")
         # Two events in one step leave a state without duration between them: such an event is in no group.
-        if not events[is_watched, channel].any():
+        if not events[is_exposed, channel].any():
             return "its events fell into stretches without duration"
-        return self._judge(watched, watched.network.channels[channel], [channel])
+        return self._judge(diagnosed, diagnosed.network.channels[channel], [channel])
 
-    def _judge(self, watched: Watched, name: str, channels: Sequence[int]) -> Judged:
-        values, events, exposure = self._grouped(watched)
+    def _judge(self, diagnosed: DiagnosedRuns, name: str, channels: Sequence[int]) -> Judged:
+        values, events, exposure = self._grouped(diagnosed)
         tables = []
         for j in channels:
             there = exposure[:, j] > 0
             tables.append(Trended(events[there, j], exposure[there, j], values[there]))
-        score, p_value = trend_test(tables, watched.random(self.name, name))
+        score, p_value = trend_test(tables, diagnosed.random(self.name, name))
         expected = sum(exposure[:, j] * events[:, j].sum() / exposure[:, j].sum() for j in channels)
-        is_watched = np.asarray(expected) > 0
-        labels, classes = _classes(values[is_watched], expected[is_watched])
+        is_exposed = np.asarray(expected) > 0
+        labels, classes = _classes(values[is_exposed], expected[is_exposed])
         found = GroupRates(
             name,
-            tuple(f"{label} {self.unit(watched)}" for label in labels),
-            np.bincount(classes, events[:, list(channels)].sum(axis=1)[is_watched]).astype(np.int64),
-            np.bincount(classes, expected[is_watched]).astype(float),
+            tuple(f"{label} {self.unit(diagnosed)}" for label in labels),
+            np.bincount(classes, events[:, list(channels)].sum(axis=1)[is_exposed]).astype(np.int64),
+            np.bincount(classes, expected[is_exposed]).astype(float),
         )
         seen = (
             f"{found.rates[-1]:.2f} of the pooled rate at {found.labels[-1]}, {found.rates[0]:.2f} at {found.labels[0]}"
         )
-        remedy = self.remedy(watched, channels[0])
+        remedy = self.remedy(diagnosed, channels[0])
         return Judged(score, p_value, seen, remedy, partial(found.plot, p_value=p_value))
 
-    def _grouped(self, watched: Watched) -> tuple[Floats, Ints, Floats]:
+    def _grouped(self, diagnosed: DiagnosedRuns) -> tuple[Floats, Ints, Floats]:
         """Distinct values (G,) of the quantity, and events and exposure (G, R) at each."""
-        at = self.values(watched)
+        at = self.values(diagnosed)
         values = np.unique(np.concatenate(at))
-        return values, *watched.grouped([np.searchsorted(values, each) for each in at], values.size)
+        return values, *diagnosed.grouped([np.searchsorted(values, each) for each in at], values.size)
 
 
 def _classes(values: Floats, exposure: Floats, n: int = 4) -> tuple[list[str], Ints]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
-from calibration.estimating.diagnosing.watched import Clocked, Watched
+from calibration.estimating.diagnosing.diagnosed_runs import Clocked, DiagnosedRuns
 from kinetics.network import Network
 from kinetics.runs import RESTART
 from kinetics.support.arrays import Floats
@@ -99,20 +99,20 @@ class Rebinding(Diagnostic):
         if not self.windows or min(self.windows) <= 0:
             raise ValueError(f"windows = {self.windows}; expected one or more times above 0, tu")
 
-    def results(self, watched: Watched) -> list[DiagnosticResult]:
+    def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
         """For each window one result of all breaks, and one a join that undoes breaks."""
         found = []
         for window in self.windows:
-            for same_pieces in (False, True) if watched.bonds is not None else (False,):
-                found += self._in_window(watched, window, same_pieces)
+            for same_pieces in (False, True) if diagnosed.bonds is not None else (False,):
+                found += self._in_window(diagnosed, window, same_pieces)
         return found
 
-    def _in_window(self, watched: Watched, window: float, same_pieces: bool) -> list[DiagnosticResult]:
+    def _in_window(self, diagnosed: DiagnosedRuns, window: float, same_pieces: bool) -> list[DiagnosticResult]:
         variant = f"within {window:g} tu" + (", same pieces" if same_pieces else "")
-        pairs = list(undoings(watched.network))
+        pairs = list(undoings(diagnosed.network))
         collect = _by_pieces if same_pieces else _by_kind
-        counted = [collect(watched, pair, window) for pair in pairs]
-        channels = [watched.network.channels[pair.join] for pair in pairs]
+        counted = [collect(diagnosed, pair, window) for pair in pairs]
+        channels = [diagnosed.network.channels[pair.join] for pair in pairs]
         singles = [self._result([each], name, variant) for name, each in zip(channels, counted, strict=True)]
         return [self._result(counted, ALL, variant), *singles]
 
@@ -166,18 +166,18 @@ def binomial_tail(counted: list[Within]) -> float:
     return float(min(np.sort(total[seen:]).sum(), 1.0))
 
 
-def _by_kind(watched: Watched, pair: Undoing, window: float) -> Within:
+def _by_kind(diagnosed: DiagnosedRuns, pair: Undoing, window: float) -> Within:
     """Joins and hazard within a window after the latest break of the kind."""
     breaks = joins = seen = 0
     inside = 0.0
-    for clocked in watched.clocked:
+    for clocked in diagnosed.clocked:
         latest = _latest_break(clocked, pair)
         inside += clocked.passed_between(latest, latest + window)[:, pair.join].sum()
         rows = np.flatnonzero(clocked.path.channels == pair.join)
         breaks += int(np.isin(clocked.path.channels, pair.breaks).sum())
         joins += rows.size
         seen += int((clocked.path.times[rows] - latest[rows] <= window).sum())
-    return Within(breaks, joins, seen, float(inside), float(watched.exposure[pair.join] - inside))
+    return Within(breaks, joins, seen, float(inside), float(diagnosed.exposure[pair.join] - inside))
 
 
 def _latest_break(clocked: Clocked, pair: Undoing) -> Floats:
@@ -191,11 +191,11 @@ def _latest_break(clocked: Clocked, pair: Undoing) -> Floats:
     return np.where(broke > restarted, latest, -np.inf)  # what broke before a restart is whole again
 
 
-def _by_pieces(watched: Watched, pair: Undoing, window: float) -> Within:
+def _by_pieces(diagnosed: DiagnosedRuns, pair: Undoing, window: float) -> Within:
     """Joins of the two cubes that had parted, and the hazard of one pair of pieces after every break."""
     breaks = joins = seen = 0
     inside = 0.0
-    for clocked, bonds in zip(watched.clocked, watched.bonds or (), strict=True):
+    for clocked, bonds in zip(diagnosed.clocked, diagnosed.bonds or (), strict=True):
         path, cubes = clocked.path, np.sort(bonds, axis=1)
         pairs = path.network.combinations_of(path.states)[:, pair.join]
         of_one = np.divide(clocked.level[:, pair.join], pairs, out=np.zeros(pairs.size), where=pairs > 0)
@@ -209,7 +209,7 @@ def _by_pieces(watched: Watched, pair: Undoing, window: float) -> Within:
             inside += passed[after.start : after.stop + 1].sum()
             again = (path.channels[after] == pair.join) & (cubes[after] == cubes[row]).all(axis=1)
             seen += bool(again.any())
-    return Within(breaks, joins, seen, float(inside), float(watched.exposure[pair.join] - inside))
+    return Within(breaks, joins, seen, float(inside), float(diagnosed.exposure[pair.join] - inside))
 
 
 def _rows_after(clocked: Clocked, row: int, window: float) -> slice:

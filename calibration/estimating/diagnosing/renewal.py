@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.estimating.diagnosing.conditional import spacing_test
-from calibration.estimating.diagnosing.watched import Watched
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from kinetics.support.arrays import Floats
 
 if TYPE_CHECKING:
@@ -65,14 +65,16 @@ class WaitingTimes:
         return plots.drift(ax, self.name, self.positions / self.total)
 
 
-def waiting_times(watched: Watched, channel: int | None = None) -> WaitingTimes:
+def waiting_times(diagnosed: DiagnosedRuns, channel: int | None = None) -> WaitingTimes:
     """The waiting times of one channel, or of any event.
 
     The clock of any event is the sum of all hazards, each with as many events expected as were seen.
     """
-    scale = np.divide(watched.events, watched.exposure, out=np.zeros(watched.exposure.size), where=watched.exposure > 0)
+    scale = np.divide(
+        diagnosed.events, diagnosed.exposure, out=np.zeros(diagnosed.exposure.size), where=diagnosed.exposure > 0
+    )
     positions, total = [], 0.0
-    for clocked in watched.clocked:
+    for clocked in diagnosed.clocked:
         passed = clocked.passed @ scale if channel is None else clocked.passed[:, channel]
         clock = total + np.cumsum(passed)
         fired = clocked.fired
@@ -80,5 +82,5 @@ def waiting_times(watched: Watched, channel: int | None = None) -> WaitingTimes:
             fired = np.flatnonzero(clocked.path.channels == channel)
         positions.append(clock[fired])
         total = float(clock[-1])
-    name = "any event" if channel is None else watched.network.channels[channel]
+    name = "any event" if channel is None else diagnosed.network.channels[channel]
     return WaitingTimes(name, np.concatenate(positions), total)

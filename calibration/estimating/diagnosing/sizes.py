@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import TrendDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
 from kinetics.support.arrays import Floats
 
 
@@ -20,16 +20,16 @@ class Sizes(TrendDiagnostic):
     single = "all runs that could fire it hold {value}"
     measured = "size 4.1 % at a level of 5 %; power .96 for a rate in proportion to 60, 80 and 120 cubes at 150 events"
 
-    def values(self, watched: Watched) -> list[Floats]:
+    def values(self, diagnosed: DiagnosedRuns) -> list[Floats]:
         """The size of the system at the start of each run, which it keeps."""
-        return [np.full(c.path.times.size + 1, watched.amount(c.path.initial[None])[0]) for c in watched.clocked]
+        return [np.full(c.path.times.size + 1, diagnosed.amount(c.path.initial[None])[0]) for c in diagnosed.clocked]
 
-    def unit(self, watched: Watched) -> str:
+    def unit(self, diagnosed: DiagnosedRuns) -> str:
         """What is conserved."""
-        return watched.matter
+        return diagnosed.matter
 
-    def remedy(self, watched: Watched, channel: int) -> str:
+    def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Breaks by collision, or calibration at each density."""
-        if watched.is_break(channel):
+        if diagnosed.breaks[channel]:
             return "breaks depend on the density: try --breaks collision"
         return "the rate depends on the density: try the crowded model, or calibrate at each size"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
-from calibration.estimating.diagnosing.watched import Watched
 from calibration.estimating.exposure import composition
 
 
@@ -21,11 +21,11 @@ class Starts(SpreadDiagnostic):
     remedy = "the rate depends on the composition: try the crowded model for joins, --breaks collision for breaks"
     measured = "size 4.7 % at a level of 5 %; power .92 for 20 % between two compositions of some 650 events each"
 
-    def groups(self, watched: Watched) -> Groups:
+    def groups(self, diagnosed: DiagnosedRuns) -> Groups:
         """The initial compositions."""
-        names = [composition(path) for path in watched.runs]
+        names = [composition(path) for path in diagnosed.runs]
         labels = list(dict.fromkeys(names))
         alone = [
-            np.full(c.path.times.size + 1, labels.index(name)) for c, name in zip(watched.clocked, names, strict=True)
+            np.full(c.path.times.size + 1, labels.index(name)) for c, name in zip(diagnosed.clocked, names, strict=True)
         ]
-        return Groups(labels, *watched.grouped(alone, len(labels)))
+        return Groups(labels, *diagnosed.grouped(alone, len(labels)))

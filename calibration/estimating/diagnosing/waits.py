@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.renewal import waiting_times
-from calibration.estimating.diagnosing.watched import Watched
 
 FEWEST = 5  # waits; below, the test sees nothing
 
@@ -26,18 +26,18 @@ class Waits(Diagnostic):
     question = "Are waits, rescaled by the hazard, exponential?"
     measured = "size 5.7 % at a level of 5 %; power .99 against waits of Weibull shape 0.8 at 300 events"
 
-    def results(self, watched: Watched) -> list[DiagnosticResult]:
+    def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
         """One result a channel, and one of any event."""
-        places = [*range(len(watched.network.channels)), None]
-        return [self._result(watched, place) for place in places]
+        places = [*range(len(diagnosed.network.channels)), None]
+        return [self._result(diagnosed, place) for place in places]
 
-    def _result(self, watched: Watched, channel: int | None) -> DiagnosticResult:
-        waits = waiting_times(watched, channel)
+    def _result(self, diagnosed: DiagnosedRuns, channel: int | None) -> DiagnosticResult:
+        waits = waiting_times(diagnosed, channel)
         n = waits.positions.size
         if n < FEWEST:
             reason = f"{n} events, fewer than {FEWEST}" if n else "no events"
             return DiagnosticResult(self.name, waits.name, n, reason=reason)
-        statistic, p_value = waits.shape_test(watched.random(self.name, waits.name))
+        statistic, p_value = waits.shape_test(diagnosed.random(self.name, waits.name))
         spread = float(np.std(waits.residuals) / np.mean(waits.residuals))
         remedy = "long and short waits alternate: try the weibull model, or net break rates where pieces rebind"
         if spread < 1:

@@ -10,14 +10,8 @@ from scipy.stats import binom, chi2, ks_2samp
 from synthetic_runs import line_network
 
 from calibration import estimate
-from calibration.estimating.break_fit import (
-    BreakComparison,
-    break_channels,
-    deviance,
-    fit_breaks,
-    log_score,
-    rates_of_fit,
-)
+from calibration.estimating.break_comparison import BreakComparison
+from calibration.estimating.break_fit import break_channels, deviance, fit_breaks, log_score, rates_of_fit
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.breaks import BREAK_MODELS, break_model, is_break
 from kinetics.network import Network, Tank

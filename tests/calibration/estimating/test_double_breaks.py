@@ -7,6 +7,8 @@ import pytest
 from break_studies import by_first_coefficient
 from scipy.stats import poisson
 
+from calibration.commands.shared import breaks_table
+from calibration.estimating.break_comparison import BreakComparison
 from calibration.estimating.break_fit import fit_breaks
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from kinetics.breaks import break_model
@@ -60,6 +62,24 @@ def test_chance_is_as_expected_and_doubles_are_seen(runs):
     assert all(second == "2->1+1" for (_, second), n in found.pairs.items() if n > 2)
 
 
+def test_they_are_stated_beside_the_break_models(runs):
+    """Only where the runs resolve them, and asked for only where they were put in."""
+    few = runs[:8]
+    assert BreakComparison.asked_for("collision", few).to_dict()["double_breaks"] is None
+    rng = np.random.default_rng(0)
+    for paths, is_asked_for in ((few, False), ([doubled(path, 0.2, rng) for path in few], True)):
+        compared = BreakComparison.asked_for("collision", paths, within=2 * STEP)
+        found = compared.to_dict()["double_breaks"]
+        assert found["is_asked_for"] == is_asked_for
+        assert found["sentence"] == compared.doubles.sentence
+        assert f"{found['seen']} of {found['breaks']} breaks came within 0.002 tu" in found["sentence"]
+        assert ("do not ask for a model with double breaks" in found["sentence"]) != is_asked_for
+        assert sum(pair["seen"] for pair in found["pairs"]) == found["seen"]
+        assert f"double breaks: {found['sentence']}." in breaks_table(compared)
+        assert found["low"] <= found["share"] <= found["high"]
+    assert DoubleBreaks(STEP, 0, 0, 0.0, {}).sentence == "no bond broke"
+
+
 def test_intervals_cover(request):
     """Of counts drawn at a known share; at most 5 % miss, with a false alarm of 1e-6."""
     rng, misses, n = np.random.default_rng(3), 0, 2000
@@ -75,6 +95,7 @@ def test_intervals_cover(request):
 def test_variance_of_counts_in_pairs():
     """14 of 219 breaks in pairs: counts vary by 1 + 28 / 219."""
     found = DoubleBreaks(STEP, 219, 14, 0.0, {})
+    assert "vary 1.13 [1.07, 1.20] times as much" in found.sentence
     assert found.variance_factor == pytest.approx(1 + 28 / 219)
     assert np.isnan(DoubleBreaks(STEP, 0, 0, 0.0, {}).share)
     assert DoubleBreaks(STEP, 0, 0, 0.0, {}).interval() == (0.0, 1.0)

@@ -19,8 +19,8 @@ from calibration import (
     estimate,
     fit_rates,
 )
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.renewal import waiting_times
-from calibration.estimating.diagnosing.watched import Watched
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 
@@ -154,9 +154,9 @@ def test_waits_are_rescaled_by_any_model():
     _, k = known_parameters(MassActionRates(), pair_network(), STATES[0])
     runs = pair_runs(Weibull(2.0), k, rng, n=20, end=20.0)
     fit = fit_rates(Weibull(), runs)
-    judged = Watched(tuple(runs), fit)
-    constants = [Watched(tuple(runs), each) for each in (None, fit_rates(MassActionRates(), runs))]
-    partly = Watched(tuple(runs), fit_rates(Weibull(), runs, ["join"]))  # the break by mass action
+    judged = DiagnosedRuns(tuple(runs), fit)
+    constants = [DiagnosedRuns(tuple(runs), each) for each in (None, fit_rates(MassActionRates(), runs))]
+    partly = DiagnosedRuns(tuple(runs), fit_rates(Weibull(), runs, ["join"]))  # the break by mass action
     for channel in (0, None):
         assert waiting_times(judged, channel).shape_test(rng)[1] > 1e-3  # a fixed seed
         assert waiting_times(constants[0], channel).shape_test(rng)[1] < 1e-3

@@ -10,7 +10,7 @@ from synthetic_runs import line_network
 from calibration.pipeline.pilot import pilot_rates
 from calibration.pipeline.plan import StudyPlan, is_plan
 from calibration.pipeline.planner import HeldOutTest, PlanRequest, chosen_runs, make_plan
-from calibration.planning.held_out import GroupPower
+from calibration.validating.power import GroupPower
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
 

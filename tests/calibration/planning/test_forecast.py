@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from known_systems import decay
 from synthetic_runs import line_network
 
-from calibration.planning.candidates import candidates, joins_and_breaks, wanted_rates
+from calibration.estimating.joins_and_breaks import joins_and_breaks
+from calibration.planning.candidates import candidates, wanted_rates
 from calibration.planning.forecast import Forecast, whole_bodies
 from kinetics.breaks import Expansion, break_model
 from kinetics.network import Tank

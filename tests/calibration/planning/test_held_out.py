@@ -8,9 +8,10 @@ from known_systems import decay
 from synthetic_runs import line_network
 
 from calibration.estimating.exposure import count
-from calibration.planning.candidates import joins_and_breaks
+from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.planning.forecast import Forecast
-from calibration.planning.held_out import MOST_RUNS, GroupPower, group_powers
+from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for, widest_sd
+from calibration.validating.power import LEVEL, GroupPower
 from kinetics.breaks import Expansion, break_model
 from kinetics.sampling import sample_path
 
@@ -41,22 +42,22 @@ def test_power_is_the_share_of_studies_that_see_it(group):
     (found,) = [each for each in group_powers(known(network), SEEN, groups, start, END, SHIFT) if each.group == group]
     rng, studies = np.random.default_rng(3), 4000
     factors = rng.gamma(SEEN + 0.5, 1 / (SEEN + 0.5), size=(studies, SEEN.size))
+    limits = (0.0, math.inf)
     for true, events in ((1.0, found.expected), *found.shifted):
         shifted = network.with_rates(network.known_rates * np.where(members, true, 1.0))
         runs = [count(sample_path(shifted, start, END, seed=5, run=run)) for run in range(150)]
         picks = rng.integers(len(runs), size=(studies, RUNS))
         seen = np.array([run.events[members].sum() for run in runs])[picks].sum(axis=1)
         exposure = np.array([run.exposure * network.known_rates for run in runs])[picks].sum(axis=1)
-        expected = (factors * exposure)[:, members].sum(axis=1)
-        sd = np.sqrt(1 / expected + found.rates_sd**2)
-        share = float((np.abs(np.log(seen / expected)) > 2.5758 * sd).mean())
+        ratio = seen / (factors * exposure)[:, members].sum(axis=1)
         if true == 1.0:
-            assert share < 0.03  # the level, 1 %
-        else:
-            alone = GroupPower(group, found.expected, found.rates_sd, ((true, events),))
-            assert alone.power(RUNS) == pytest.approx(share, abs=0.1)
-            assert alone.power(2 * RUNS) > share + 0.02  # the control
-            assert found.power(RUNS) <= alone.power(RUNS)
+            limits = np.quantile(ratio, [LEVEL / 2, 1 - LEVEL / 2])
+            continue
+        share = float(((ratio < limits[0]) | (ratio > limits[1])).mean())
+        alone = GroupPower(group, found.expected, found.rates_sd, ((true, events),))
+        assert alone.power(RUNS) == pytest.approx(share, abs=0.1)
+        assert alone.power(2 * RUNS) > share + 0.02  # the control
+        assert found.power(RUNS) <= alone.power(RUNS)
 
 
 def test_more_runs_see_more_up_to_the_limit_that_the_calibration_sets():
@@ -66,9 +67,12 @@ def test_more_runs_see_more_up_to_the_limit_that_the_calibration_sets():
     good, poor = of(5000), of(100)
     assert good.power(2) < good.power(10) < good.power(100) <= good.power(math.inf)
     assert good.power(math.inf) > 0.999
-    runs = good.runs_for(0.9)
+    runs = runs_for(good, 0.9)
     assert good.power(runs) >= 0.9 > good.power(runs - 1)
     assert poor.power(math.inf) < 0.5
-    assert poor.runs_for(0.9) is None
+    assert runs_for(poor, 0.9) is None
     assert poor.power(MOST_RUNS) == pytest.approx(poor.power(math.inf), abs=0.02)
-    assert GroupPower("never", 0.0, math.inf, ((0.8, 0.0),)).runs_for(0.9) is None
+    assert runs_for(GroupPower("never", 0.0, math.inf, ((0.8, 0.0),)), 0.9) is None
+    widest = widest_sd(poor, 0.9)
+    assert 1 / math.sqrt(5000) < widest < 1 / math.sqrt(100)
+    assert GroupPower("all", 30.0, widest, poor.shifted).power(math.inf) == pytest.approx(0.9)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.estimating.break_fit import BreakComparison, rates_with_breaks
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.estimate import estimate
 from calibration.planning.allocation import allocate, events_for, half_width
 from calibration.planning.candidates import Candidate, candidates, wanted_rates

@@ -118,5 +118,6 @@ def test_holm_and_the_sentence():
     assert not worse.is_consistent
     powers = [Power("joins", 0.2, 0.95, 0.56)]
     assert judged(some, powers).sentence.endswith(
-        "; this many runs would have shown joins off by 20 % with probability 95 % (p < 0.05; 56 % by the verdict)"
+        "; this many runs would have shown joins off by 20 % with probability 95 % "
+        "(p ≤ 0.01 in their row; 56 % by the verdict)"
     )

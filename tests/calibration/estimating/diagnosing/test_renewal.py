@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import kstest
 from synthetic_runs import line_network, restarted_run
 
+from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.renewal import WaitingTimes, waiting_times
-from calibration.estimating.diagnosing.watched import Watched
 from kinetics.sampling import sample_path
 
 FALSE_ALARM = 1e-6
@@ -52,9 +52,9 @@ def test_residuals_of_full_paths_are_unit_exponential():
     rng = np.random.default_rng(2)
     runs = [sample_path(network, [60, 0, 0, 0], 100.0, seed=2, run=i) for i in range(4)]
     runs += [restarted_run(network, network.state([14, 12, 6, 1]), 0.5, rng) for _ in range(100)]
-    watched = Watched(tuple(runs))
+    diagnosed = DiagnosedRuns(tuple(runs))
     for channel in (*range(len(network.channels)), None):
-        residuals = waiting_times(watched, channel).residuals
+        residuals = waiting_times(diagnosed, channel).residuals
         assert residuals.size > 50
         assert kstest(residuals, "expon").pvalue > FALSE_ALARM
     clock = np.diff(np.concatenate([run.times for run in runs[:4]]))  # control: plain waits, not rescaled

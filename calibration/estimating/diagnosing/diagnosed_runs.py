@@ -9,10 +9,12 @@ from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.estimating.diagnosing.hazards import Elapsed, elapsed_of, hazard_of
 from calibration.estimating.exposure import Sojourns, require_same, sojourns
 from calibration.estimating.rate_fit import RateFit
+from kinetics.breaks import is_break
 from kinetics.network import Network
 from kinetics.rates import Rates
 from kinetics.runs import RESTART, JumpPath
@@ -50,7 +52,7 @@ class Clocked(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class DiagnosedRuns:
     """Runs of one network, and the model of rates under which they are judged.
 
     fit : a model fitted to all channels or some, rates as predictions use them, or None for mass action
@@ -107,9 +109,10 @@ class Watched:
         """Random numbers of their own for each test and channel."""
         return np.random.default_rng([self.seed, crc32(repr(keys).encode())])
 
-    def is_break(self, channel: int) -> bool:
-        """Whether a firing adds to the number of bodies."""
-        return bool(self.network.stoichiometry[channel].sum() > 0)
+    @cached_property
+    def breaks(self) -> NDArray[np.bool_]:
+        """(R,) the channels that are breaks."""
+        return is_break(self.network)
 
     def amount(self, states: Ints) -> Floats:
         """Matter (n,) in states (n, S): the one conserved quantity, or the copies of all species."""
