@@ -1,6 +1,6 @@
 """Runs that break one assumption of a well-mixed Markov chain each, beside runs that break none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from synthetic_runs import restarted_run
@@ -14,10 +14,10 @@ from calibration.estimating.diagnosing.rebinding import Rebinding
 from calibration.estimating.diagnosing.sizes import Sizes
 from calibration.estimating.diagnosing.starts import Starts
 from calibration.estimating.diagnosing.waits import Waits
-from calibration.pipeline.study import experiments
 from kinetics.assembly import RuleBook, derive
 from kinetics.network import Network
 from kinetics.runs import RESTART, JumpPath
+from kinetics.sampling import sample_path
 
 END = 100.0  # tu of each run of one channel
 
@@ -188,19 +188,15 @@ CASES = {
 }  # fmt: skip
 
 
-def t5_runs(rates, rng):
-    """Calibration runs of the T of five (25 channels) with 60 cubes, planned like those of the mechanics; joins at 3e-5
-    and breaks at 4e-5 per tu, times `rates`, which the runs take in turn."""
-    derivation = derive(RuleBook.load("t5"))
-    network, runs = derivation.network, []
-    is_join = network.reactants.sum(axis=1) == 2
-    for tank in experiments(derivation, 60):
-        is_open = np.ones(is_join.size, bool) if tank.joins else ~is_join
-        for _ in range(2 if tank.joins else 8):
-            k = np.where(is_join, 3e-5, 4e-5) * is_open * rates[len(runs) % len(rates)]
-            drawn = restarted_run(network.with_rates(k), network.state(tank.composition), 500.0, rng)
-            runs.append(JumpPath(network, drawn.initial, drawn.times, drawn.channels, 500.0, is_open))
-    return runs
+def t5_runs(rates, rng, runs=40, end=2000.0):
+    """Calibration runs of the T of five (25 channels): assembly from 60 single cubes, joins at 3e-5 and breaks at 4e-5
+    per tu, times `rates`, which the runs take in turn."""
+    network = derive(RuleBook.load("t5")).network
+    k = np.where(network.reactants.sum(axis=1) == 2, 3e-5, 4e-5)
+    known = [network.with_rates(k * rate) for rate in rates]
+    seed, start = int(rng.integers(2**31)), network.state({"monomer": 60})
+    drawn = [sample_path(known[run % len(rates)], start, end, seed=seed, run=run) for run in range(runs)]
+    return [replace(path, network=network) for path in drawn]
 
 
 def broken(share, rng, runs=34):
