@@ -173,7 +173,7 @@ def test_class_names_are_unique():
 def test_arrows():
     found = all_imports()
     modules = {each.module for each in found}
-    assert {"kinetics.sampling.direct", "mechsim.world.engine", "calibration.pipeline.study"} <= modules
+    assert {"kinetics.sampling.direct", "mechsim.world.engine", "calibration.pipeline.held_out_study"} <= modules
     assert any(each.target == "pybullet" for each in found)
     assert [text for each in found for text in objections(each)] == []
 

@@ -16,17 +16,17 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
-from kinetics.support.cli.options import echo_json, in_a_folder, json_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
-    from calibration.pipeline.study import CalibrationStudy
+    from calibration.pipeline.calibration_study import CalibrationStudy
     from calibration.watched.study import WatchedStudy
     from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
 
-@click.command()
+@click.command(cls=NumbersCommand)
 @click.argument("scene", metavar="SCENE|PLAN")
 @click.option(
     "--out",
@@ -38,27 +38,24 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--cubes",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(60,),
+    show_default=True,
+    metavar="N ...",
+    help="Numbers of cubes of the runs. With --events one number: it is checked, and without counts at the start all "
+    "are single.",
+)
+@click.option(
+    "--runs",
     metavar="N",
     type=click.IntRange(min=1),
-    default=60,
+    default=20,
     show_default=True,
-    help="Number of cubes in each tank; with --events it is checked, and without counts at the start all are single.",
+    help="Number of calibration runs at each number of cubes.",
 )
 @click.option(
-    "--join-time",
-    metavar="T",
-    type=float,
-    default=1000.0,
-    show_default=True,
-    help="Total simulated time for each starting mixture with bonding, tu.",
-)
-@click.option(
-    "--break-time",
-    metavar="T",
-    type=float,
-    default=4000.0,
-    show_default=True,
-    help="Total simulated time for each mixture without bonding, tu.",
+    "--duration", metavar="T", type=float, default=1000.0, show_default=True, help="Simulated time of a run, tu."
 )
 @click.option(
     "--breaks",
@@ -74,9 +71,9 @@ if TYPE_CHECKING:
 def calibrate(
     scene: str,
     out: str,
-    cubes: int,
-    join_time: float,
-    break_time: float,
+    cubes: tuple[int, ...],
+    runs: int,
+    duration: float,
     breaks: str | None,
     events: str | None,
     run_table: str | None,
@@ -92,8 +89,9 @@ def calibrate(
     """Estimate the reaction rates of a scene from mechanics runs, with 95 % intervals.
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
-    full. Runs start from several mixtures and are restarted after every event; breaks, which are rare, are observed in
-    tanks without bonding. Exit code 4: some runs were stopped by the guard or given up; the rates come from the others.
+    full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
+    are used. A channel without events is named: the runs give it no more than an upper limit. Exit code 4: some runs
+    were stopped by the guard or given up; the rates come from the others.
 
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself.
 
@@ -107,8 +105,9 @@ def calibrate(
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
     study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
+        from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
         from calibration.pipeline.plan import StudyPlan, is_plan
-        from calibration.pipeline.study import calibration_specs, run_calibration, run_planned_calibration
+        from calibration.pipeline.study_runs import assembly_specs
         from kinetics.breaks import break_model
         from mechsim.scene import Scene
 
@@ -116,22 +115,24 @@ def calibrate(
             break_model(breaks)
         plan = StudyPlan.load(scene) if is_plan(scene) else None
         if plan is not None:
-            refuse_what_a_plan_fixes(scene, "cubes", "join_time", "break_time", "seed")
+            refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
             seed = plan.calibration.seed
         if part is not None:
             if plan is not None:
                 specs = plan.specs(plan.calibration)
             else:
-                specs = calibration_specs(Scene.load(scene), cubes, join_time, break_time, seed)
+                described = Scene.load(scene)
+                check_measurable(described, cubes)
+                specs = assembly_specs(described, cubes, runs, duration, seed)
             part.make(specs, runs_folder, workers, progress, as_json)
             return
         common: dict[str, Any] = {"workers": workers, "progress": progress}
         if plan is not None:
             study = run_planned_calibration(plan, runs_folder, breaks=breaks, **common)
         else:
-            times: dict[str, Any] = {"cubes": cubes, "join_time": join_time, "break_time": break_time}
+            sizes: dict[str, Any] = {"sizes": cubes, "runs": runs, "duration": duration}
             study = run_calibration(
-                Scene.load(scene), runs_folder, seed=seed, breaks=breaks or "auto", **times, **common
+                Scene.load(scene), runs_folder, seed=seed, breaks=breaks or "auto", **sizes, **common
             )
     study.rates.save(target)
     if report:
@@ -139,10 +140,13 @@ def calibrate(
 
         calibration_report(study).write(report, data=True)
     if as_json:
+        from calibration.reporting.overview import not_seen
+
         echo_json(
             {
                 "out": out,
                 "channels": study.calibration.table(),
+                "not_seen": not_seen(study.calibration),
                 "breaks": None if study.break_models is None else study.break_models.to_dict(),
                 "evidence": study.rates.evidence,
                 "diagnostics": study.diagnosis.to_dict(),

@@ -38,8 +38,10 @@ if TYPE_CHECKING:
 @json_option
 def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
     """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
-    from calibration.pipeline.study import run_calibration, run_validation, watched_run
-    from calibration.reporting.overview import full_report
+    from calibration.pipeline.calibration_study import run_calibration
+    from calibration.pipeline.held_out_study import run_validation
+    from calibration.pipeline.study_runs import watched_run
+    from calibration.reporting.overview import full_report, not_seen
     from mechsim.inspection.pictures.tank import draw_tank
     from mechsim.scene import Scene
 
@@ -49,7 +51,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     place.mkdir(parents=True, exist_ok=True)
     scene, runs_folder = Scene.load("line4"), place / "runs"
     common: dict[str, Any] = {"workers": workers, "progress": progress}
-    calibrated = run_calibration(scene, runs_folder, join_time=300 * scale, break_time=800 * scale, seed=seed, **common)
+    calibrated = run_calibration(scene, runs_folder, runs=10, duration=300 * scale, seed=seed, **common)
     rates_file = place / "rates.toml"
     calibrated.rates.save(rates_file)
     if not as_json:
@@ -66,6 +68,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
                 "rates": str(rates_file),
                 "report": str(written),
                 "channels": calibrated.calibration.table(),
+                "not_seen": not_seen(calibrated.calibration),
                 "is_consistent": validated.is_consistent,
                 "verdict": validated.verdict.sentence,
                 "events": [row.to_dict() for row in validated.events],

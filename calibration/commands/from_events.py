@@ -51,7 +51,7 @@ def study_of_events(
     events: str | None,
     run_table: str | None,
     tank: tuple[float, float, float] | None,
-    cubes: int,
+    cubes: tuple[int, ...],
     breaks: str | None,
 ) -> WatchedStudy | None:
     """The study that --events asks for, None without it. ValueError: options that do not go together.
@@ -74,7 +74,11 @@ def study_of_events(
     from kinetics.network import Tank
 
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
-    said = cubes if "cubes" in given else None
+    if "cubes" in given and len(cubes) > 1:
+        raise ValueError(
+            f"--cubes {' '.join(map(str, cubes))}: with --events one number, that of the cubes in each run"
+        )
+    said = cubes[0] if "cubes" in given else None
     return watched_study(
         source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank), breaks=breaks
     )

@@ -16,7 +16,8 @@ from mechsim.commands.options import PARTIAL
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
-    from calibration.pipeline.study import CalibrationStudy, ValidationStudy
+    from calibration.pipeline.calibration_study import CalibrationStudy
+    from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.watched.study import WatchedStudy
 
 
@@ -87,7 +88,9 @@ def breaks_table(compared: BreakComparison) -> str:
 
 
 def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
-    """Rates with intervals, for people."""
+    """Rates with intervals, and which channels were not seen, for people."""
+    from calibration.reporting.overview import about_not_seen
+
     rows = [
         (
             row["channel"],
@@ -100,6 +103,8 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
         for row in study.calibration.table()
     ]
     lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
+    if unseen := about_not_seen(study.calibration):
+        lines.append(unseen)
     lines += ["", *diagnosis_lines(study.diagnosis), ""]
     lines.append(study.source)
     return "\n".join(lines)

@@ -96,8 +96,9 @@ def validate(
     distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
     runs. Exit code 4: some runs were stopped by the guard or given up.
     """
+    from calibration.pipeline.held_out_study import check_held_out, run_planned_validation, run_validation
     from calibration.pipeline.plan import StudyPlan, is_plan
-    from calibration.pipeline.study import check_held_out, run_planned_validation, run_validation, validation_specs
+    from calibration.pipeline.study_runs import assembly_specs
     from kinetics.rates import Rates
     from mechsim.scene import Scene
 
@@ -110,7 +111,7 @@ def validate(
     described, rates = Scene.load(plan.scene if plan else scene), Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:
-        specs = plan.specs(plan.held_out) if plan else validation_specs(described, cubes, runs, duration, seed)
+        specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
         part.make(specs, runs_folder, workers, progress, as_json)
         return
     common: dict[str, Any] = {"workers": workers, "progress": progress}

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 from typing import Self
 
 from pydantic import Field, model_validator
 
-from kinetics.support.config import Settings, read_toml, validated, write_toml
+from kinetics.support.config import Settings, is_path, read_toml, validated, write_toml
 from mechsim.runs.record import RunSpec
 from mechsim.scene import Scene
 
@@ -63,7 +64,7 @@ class VerdictRules(Settings):
 class StudyPlan(Settings):
     """A calibration and its test on held-out runs, as planned.
 
-    scene : name or file
+    scene : name or file; in the file of a plan, a path is relative to the folder of that file
     log_above : loads on bonds above this are logged in every run, see the effect `breaking`; None: no log
     breaks : name of a break model, or `auto` for the one that the calibration runs choose
     purpose : for the reader, what the plan is to find out and how its numbers were chosen
@@ -95,16 +96,20 @@ class StudyPlan(Settings):
         source = Path(path)
         if not source.is_file():
             raise ValueError(f"plan {source} does not exist; give the path of a TOML file")
-        return validated(cls, read_toml(source), source.name)
+        plan = validated(cls, read_toml(source), source.name)
+        return plan.model_copy(update={"scene": str(source.parent / plan.scene)}) if is_path(plan.scene) else plan
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
-        write_toml(self.model_dump(exclude_none=True), Path(path))
+        target = Path(path)
+        scene = os.path.relpath(self.scene, target.parent) if is_path(self.scene) else self.scene
+        write_toml(self.model_dump(exclude_none=True) | {"scene": scene}, target)
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the plan's content (not of its file)."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of the plan's content, the scene by its name: the same wherever plan and scene are kept."""
+        content = self.model_dump(mode="json") | {"scene": Path(self.scene).name}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def scene_of(self, tanks: Tanks) -> Scene:
         """The scene of some runs: the plan's, with their tank and with the log of loads."""

@@ -12,8 +12,10 @@ from kinetics.rates import Rates
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
+    from calibration.estimating.estimate import Calibration
     from calibration.pipeline.bars import Bar
-    from calibration.pipeline.study import CalibrationStudy, ValidationStudy
+    from calibration.pipeline.calibration_study import CalibrationStudy
+    from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
     from calibration.watched.study import WatchedStudy
@@ -78,7 +80,7 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     breaks = [] if study.break_models is None else _break_parts(study.break_models)
     return [
         Heading("Rates"),
-        Text(f"{study.source}. {study.made} {ABOUT_RATES}"),
+        Text(f"{study.source}. {study.made} {ABOUT_RATES} {about_not_seen(study.calibration)}"),
         ReportTable("Rate constants (1/tu), per way and combination.", rows, "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
@@ -86,6 +88,17 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
         *breaks,
         *diagnosis_parts(study.diagnosis),
     ]
+
+
+def not_seen(calibration: Calibration) -> list[str]:
+    """Channels that could fire, and never did."""
+    return [each.channel for each in calibration.estimates if each.is_measured and not each.events]
+
+
+def about_not_seen(calibration: Calibration) -> str:
+    """What is known of channels without events, in a sentence; nothing where all were seen."""
+    names = ", ".join(not_seen(calibration))
+    return names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
 
 
 def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:

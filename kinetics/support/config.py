@@ -28,15 +28,21 @@ class Settings(BaseModel):
     model_config = STRICT
 
 
+def is_path(name_or_path: str | Path) -> bool:
+    """Whether this is the path of the user's own file (it ends in .toml or holds a separator), not a shipped name."""
+    path = Path(name_or_path)
+    return path.suffix == ".toml" or len(path.parts) > 1
+
+
 def find(name_or_path: str | Path, folder: Path, kind: str) -> Path:
     """Path of a shipped file by its name, or of the user's own file.
 
-    name_or_path : `line4`, or a path (anything that ends in .toml or holds a separator)
+    name_or_path : `line4`, or a path, see `is_path`
     folder : where the shipped files of this kind live
     """
     text = str(name_or_path)
     path = Path(text)
-    if path.suffix == ".toml" or len(path.parts) > 1:
+    if is_path(path):
         if not path.is_file():
             raise ValueError(f"{kind} file {text} does not exist; give the path of a TOML file")
         return path

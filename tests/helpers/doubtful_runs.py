@@ -14,7 +14,6 @@ from calibration.estimating.diagnosing.rebinding import Rebinding
 from calibration.estimating.diagnosing.sizes import Sizes
 from calibration.estimating.diagnosing.starts import Starts
 from calibration.estimating.diagnosing.waits import Waits
-from calibration.pipeline.study import experiments
 from kinetics.assembly import RuleBook, derive
 from kinetics.network import Network
 from kinetics.runs import RESTART, JumpPath
@@ -188,17 +187,40 @@ CASES = {
 }  # fmt: skip
 
 
+def t5_tanks(derivation, cubes=60):
+    """Tanks (composition, whether joins are open) in which each channel of a book is seen: all species in equal shares
+    of cubes, each join's reactants, and, without joins, that mixture with half of it a species that breaks."""
+    network = derivation.network
+    sizes = {name: len(structure) for name, structure in derivation.structures.items()}
+    crowd = dict.fromkeys(network.species, 1.0)
+
+    def mixture(shares):
+        whole = sum(shares.values())
+        counts = {name: int(cubes * share / whole / sizes[name]) for name, share in shares.items()}
+        counts["monomer"] = counts.get("monomer", 0) + cubes - sum(sizes[name] * n for name, n in counts.items())
+        return {name: n for name, n in counts.items() if n}
+
+    tanks = [(mixture(crowd), True)]
+    for reactants in network.reactants:
+        before = [network.species[s] for s in np.flatnonzero(reactants)]
+        if reactants.sum() == 2:
+            tanks.append((mixture(dict.fromkeys(before, 1.0)), True))
+        else:
+            tanks.append((mixture(crowd | {before[0]: 1.0 + len(crowd)}), False))
+    return list({repr(tank): tank for tank in tanks}.values())
+
+
 def t5_runs(rates, rng):
-    """Calibration runs of the T of five (25 channels) with 60 cubes, planned like those of the mechanics; joins at 3e-5
-    and breaks at 4e-5 per tu, times `rates`, which the runs take in turn."""
+    """Runs of the T of five (25 channels) with 60 cubes, restarted after every event; joins at 3e-5 and breaks at 4e-5
+    per tu, times `rates`, which the runs take in turn."""
     derivation = derive(RuleBook.load("t5"))
     network, runs = derivation.network, []
     is_join = network.reactants.sum(axis=1) == 2
-    for tank in experiments(derivation, 60):
-        is_open = np.ones(is_join.size, bool) if tank.joins else ~is_join
-        for _ in range(2 if tank.joins else 8):
+    for composition, joins in t5_tanks(derivation):
+        is_open = np.ones(is_join.size, bool) if joins else ~is_join
+        for _ in range(2 if joins else 8):
             k = np.where(is_join, 3e-5, 4e-5) * is_open * rates[len(runs) % len(rates)]
-            drawn = restarted_run(network.with_rates(k), network.state(tank.composition), 500.0, rng)
+            drawn = restarted_run(network.with_rates(k), network.state(composition), 500.0, rng)
             runs.append(JumpPath(network, drawn.initial, drawn.times, drawn.channels, 500.0, is_open))
     return runs
 

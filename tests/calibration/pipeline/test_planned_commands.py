@@ -73,10 +73,7 @@ def test_shards_of_a_plan(wellmixed_here, place, calibrated, tmp_path):
 @pytest.mark.parametrize(
     ("command", "option"),
     [
-        *(
-            (["calibrate", "--out", "x.toml"], [name, 5])
-            for name in ("--cubes", "--join-time", "--break-time", "--seed")
-        ),
+        *((["calibrate", "--out", "x.toml"], [name, 5]) for name in ("--cubes", "--runs", "--duration", "--seed")),
         *((["validate", "--rates", "table3"], [name, 5]) for name in ("--cubes", "--runs", "--duration", "--seed")),
     ],
 )

@@ -15,7 +15,7 @@ from mechsim.runs.shards import Shard, missing
 from mechsim.runs.store import RunStore, digest_of
 
 SIMULATE = ["simulate", "line4", "--cubes", 6, "--duration", 1, "--runs", 5, "--seed", 1]
-CALIBRATE = ["calibrate", "line4", "--cubes", 20, "--join-time", 1, "--break-time", 1, "--out", "rates.toml"]
+CALIBRATE = ["calibrate", "line4", "--cubes", 6, 8, "--runs", 2, "--duration", 1, "--out", "rates.toml"]
 VALIDATE = ["validate", "line4", "--rates", "table3", "--cubes", 6, 8, "--runs", 2, "--duration", 1]
 
 
