@@ -2,7 +2,8 @@
 
 Gillespie (1977), doi:10.1021/j100540a008: a wait by eq. 21a, a channel by eq. 21b. A channel's
 propensity is its coefficient times a product of factors, see `sampling.mass_action`. So s(s-1)/2 is the coefficient
-k/2 with factors s and s - 1, and no channel can fire below its reactants.
+k/2 with factors s and s - 1, and no channel can fire below its reactants. Channels that change the same are merged, see
+`sampling.merging`.
 """
 
 import numpy as np
@@ -15,23 +16,27 @@ from kinetics.kernels.streams import exponential, next_word, start_stream, unifo
 
 
 @compiled
-def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
+def advance(model, changes, counts, clock, end, stream, times, fired):
     """Run one trajectory on until `end`, or until the buffers of events are full.
 
-    model : see `sampling.mass_action.MassAction`
-    stoichiometry : (R, S) int64
+    model : see `sampling.merging.MergedChannels`
+    changes : (G, S) int64, of the counts by each of the model's channels
     counts : (S + 1,) int64, the last one 1; changed in place
     clock : (1,) tu; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
-    times, channels : (B,) buffers that receive the events
+    times, fired : (B,) buffers that receive the events, by the model's channels
 
     Returns the outcome and the number of events written.
     """
     coefficients, first, second, less = model.coefficients, model.first, model.second, model.less
-    n_channels, n_species = stoichiometry.shape
+    terms = model.terms
+    n_channels, n_species = changes.shape
     n_blocks = (n_channels + BLOCK - 1) // BLOCK
+    has_sums = len(terms) > 0
     has_general = np.any(model.is_general)
-    copies = counts.astype(np.float64)  # so that each count is converted once, not once a channel
+    copies = np.empty(n_species + 1 + len(terms))  # so that each count is converted once, not once a channel
+    for s in range(n_species + 1):
+        copies[s] = counts[s]
     propensities = np.zeros(n_blocks * BLOCK)
     within = np.empty(n_blocks * BLOCK)  # sums of propensities from the start of the block
     upto = np.empty(n_blocks)  # sums over whole blocks
@@ -40,6 +45,13 @@ def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
     n_events = 0
     outcome = UNFINISHED
     while n_events < times.size:
+        if has_sums:
+            part = 0.0
+            for k in range(np.uint64(len(terms))):
+                part += terms[k, 0] * (copies[np.uint64(terms[k, 1])] - terms[k, 2])
+                if terms[k, 3] > 0.0:
+                    copies[np.uint64(terms[k, 3])] = part
+                    part = 0.0
         for r in range(np.uint64(n_channels)):  # unsigned indices need no check for negative ones
             pair = coefficients[r] * copies[np.uint64(first[r])]
             propensities[r] = pair * (copies[np.uint64(second[r])] - less[r])
@@ -73,14 +85,14 @@ def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
             chosen += 1
         overflowed = False
         for s in range(n_species):
-            counts[s] += stoichiometry[chosen, s]
+            counts[s] += changes[chosen, s]
             overflowed |= counts[s] < 0
             copies[s] = counts[s]
         if overflowed:
             outcome = OVERFLOW
             break
         times[n_events] = t
-        channels[n_events] = chosen
+        fired[n_events] = chosen
         n_events += 1
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
     clock[0] = t
@@ -88,10 +100,10 @@ def advance(model, stoichiometry, counts, clock, end, stream, times, channels):
 
 
 @compiled
-def ensemble(model, stoichiometry, initial, grid, key, first_run, out):
+def ensemble(model, changes, initial, grid, key, first_run, out):
     """Counts of many runs on a grid of times.
 
-    model, stoichiometry : see `advance`
+    model, changes : see `advance`
     initial : (S,) int64
     grid : (T,) tu, rising
     key : (4,) uint64
@@ -107,7 +119,7 @@ def ensemble(model, stoichiometry, initial, grid, key, first_run, out):
     clock = np.zeros(1)
     stream = np.empty(4, dtype=np.uint64)
     times = np.empty(1024)
-    channels = np.empty(1024, dtype=np.int64)
+    fired = np.empty(1024, dtype=np.int64)
     for i in range(out.shape[0]):
         start_stream(key, first_run + i, stream)
         counts[:n_species] = initial
@@ -116,11 +128,11 @@ def ensemble(model, stoichiometry, initial, grid, key, first_run, out):
         seen = 0
         outcome = UNFINISHED
         while outcome == UNFINISHED:
-            outcome, n_events = advance(model, stoichiometry, counts, clock, grid[-1], stream, times, channels)
+            outcome, n_events = advance(model, changes, counts, clock, grid[-1], stream, times, fired)
             for event in range(n_events):
                 seen = record(state, times[event], grid, seen, out[i])
                 for s in range(n_species):
-                    state[s] += stoichiometry[channels[event], s]
+                    state[s] += changes[fired[event], s]
         if outcome != REACHED_END:
             return outcome, first_run + i
         for j in range(seen, n_times):

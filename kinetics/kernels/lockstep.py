@@ -34,18 +34,19 @@ def factored_lanes(coefficient, factors, r, counts, propensities, active):
 
 
 @compiled
-def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
+def lockstep(model, changes, initial, grid, key, first_run, out):
     """`ensemble`, with `LANES` runs side by side: each does the arithmetic of `advance`, in a lane of vectors.
 
     Arguments and result as of `ensemble`. A lane that ends its run takes up the next one. Runs that come to counts
     which a double cannot hold, or to a clock that stands still, are made again by `ensemble`.
     """
-    n_channels, n_species = stoichiometry.shape
+    n_channels, n_species = changes.shape
+    terms = model.terms
     n_blocks = (n_channels + BLOCK - 1) // BLOCK
     runs, n_times, _ = out.shape
     flat = out.ravel()  # no copy
     state = np.empty(n_species, dtype=np.int64)
-    counts = np.ones((n_species + 1, LANES))
+    counts = np.ones((n_species + 1 + np.count_nonzero(terms[:, 3]), LANES))
     within, upto = np.empty((n_channels, LANES)), np.empty((n_blocks, LANES))
     total, part, target = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     t, upcoming = np.empty(LANES), np.empty(LANES)
@@ -56,10 +57,10 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
     stream = np.empty(4, dtype=np.uint64)
     # Channel n_channels changes nothing: what a lane does that has just ended its run.
     change = np.zeros((n_species, n_channels + 1))
-    change[:, :n_channels] = stoichiometry.T
-    starts, species_of = np.zeros(n_channels + 2, dtype=np.int64), np.nonzero(stoichiometry)[1]
+    change[:, :n_channels] = changes.T
+    starts, species_of = np.zeros(n_channels + 2, dtype=np.int64), np.nonzero(changes)[1]
     for r in range(n_channels):
-        starts[r + 1] = starts[r] + np.count_nonzero(stoichiometry[r])
+        starts[r + 1] = starts[r] + np.count_nonzero(changes[r])
     starts[n_channels + 1] = starts[n_channels]
     active = min(LANES, runs)
     begun = 0
@@ -70,7 +71,14 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
     while active > 0:
         lanes = np.uint64(active)  # unsigned: indices need no check for negative ones
         for lane in range(lanes):
-            total[lane] = 0.0
+            total[lane], part[lane] = 0.0, 0.0
+        for k in range(len(terms)):
+            weight, partner, taken, place = terms[k, 0], np.uint64(terms[k, 1]), terms[k, 2], np.uint64(terms[k, 3])
+            for lane in range(lanes):
+                part[lane] += weight * (counts[partner, lane] - taken)
+            if place > 0:
+                for lane in range(lanes):
+                    counts[place, lane], part[lane] = part[lane], 0.0
         for block in range(n_blocks):
             for lane in range(lanes):
                 part[lane] = 0.0
@@ -178,7 +186,7 @@ def lockstep(model, stoichiometry, initial, grid, key, first_run, out):
             active = kept
 
     for i in np.flatnonzero(is_odd):
-        outcome, failed = ensemble(model, stoichiometry, initial, grid, key, first_run + i, out[i : i + 1])
+        outcome, failed = ensemble(model, changes, initial, grid, key, first_run + i, out[i : i + 1])
         if outcome != REACHED_END:
             return outcome, failed
     return REACHED_END, first_run + runs - 1

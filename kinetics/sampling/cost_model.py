@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.sampling.merging import leaders
 from kinetics.support.arrays import Ints
 
 
@@ -18,12 +19,14 @@ class NetworkSize:
     order : most reactants of a channel
     updated : propensities that an event changes, on average over the channels; those that two changed species share
         count twice
+    n_merged : channels once those that change the same are merged, see `merging`
     """
 
     n_channels: int
     n_species: int
     order: int
     updated: float
+    n_merged: int
 
     @classmethod
     def of(cls, network: Network) -> NetworkSize:
@@ -32,7 +35,8 @@ class NetworkSize:
         n_channels, n_species = needed.shape
         readers = np.bincount(needed.columns, minlength=n_species)
         order = int(cls.orders(network).max(initial=0))
-        return cls(n_channels, n_species, order, readers[change.columns].sum() / max(1, n_channels))
+        updated = readers[change.columns].sum() / max(1, n_channels)
+        return cls(n_channels, n_species, order, updated, np.unique(leaders(network)).size)
 
     @staticmethod
     def orders(network: Network) -> Ints:

@@ -16,6 +16,7 @@ from kinetics.network import Network
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, check_outcome, stream_key
 from kinetics.sampling.direct import RecomputingSampler
+from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints, integers, reals, rising_times
 from kinetics.support.memory import check_memory
 
@@ -89,23 +90,27 @@ def exposures_of_draws(
 
     The runs are those of `simulate_draws` by `Direct` where that computes all propensities at every event, as it does
     in small networks; else they are others of the same distribution. An exposure is the integral of ways *
-    combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some 15 us.
+    combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some 15 us, more
+    where channels are merged.
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     if not network.is_mass_action:
         raise ValueError("the network has rate laws or events; exposures are those of mass action alone")
     horizon = float(rising_times([end])[0])
-    ready = RecomputingSampler(network.with_rates(np.ones(len(network.channels))))
+    with_units = network.with_rates(np.ones(len(network.channels)))
+    ready = RecomputingSampler(with_units)
     key, shape = stream_key(seed), (runs, len(network.channels))
 
     from kinetics.kernels import exposures
 
-    units = ready.model.coefficients
+    units = mass_action(with_units)
     for d, row in enumerate(table):
-        model = ready.with_constants(row).model
+        model, members = ready.merging.model(row), ready.merging.named(row)
         seen, watched = np.empty(shape, dtype=np.int64), np.empty(shape)
         first = first_run + d * runs
-        check_outcome(*exposures.ensemble(model, units, ready.stoichiometry, start, horizon, key, first, seen, watched))
+        check_outcome(
+            *exposures.ensemble(model, members, units, ready.changes, start, horizon, key, first, seen, watched)
+        )
         yield seen, watched
 
 

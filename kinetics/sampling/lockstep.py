@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
-from kinetics.sampling.direct import Direct
-from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.direct import Direct, RecomputingSampler
+from kinetics.sampling.merging import Merging
 from kinetics.support.arrays import Floats, Ints
 
 LARGEST_CHANGE = 2**40  # of a count by one event
@@ -49,23 +49,27 @@ class Lockstep(SamplingMethod):
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, in an ensemble that fills the lanes."""
-        return 30.0 + 0.36 * size.n_channels if size.n_species > 8 else 3.0 + 0.8 * size.n_channels
+        base, each = (30.0, 0.36) if size.n_species > 8 else (3.0, 0.8)
+        return base + each * size.n_merged + 0.15 * (size.n_channels - size.n_merged)
 
 
 class LockstepSampler:
     """Runs of an ensemble side by side; few runs and single paths as ever."""
 
     def __init__(self, network: Network):
-        self.one_by_one = Direct().prepared(network)
-        self.model = mass_action(network)
-        self.stoichiometry = np.ascontiguousarray(network.stoichiometry)
+        self.one_by_one = one_by_one = Direct().prepared(network)
+        # Merged or not as there, so that the runs are the same.
+        is_merged = isinstance(one_by_one, RecomputingSampler)
+        self.merging = one_by_one.merging if is_merged else Merging.of(network, np.arange(len(network.channels)))
+        self.model = self.merging.model()
+        self.changes = network.stoichiometry[self.merging.leaders]
         self.path = self.one_by_one.path
 
     def with_constants(self, constants: Floats, one_by_one: Sampler) -> LockstepSampler:
         """The same for other rate constants (R,), where those of this one are 1."""
         other = copy(self)
         other.one_by_one, other.path = one_by_one, one_by_one.path
-        other.model = self.model._replace(coefficients=self.model.coefficients * constants)
+        other.model = self.merging.model(constants)
         return other
 
     def ensemble(
@@ -75,7 +79,7 @@ class LockstepSampler:
         from kinetics.kernels import lockstep
 
         # Lanes count in doubles.
-        is_exact = initial.max() < LARGEST_COUNT and np.abs(self.stoichiometry).max(initial=0) < LARGEST_CHANGE
+        is_exact = initial.max() < LARGEST_COUNT and np.abs(self.changes).max(initial=0) < LARGEST_CHANGE
         if len(out) < FEWEST_RUNS or not is_exact:
             return self.one_by_one.ensemble(initial, grid, key, first_run, out)
-        return lockstep.lockstep(self.model, self.stoichiometry, initial, grid, key, first_run, out)
+        return lockstep.lockstep(self.model, self.changes, initial, grid, key, first_run, out)

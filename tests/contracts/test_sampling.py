@@ -246,7 +246,7 @@ def test_bad_input_is_refused(method):
 @named
 def test_limits_are_where_the_traits_say(method):
     """A network at a limit is taken, and one beyond it is refused with both numbers."""
-    size, net = NetworkSize(1, 1, 1, 1.0), decay()
+    size, net = NetworkSize(1, 1, 1, 1.0, 1), decay()
     for trait, field in (("most_species", "n_species"), ("most_channels", "n_channels")):
         most = getattr(method, trait)
         if most < np.inf:
@@ -260,7 +260,7 @@ def test_limits_are_where_the_traits_say(method):
 
 @named
 def test_costs_are_numbers(method):
-    costs = [method.cost(NetworkSize(n, n, 2, 4.0)) for n in (1, 10, 100, 1000)]
+    costs = [method.cost(NetworkSize(n, n, 2, 4.0, n)) for n in (1, 10, 100, 1000)]
     assert costs == sorted(costs)
     assert costs[0] > 0
 

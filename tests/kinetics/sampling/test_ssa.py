@@ -16,7 +16,7 @@ from kinetics import sample_path
 from kinetics.kernels import direct, streams
 from kinetics.sampling import Direct
 from kinetics.sampling.base import stream_key
-from kinetics.sampling.mass_action import mass_action
+from kinetics.sampling.merging import Merging
 
 TIMES = [0.0, 50.0, 500.0, 2000.0]
 
@@ -104,7 +104,7 @@ def test_kernel_against_the_definition():
 
 
 def test_kernels_equal_their_python(monkeypatch):
-    model = (mass_action(line()), np.ascontiguousarray(line().stoichiometry))
+    model = (Merging.of(line()).model(), np.ascontiguousarray(line().stoichiometry))
     key, initial = stream_key(13), np.array([60, 0, 0, 0])
 
     def everything():

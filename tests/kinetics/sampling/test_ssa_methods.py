@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from known_systems import assert_follows_cdf, assert_follows_table, decay, line, network, walk
 from numpy.testing import assert_allclose, assert_array_equal
-from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER, ring
+from sampled_networks import APART, MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.stats import binom, nbinom
 
 from kinetics import Transient
@@ -72,7 +72,7 @@ def test_growth_over_many_octaves(method):
         (line(), [50, 0, 0, 0]),
         (walk(14, 1.0, 1.0), [40] + 14 * [0]),
         (ring(33), 33 * [4]),
-        (MIXED, [20, 3, 5]),
+        (APART, [20, 3, 5]),
         (THIRD_ORDER, [20, 4]),
         (PRODUCTS, [21, 0]),
     ],
@@ -119,7 +119,7 @@ def test_auto_chooses_by_network():
     assert Auto().choose(dense) == PartialPropensities()
     third = Network.from_reactions({str(i): ({"a": 3}, {f"b{i}": 1}) for i in range(500)}, np.ones(500))
     assert Auto().choose(third) != PartialPropensities()
-    assert NetworkSize.of(line()) == NetworkSize(8, 4, 2, NetworkSize.of(line()).updated)
+    assert NetworkSize.of(line()) == NetworkSize(8, 4, 2, NetworkSize.of(line()).updated, 8)
     assert_array_equal(
         Auto().simulate(line(), [60, 0, 0, 0], [500.0], runs=40, seed=3).counts,
         Direct().simulate(line(), [60, 0, 0, 0], [500.0], runs=40, seed=3).counts,

@@ -1,0 +1,64 @@
+"""Which of the network's channels fires where several are merged into one: drawn by their shares of its propensity."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.streams import next_word, start_stream, uniform
+
+NAMING = 0xD1B54A32D192ED03  # told apart from the streams of events by these bits of the key
+
+
+class Members(NamedTuple):
+    """What the merged channels of a model stand for.
+
+    spans (G + 1,), channels (R,) : channel g stands for the network's channels[spans[g]] to channels[spans[g + 1]]
+    weights, partners int32, less (R,) : the share of each is as weight * (x[partner] - less)
+    """
+
+    spans: np.ndarray
+    channels: np.ndarray
+    weights: np.ndarray
+    partners: np.ndarray
+    less: np.ndarray
+
+
+@compiled
+def start_naming(key, run, stream):
+    """The stream of a run that draws members; that of its events is as it would be if nobody asked for them."""
+    start_stream(key ^ np.uint64(NAMING), run, stream)
+
+
+@compiled
+def member_at(members, chosen, counts, stream):
+    """The network's channel for the model's channel `chosen`, at `counts` (S + 1,); a draw only among several."""
+    first, end = members.spans[chosen], members.spans[chosen + 1]
+    if end - first == 1:
+        return members.channels[first]
+    total = 0.0
+    for k in range(first, end):
+        total += members.weights[k] * (counts[members.partners[k]] - members.less[k])
+    word, stream[0], stream[1], stream[2], stream[3] = next_word(stream[0], stream[1], stream[2], stream[3])
+    target, part = uniform(word) * total, 0.0
+    for k in range(first, end):
+        part += members.weights[k] * (counts[members.partners[k]] - members.less[k])
+        if part > target or part == total:  # which rounding may have made the target
+            return members.channels[k]
+    return members.channels[end - 1]
+
+
+@compiled
+def name_events(members, changes, counts, chosen, stream):
+    """Put the network's channels in the place of the model's.
+
+    changes (G, S) : see `direct.advance`
+    counts : (S + 1,) before the first event; changed in place
+    chosen : (B,) the model's channels, changed in place
+    stream : (4,) see `start_naming`; changed in place
+    """
+    for event in range(chosen.size):
+        g = chosen[event]
+        chosen[event] = member_at(members, g, counts, stream)
+        for s in range(changes.shape[1]):
+            counts[s] += changes[g, s]

@@ -1,0 +1,170 @@
+"""Channels that change the counts alike, merged into one whose propensity is their sum.
+
+Which of them fires matters to no count, so the jump process of the counts stays what it was. A break that any body can
+cause is one channel a partner in the network, X + Y -> parts + Y, and one in all here: k x_X (z - w_X) with
+z = sum of w_Y x_Y, which all breaks share whose partners have the same weights up to a factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.network import Network
+from kinetics.sampling.mass_action import MassAction, mass_action
+from kinetics.support.arrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from kinetics.kernels.members import Members
+
+MOST_CHANNELS = 2000  # of a network in which any are merged; among more, an event had better update what it changed
+ALIKE = 1e-14  # relative difference of weights that rounding explains
+WIDEST = 1e6  # ratio of weights up to which w_X is taken off a sum: at most so many roundings are lost by it
+
+
+class MergedChannels(NamedTuple):
+    """Propensities of G channels among S species, made from the R of a network, and what the kernels read of them.
+
+    coefficients, first, second (G,), less (G,), is_general (G,), factors (G, K, 3) : as of `mass_action.MassAction`; a
+        second of S + 1 + f stands for sum f
+    terms (M, 4) : of the sums, one after another: a weight, the species s and what is taken from its copies, for
+        weight * (x[s] - taken); and S + 1 + f in the last term of sum f, else 0
+    """
+
+    coefficients: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    less: np.ndarray
+    is_general: np.ndarray
+    factors: np.ndarray
+    terms: np.ndarray
+
+
+def leaders(network: Network) -> Ints:
+    """(R,) the first of the channels that each channel can be merged with; itself where there is none before.
+
+    They change the counts alike, and are of mass action in at most two reactants, one of them a species that is used
+    up. Cost: about 1 us a channel; among more than `MOST_CHANNELS`, none is merged.
+    """
+    needed, change = network.sparse_reactants, network.sparse_stoichiometry
+    n_channels = len(network.channels)
+    leader = np.arange(n_channels)
+    if n_channels > MOST_CHANNELS:
+        return leader
+    can = (np.bincount(needed.rows, needed.copies, n_channels) <= 2) & (_used_up(network) >= 0)
+    can &= np.array([name not in network.laws for name in network.channels], dtype=bool)
+    if network.combinations == "product":
+        can[needed.rows[needed.copies > 1]] = False
+    seen: dict[tuple[bytes, bytes], int] = {}
+    for r in np.flatnonzero(can).tolist():
+        columns, copies = change.row(r)
+        leader[r] = seen.setdefault((columns.tobytes(), copies.tobytes()), r)
+    return leader
+
+
+def _used_up(network: Network) -> Ints:
+    """(R,) the first species of which a channel leaves fewer copies; -1 where there is none."""
+    change = network.sparse_stoichiometry
+    falls = np.flatnonzero(change.copies < 0)[::-1]
+    used = np.full(len(network.channels), -1)
+    used[change.rows[falls]] = change.columns[falls]
+    return used
+
+
+@dataclass(frozen=True, eq=False)
+class Merging:
+    """Which channels of a network of mass action are merged; `model` adds their rate constants.
+
+    laws : the network's channels, those that are merged beside each other
+    used (R,) : the species that a channel uses up
+    members (R,), spans (G + 1,) : channel g stands for the network's members[spans[g]] to members[spans[g + 1]]
+    """
+
+    laws: MassAction
+    used: Ints
+    members: Ints
+    spans: Ints
+    n_species: int
+
+    @classmethod
+    def of(cls, network: Network, leader: Ints | None = None) -> Merging:
+        """Channels merged with their `leader` (R,), by default wherever it can be."""
+        leader = leaders(network) if leader is None else leader
+        members = np.argsort(leader, kind="stable")
+        spans = np.append(np.flatnonzero(np.diff(leader[members], prepend=-1)), members.size)
+        laws = MassAction(*(part[members] for part in mass_action(network)))
+        return cls(laws, _used_up(network)[members], members, spans, len(network.species))
+
+    @property
+    def leaders(self) -> Ints:
+        """(G,) the first of the network's channels that each channel stands for."""
+        return self.members[self.spans[:-1]]
+
+    def model(self, constants: Floats | None = None) -> MergedChannels:
+        """What the kernels read; `constants` (R,) replace rate constants of 1."""
+        laws, starts = self.laws, self.spans[:-1]
+        shares = self._coefficients(constants)
+        coefficients, first, second = shares[starts], laws.first[starts], laws.second[starts]
+        less = laws.less[starts]
+        merged = np.flatnonzero(np.diff(self.spans) > 1)
+        terms = [np.empty((0, 4))]
+        if merged.size:
+            row_of = np.repeat(np.arange(starts.size), np.diff(self.spans))
+            table = np.zeros((starts.size, self.n_species + 1))
+            np.add.at(table, (row_of, self._partners), shares)
+            own = self.used[starts]
+            first[merged] = own[merged]
+        while merged.size:
+            weights, scale, is_alike, is_taken = _shared(table[merged], own[merged[0]])
+            alike = merged[is_alike]
+            coefficients[alike], second[alike] = scale[is_alike], self.n_species + len(terms)
+            less[alike] = 0.0 if is_taken.any() else weights[own[alike]]
+            there = np.union1d(np.flatnonzero(weights), own[alike[0]])  # at least one term, if all weights are 0
+            terms.append(np.column_stack([weights[there], there, is_taken[there], np.zeros(there.size)]))
+            terms[-1][-1, 3] = second[alike[0]]
+            merged = merged[~is_alike]
+        return MergedChannels(
+            coefficients,
+            first,
+            second,
+            less,
+            laws.is_general[starts],
+            laws.factors[starts],
+            np.concatenate(terms),
+        )
+
+    def named(self, constants: Floats | None = None) -> Members:
+        """What the kernels read to tell the network's channel; `constants` as of `model`."""
+        from kinetics.kernels.members import Members
+
+        return Members(self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less)
+
+    def _coefficients(self, constants: Floats | None) -> Floats:
+        return self.laws.coefficients if constants is None else self.laws.coefficients * constants[self.members]
+
+    @property
+    def _partners(self) -> Ints:
+        """(R,) the reactant beside the one that is used up; S, the constant 1, where there is none."""
+        return np.where(self.laws.first == self.used, self.laws.second, self.laws.first)
+
+
+def _shared(table: Floats, own: int) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """The first row (S + 1,) of weights, the rows (n,) in terms of it, which are its multiples, and what is taken.
+
+    In the sum itself, one copy of `own` is taken (S + 1,) if weights are too different to do so after it.
+    """
+    weights = table[0]
+    is_taken = np.zeros(weights.size, dtype=bool)
+    is_alike = np.zeros(len(table), dtype=bool)
+    top = weights.argmax()
+    scale = table[:, top] / (weights[top] or 1.0)
+    if weights[own] > WIDEST * weights[weights > 0].min(initial=np.inf):
+        is_taken[own] = True
+    else:
+        expected = scale[:, None] * weights
+        is_alike = (np.abs(table - expected) <= ALIKE * expected).all(axis=1)
+    is_alike[0] = True
+    return weights, scale, is_alike, is_taken
