@@ -59,8 +59,10 @@ class LockstepSampler:
     def __init__(self, network: Network):
         self.one_by_one = one_by_one = Direct().prepared(network)
         # Merged or not as there, so that the runs are the same.
-        is_merged = isinstance(one_by_one, RecomputingSampler)
-        self.merging = one_by_one.merging if is_merged else Merging.of(network, np.arange(len(network.channels)))
+        if isinstance(one_by_one, RecomputingSampler):
+            self.merging = one_by_one.merging
+        else:
+            self.merging = Merging.of(network, np.arange(len(network.channels)))
         self.model = self.merging.model()
         self.changes = network.stoichiometry[self.merging.leaders]
         self.path = self.one_by_one.path
