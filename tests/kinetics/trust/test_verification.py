@@ -195,7 +195,7 @@ def test_a_biased_redraw_is_caught():
 
 @pytest.mark.parametrize(("bits", "passes"), [(53, True), (32, False), (24, False)])
 def test_short_random_numbers_in_the_waits_are_caught(bits, passes):
-    found = verify(switch(3.0, 5.0), ShortWords(bits), [20, 0], [5.0], runs=100, seed=3, with_power=False)
+    found = verify(switch(3.0, 5.0), ShortWords(bits), [20, 0], [1.0], runs=100, seed=3, with_power=False)
     assert found.passed is passes
     assert passes or "waits are finer than 32 bits" in {failure.what for failure in found.failures}
 
