@@ -1,4 +1,4 @@
-"""SamplerRuns that the results are right: verification, hard cases, and accuracy against cost."""
+"""Evidence that the results are right: verification, hard cases, and accuracy against cost."""
 
 from kinetics.trust.solver_agreement import SolverAgreement, compare_solvers
 from kinetics.trust.verification import Verification, verify
