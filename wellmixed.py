@@ -55,6 +55,11 @@ COMMANDS = {
         "hardcases",
         "Test every numerical method on problems that break methods.",
     ),
+    "verify": (
+        "kinetics.commands.verify",
+        "verify",
+        "Verify samplers and solvers on a network, with their power.",
+    ),
     "render": (
         "mechsim.commands.render",
         "render",

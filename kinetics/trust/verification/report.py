@@ -1,0 +1,128 @@
+"""The outcome of a verification: findings, verdict, and the power that was measured, as text and for JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import inf
+from typing import Any
+
+from kinetics.support.tables import text_table
+from kinetics.trust.verification.base import SamplerFinding
+from kinetics.trust.verification.rate_scores import RateSight
+
+MOST_SHOWN = 10  # findings that failed
+
+
+@dataclass(frozen=True)
+class CheckSummary:
+    """What one check came to: how many findings, and the smallest p-value times their number."""
+
+    name: str
+    sees: str
+    findings: int
+    failed: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class MutantOutcome:
+    """Whether a mutant of the runs was caught, and by which checks."""
+
+    name: str
+    caught_by: tuple[str, ...]
+
+    @property
+    def caught(self) -> bool:
+        """Whether any check saw it."""
+        return bool(self.caught_by)
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The outcome of all checks of a sampler.
+
+    false_alarm : largest probability that a correct sampler fails any check
+    error : error of the exact probabilities, which the checks allow for
+    is_bound : whether that error is proven; otherwise it is an estimate, and so is the false-alarm rate
+    mutants : which mistakes, made to these runs, were seen; none where power was not asked for
+    rates : how small an error of each rate constant is seen
+    """
+
+    method: str
+    runs: int
+    seed: int
+    false_alarm: float
+    error: float
+    is_bound: bool
+    findings: tuple[SamplerFinding, ...]
+    checks: tuple[CheckSummary, ...]
+    mutants: tuple[MutantOutcome, ...] = ()
+    rates: tuple[RateSight, ...] = ()
+
+    @property
+    def failures(self) -> tuple[SamplerFinding, ...]:
+        """The findings that failed, the worst first."""
+        return tuple(sorted((f for f in self.findings if f.failed), key=lambda f: f.p_value / f.level))
+
+    @property
+    def passed(self) -> bool:
+        """Whether no finding failed."""
+        return not self.failures
+
+    def __str__(self) -> str:
+        right = "" if self.is_bound else ", as far as the solution's error holds, which is an estimate"
+        chance = f"a right sampler fails one with probability {self.false_alarm:g} at most{right}"
+        number = f"{len(self.findings)} findings on {self.runs} runs (seed {self.seed}), {len(self.failures)} failed"
+        lines = [f"{self.method}: {number}; {chance}"]
+        if self.failures:
+            rows = [(f.what, f"{f.found:.6g}", f"{f.expected:.6g}", f"{f.p_value:.1e}") for f in self.failures]
+            lines.append(text_table(("finding", "found", "exact", "p-value"), rows[:MOST_SHOWN]))
+        table = [(c.name, str(c.findings), str(c.failed), f"{c.p_value:.2g}", c.sees) for c in self.checks]
+        lines.append(text_table(("check", "findings", "failed", "p-value", "sees"), table))
+        if self.mutants:
+            lines.append("power, measured on mutants of these runs:")
+            seen = [(m.name, ", ".join(m.caught_by) or "NOT SEEN") for m in self.mutants]
+            lines.append(text_table(("mutant", "seen by"), seen))
+        if self.rates:
+            lines.append("wrong rates, seen but for one time in 1,000:")
+            sights = [(r.channel, _percent(r.smallest), _number(r.runs_for_one_percent)) for r in self.rates]
+            lines.append(text_table(("rate of", "in these runs from", "1 % in runs"), sights))
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the findings that passed, as plain values."""
+        return {
+            "method": self.method,
+            "runs": self.runs,
+            "seed": self.seed,
+            "passed": self.passed,
+            "false_alarm": self.false_alarm,
+            "error": self.error,
+            "is_bound": self.is_bound,
+            "findings": len(self.findings),
+            "failures": [asdict(finding) for finding in self.failures],
+            "checks": [asdict(check) for check in self.checks],
+            "power": {
+                "mutants": [{"name": m.name, "caught": m.caught, "caught_by": list(m.caught_by)} for m in self.mutants],
+                "rates": [
+                    {
+                        "channel": r.channel,
+                        "smallest": _finite(r.smallest),
+                        "runs_for_one_percent": _finite(r.runs_for_one_percent),
+                    }
+                    for r in self.rates
+                ],
+            },
+        }
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %" if value < 1.0 else "not at all"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if value < 1e7 else f"{value:.1e}" if value < inf else "never"
+
+
+def _finite(value: float) -> float | None:
+    return value if value < inf else None

@@ -1,0 +1,158 @@
+"""What `verify` sees of runs that depend on each other, and of small errors: its power, beside right runs that pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_systems import switch
+from verified_networks import FEW
+
+from kinetics import Direct
+from kinetics.sampling import EXACT_METHODS
+from kinetics.trust.verification import MUTANTS, Reference, judge, rate_mutant, verify_against
+from kinetics.trust.verification.rate_scores import RateScores, sight_of_rates
+from kinetics.trust.verification.sampler_runs import SamplerRuns
+
+RUNS = 4000
+TWICE, HALVES, FIRST_TIME, ALIKE, NEXT_SEED = MUTANTS
+
+
+@pytest.fixture(scope="module", params=FEW, ids=[case[0] for case in FEW])
+def sample(request):
+    """Right runs of a network, without their paths: what is seen is seen in counts alone."""
+    _, net, initial, times = request.param
+    return replace(SamplerRuns.of(Reference.of(net, initial, times), Direct(), RUNS, seed=3), paths=(), next_paths=())
+
+
+def seen_by(sample):
+    return {finding.check for finding in judge(sample) if finding.failed}
+
+
+def test_right_runs_pass(sample):
+    assert seen_by(sample) == set()
+
+
+@pytest.mark.parametrize(
+    ("mutant", "check"),
+    [
+        (TWICE, "repeated runs"),
+        (HALVES, "repeated runs"),
+        (FIRST_TIME, "transitions"),
+        (ALIKE, "correlated runs"),
+        (NEXT_SEED, "repeated runs"),
+    ],
+    ids=lambda given: getattr(given, "name", given),
+)
+def test_runs_that_depend_on_each_other_are_seen(sample, mutant, check):
+    """At 4,000 runs, on every one of six networks."""
+    assert check in seen_by(mutant.applied(sample))
+
+
+def test_opposite_runs_are_seen():
+    """In groups of twenty, the lowest beside the highest."""
+    net = switch(1.0, 2.0)
+    sample = SamplerRuns.of(Reference.of(net, [400, 0], [0.3, 2.0]), Direct(), RUNS, seed=3)
+    counts = sample.counts.copy()
+    for group in counts.reshape(-1, 20, *counts.shape[1:]):
+        order = np.argsort(group[:, 1, 0])
+        group[:] = group[np.stack([order[:10], order[:9:-1]], axis=1).ravel()]
+    assert seen_by(replace(sample, paths=())) == set()
+    assert seen_by(replace(sample, counts=counts, paths=())) >= {"correlated runs"}
+
+
+def test_a_few_repeated_runs_are_seen(sample):
+    """One run in fifty is the one before."""
+    fine = sample.fine.copy()
+    fine[1::50] = fine[::50]
+    assert "repeated runs" in seen_by(replace(sample, fine=fine))
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_paths_that_share_their_stream_are_seen(shift):
+    """The next seed draws the same waits, from the start or one number later."""
+    _, net, initial, times = FEW[5]
+    right = SamplerRuns.of(Reference.of(net, initial, times), Direct(), 1000, seed=3)
+    assert seen_by(right) == set()
+    shared = replace(right, next_paths=right.paths[shift:], next_fine=right.fine)
+    assert "waits" in seen_by(shared)
+
+
+@pytest.fixture(scope="module")
+def many_copies():
+    return Reference.of(switch(1.0, 2.0), [120, 0], [0.3, 2.0])
+
+
+def stated(reference, channel):
+    """Runs after which `verify` says that it sees 1 %."""
+    found = verify_against(reference, Direct(), 100, with_power=False)
+    return next(rate.runs_for_one_percent for rate in found.rates if rate.channel == channel)
+
+
+@pytest.mark.parametrize("channel", ["forward", "backward"])
+def test_a_rate_one_percent_off_is_seen_in_the_stated_number_of_runs(many_copies, channel):
+    """And not in a twentieth of them: what is stated is not far too many."""
+    runs = int(stated(many_copies, channel))
+    assert 10_000 < runs < 60_000
+    mutant = rate_mutant(many_copies.network, Direct(), 5, channel, 0.01)
+    right = SamplerRuns.of(many_copies, Direct(), runs, 5)
+    assert seen_by(right) == set()
+    assert "rates" in seen_by(mutant.applied(right))
+    few = SamplerRuns.of(many_copies, Direct(), runs // 20, 5)
+    assert seen_by(mutant.applied(few)) == set()
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("method", EXACT_METHODS)
+@pytest.mark.parametrize(("net", "initial", "times"), [case[1:] for case in FEW], ids=[case[0] for case in FEW])
+def test_every_rate_one_percent_off_is_seen_in_the_stated_number_of_runs(method, net, initial, times):
+    """For rates that need up to 300,000 runs."""
+    if not method().takes(net):
+        pytest.skip("the method does not take this network")
+    reference = Reference.of(net, initial, times)
+    for rate in verify_against(reference, method(), 100, with_power=False).rates:
+        if rate.runs_for_one_percent > 3e5:
+            continue
+        right = SamplerRuns.of(reference, method(), int(rate.runs_for_one_percent), 6)
+        assert seen_by(right) == set()
+        mutant = rate_mutant(net, method(), 6, rate.channel, 0.01)
+        assert "rates" in seen_by(mutant.applied(right))
+
+
+def test_the_power_that_is_stated_is_measured(many_copies):
+    """Of each rate: 1 % off, and off by as much as is said to be seen."""
+    found = verify_against(many_copies, Direct(), 3000, 2)
+    assert found.passed, str(found)
+    outcome = {mutant.name: mutant.caught_by for mutant in found.mutants}
+    for rate in found.rates:
+        assert 0.01 < rate.smallest < 0.1
+        assert outcome[f"the rate of {rate.channel} 1 % too high"] == ()
+        assert "rates" in outcome[f"the rate of {rate.channel} {100 * rate.smallest:.3g} % too high"]
+    assert all(outcome[mutant.name] for mutant in MUTANTS)
+    less = sight_of_rates(many_copies, 300_000, 1e-7)
+    assert all(a.smallest < b.smallest / 5 for a, b in zip(less, found.rates, strict=True))
+
+
+def p_values(reference, runs, seed):
+    return np.array([f.p_value for f in judge(SamplerRuns.of(reference, Direct(), runs, seed))])
+
+
+def excess(seeds, levels):
+    """Of p-values at or below each level over their expected number, in standard deviations between seeds."""
+    reference = Reference.of(switch(1.0, 2.0), [12, 0], [0.3, 2.0])
+    found = np.array([p_values(reference, 300, seed) for seed in seeds])
+    shares = (found[:, :, None] <= levels).mean(axis=1)
+    return (shares.mean(axis=0) - levels) / (shares.std(axis=0) / len(shares) ** 0.5 + 1e-9)
+
+
+def test_small_p_values_are_no_more_frequent_than_they_say():
+    assert excess(range(0, 60, 2), np.array([0.05])).max() < 4.75
+
+
+@pytest.mark.validate
+def test_small_p_values_are_no_more_frequent_than_they_say_over_many_seeds():
+    assert excess(range(0, 1000, 2), np.array([0.1, 0.01, 0.001])).max() < 4.75
+
+
+def test_names_of_scores_are_those_of_the_channels(many_copies):
+    found = [f.what for f in RateScores().findings(SamplerRuns.of(many_copies, Direct(), 200, 0))]
+    assert found == [f"score of the rate of {name} at all times" for name in ("forward", "backward")]
