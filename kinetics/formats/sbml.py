@@ -36,7 +36,9 @@ class Sbml(Format):
         try:
             return _model(names, copies_per_unit)
         except RecursionError:
-            raise ValueError(f"{path}: values depend on each other through too many others") from None
+            raise ValueError(f"{path}: formulas are nested too deeply; write them with fewer terms") from None
+        except ValueError as error:
+            raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
 
     def text(self, model: NetworkModel) -> str:
         """The model in Level 3 Version 1, amounts in copies."""

@@ -138,10 +138,12 @@ class SbmlNames:
             value = parameter.getValue()
         elif place is not None and place.isSetSize():
             value = place.getSize()
-        elif place is not None and place.getLevel() < 3 and place.getSpatialDimensions() == 0:
-            value = 1.0  # Level 2 takes amounts for concentrations there
+        elif place is not None and (
+            place.getLevel() == 1 or (place.getLevel() == 2 and not place.getSpatialDimensions())
+        ):
+            value = 1.0  # the default of Level 1; Level 2 takes amounts for concentrations where there is no dimension
         elif reference is not None:
-            value = reference.getStoichiometry()  # nan where Level 3 states none
+            value = reference.getStoichiometry() / reference.getDenominator()  # nan where Level 3 states none
         if math.isnan(value):
             raise ValueError(f"{name!r} in a formula is neither a species, a compartment nor a parameter with a value")
         return float(value)

@@ -41,7 +41,10 @@ def channels_of(names: SbmlNames) -> Channels:
         taken, gained = ({name: n for name, n in side.items() if n and name not in held} for side in (before, after))
         for name in (taken | gained).keys() - set(names.states):
             raise names.wrong(reaction, f"reaction {key!r} changes {name!r}, which a rule gives")
-        forward, backward = _directions(names, reaction, law, taken, gained, made.notes)
+        try:
+            forward, backward = _directions(names, reaction, law, taken, gained, made.notes)
+        except RecursionError:
+            raise names.wrong(reaction, f"the law of {key!r} is nested too deeply; write it with fewer terms") from None
         if forward is not None:
             _add(made, key, forward, taken, gained)
         if backward is not None:
@@ -119,7 +122,8 @@ def _stoichiometry(names: SbmlNames, reaction: Any, reference: Any) -> float:
     elif reference.isSetStoichiometryMath() and reference.getStoichiometryMath().isSetMath():
         text = names.text(reference, reference.getStoichiometryMath().getMath())
     if text is None:
-        return float(reference.getStoichiometry())  # nan, where Level 3 states none
+        # The first is nan where Level 3 states none, the second is 1 beyond Level 2.
+        return float(reference.getStoichiometry() / reference.getDenominator())
     number = names.constant(reference, text)
     if number is None:
         raise names.wrong(

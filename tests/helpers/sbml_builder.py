@@ -117,3 +117,18 @@ class Builder:
         path = folder / "model.xml"
         path.write_text(self.sbml.writeSBMLToString(self.document), encoding="utf-8")
         return read(path, copies_per_unit)
+
+
+def both_ways(law="k*X - p*Y", *, reversible=True, size=1.0, by_amount=True):
+    """What builds one reaction X -> Y with this law, where k = 0.6, p = 0.2."""
+
+    def build():
+        made = Builder(size=size)
+        made.species("X", 100, by_amount=by_amount)
+        made.species("Y", 0, by_amount=by_amount)
+        made.parameter("k", 0.6)
+        made.parameter("p", 0.2)
+        made.reaction("turn", {"X": 1}, {"Y": 1}, law, reversible=reversible)
+        return made
+
+    return build

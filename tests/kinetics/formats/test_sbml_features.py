@@ -1,14 +1,10 @@
 """Features of SBML, each in a file of our own with its answer by hand: read right, or refused by name."""
 
-import math
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rate_equations import RateEquations
-from sbml_builder import Builder
-
-from kinetics import Transient, solve
+from sbml_builder import Builder, both_ways
 
 libsbml = pytest.importorskip("libsbml")
 TIMES = np.array([0.0, 0.5, 1.0, 2.0, 3.5])
@@ -81,19 +77,6 @@ def assigned_by_rules():
     made.reaction("in", {}, {"A": 1}, "q", ids={"A": "many"})
     made.assignment("many", "p/2")
     return made
-
-
-def both_ways(law="k*X - p*Y", *, reversible=True, size=1.0, by_amount=True):
-    def build():
-        made = Builder(size=size)
-        made.species("X", 100, by_amount=by_amount)
-        made.species("Y", 0, by_amount=by_amount)
-        made.parameter("k", 0.6)
-        made.parameter("p", 0.2)
-        made.reaction("turn", {"X": 1}, {"Y": 1}, law, reversible=reversible)
-        return made
-
-    return build
 
 
 def relaxed(t):
@@ -211,6 +194,18 @@ def when(t, first, *steps):
     return np.select([t >= start for start, _ in reversed(steps)], [value for _, value in reversed(steps)], first)
 
 
+def alike(priority, other):
+    def build():
+        made = Builder()
+        made.species("X", 1)
+        made.event("one", "time >= 1", priority="2", at_trigger=False, X="2*X")
+        made.species("Y", 1)
+        made.event("other", "time >= 1", priority=priority, at_trigger=False, **other)
+        return made
+
+    return build
+
+
 READ = {
     "size by a rule": (size_by_rule, {"A": lambda t: 100 * np.exp(-t / 2)}),
     "size that grows": (growing_size, {"A": lambda t: 100 * (1 + t) ** -0.7}),
@@ -252,6 +247,8 @@ READ = {
     "delayed event": (events(delay="1.25"), {"Y": lambda t: when(t, 0, (3.25, 25))}),
     "delayed event of its own time": (events(delay="1.25", at_trigger=False), {"Y": lambda t: when(t, 0, (3.25, 27))}),
     "delay by a formula": (events(delay="X/12 + cell/4"), {"Y": lambda t: when(t, 0, (3.25, 25))}),
+    "an order by priority": (alike("3", {"X": "X + 1"}), {"X": lambda t: when(t, 1, (1, 4))}),
+    "an order that does not matter": (alike("2", {"Y": "5"}), {"X": lambda t: when(t, 1, (1, 2))}),
     "an event at 0": (event_at_0, {"Y": lambda t: 5 + 0 * t}),
 }
 
@@ -299,7 +296,15 @@ def rule_of(make):
     return build
 
 
+def late_in_a_changing_volume():
+    made = growing_size()
+    made.event("late", "time >= 1", delay="1", A="3")
+    return made
+
+
 REFUSED = {
+    "a random order": (alike("1 + 1", {"X": "X + 1"}), "events 'one' and 'other' have the same priority"),
+    "a late concentration": (late_in_a_changing_volume, "'late' sets the concentration of 'A' later"),
     "a varying stoichiometry": (
         stoichiometry_by("rule", "X + 1"),
         r"reaction 'in' has \(+X \+ 1\)+ of 'X', which changes",
@@ -346,34 +351,6 @@ def test_what_is_not_read_is_refused_by_name(name, tmp_path):
     build, message = REFUSED[name]
     with pytest.raises(ValueError, match=message):
         build().read(tmp_path)
-
-
-def test_a_reversible_reaction_fluctuates(tmp_path):
-    """Binomial counts with the closed mean and variance; as one channel with the net law they would freeze at 25."""
-    model = both_ways()().read(tmp_path)
-    assert model.network.is_mass_action
-    assert model.network.channels == ("turn", "turn backward")
-    assert model.notes == ("turn runs both ways: 0.6 * X forward, 0.2 * Y backward",)
-    found = solve(model.network, Transient(), model.initial, [50.0])
-    assert_allclose(found.mean()[0], [25, 75], rtol=1e-9)
-    assert_allclose(found.sd()[0], math.sqrt(100 * 0.25 * 0.75), rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("law", "note"),
-    [
-        ("k*X*(1 - Y/(3 + Y))", "not proven to be at least 0"),  # it never is: split, it would be too noisy
-        ("k*X*(1 + 0.5*sin(time))", None),
-        ("k*X*(X - 1)*(X - 2)*exp(-Y)", None),
-        ("k*(X - 1)", None),  # below one X the channel waits
-        ("k*X*max(0, 5 - Y)", None),
-        ("k*(X - Y)^2", None),
-    ],
-)
-def test_a_law_of_one_direction_stays_one_channel(law, note, tmp_path):
-    model = both_ways(law)().read(tmp_path)
-    assert model.network.channels == ("turn",)
-    assert [note in each for each in model.notes] == [True] if note else model.notes == ()
 
 
 def test_small_files_do_no_exponential_work(tmp_path):
