@@ -206,6 +206,18 @@ def alike(priority, other):
     return build
 
 
+def dosed():
+    made = both_ways()()
+    made.event("dose", "X < 60 && time < 2", delay="0.9", X="X + Y/4", Y="2*Y")
+    return made
+
+
+def dosed_x(t):
+    """X falls to 60 and Y rises to 40 at `turned`; 0.9 later there are 70 and 80, which relax to 37.5 of X."""
+    turned = np.log(75 / 35) / 0.8
+    return np.where(t < turned + 0.9, relaxed(t), 37.5 + 32.5 * np.exp(-0.8 * (t - turned - 0.9)))
+
+
 READ = {
     "size by a rule": (size_by_rule, {"A": lambda t: 100 * np.exp(-t / 2)}),
     "size that grows": (growing_size, {"A": lambda t: 100 * (1 + t) ** -0.7}),
@@ -249,6 +261,7 @@ READ = {
     "delay by a formula": (events(delay="X/12 + cell/4"), {"Y": lambda t: when(t, 0, (3.25, 25))}),
     "an order by priority": (alike("3", {"X": "X + 1"}), {"X": lambda t: when(t, 1, (1, 4))}),
     "an order that does not matter": (alike("2", {"Y": "5"}), {"X": lambda t: when(t, 1, (1, 2))}),
+    "a delayed event on a count": (dosed, {"X": dosed_x}),
     "an event at 0": (event_at_0, {"Y": lambda t: 5 + 0 * t}),
 }
 
