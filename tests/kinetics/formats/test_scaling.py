@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rate_equations import RateEquations
 from sbml_builder import Builder
 
+from kinetics.formats import read
+
 pytest.importorskip("libsbml")
 TIMES = np.array([0.0, 0.5, 1.0, 2.0, 3.5])
 
@@ -45,3 +47,21 @@ def test_an_amount_that_vanishes_is_told(tmp_path):
     with pytest.raises(ValueError, match=r"'B' starts from 1\.5e-15"):
         made.read(tmp_path)
     assert "rounded 1.5e-12 copies of B" in made.read(tmp_path, 1e3).notes
+
+
+def test_a_bionetgen_file_takes_a_scale(tmp_path):
+    """Rate constants of order n are divided by scale**(n - 1); a function of like reactants has no scale."""
+    text = (
+        "begin parameters\n1 k 3\nend parameters\nbegin species\n1 A() 0.5\n2 B() 1.25\nend species\n"
+        "begin functions\n1 f() k*both\nend functions\n"
+        "begin reactions\n1 1,2 2 k\n2 0 1 2*k\n3 2,2 1 0.5*k\n4 1 2 f\nend reactions\n"
+        "begin groups\n1 both 1,2\nend groups\n"
+    )
+    path = tmp_path / "model.net"
+    path.write_text(text, encoding="utf-8")
+    model = read(path, 8)
+    assert_array_equal(model.initial, [4, 10])
+    assert_allclose(model.network.propensities([4, 10]), [3 / 8 * 40, 6 * 8, 1.5 / 8 * 90, 3 * 14 * 4 / 8], rtol=1e-14)
+    path.write_text(text.replace("4 1 2 f", "4 2,2 1 f"), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"line 15: a function times like reactants, .* has no scale"):
+        read(path, 8)
