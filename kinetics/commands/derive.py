@@ -70,7 +70,7 @@ def derive(
         if not as_json:
             click.echo(f"{len(network.species)} species and {len(network.channels)} channels are in {out_file}")
     elif not as_json:
-        click.echo(str(network))
+        click.echo("\n".join([str(network), *(begin.notes if begin else ())]))
     if not as_json:
         return
     titles = ("name", "reaction", "ways")

@@ -18,7 +18,6 @@ import numpy as np
 from kinetics.network.laws.expression import PI, TIME, Expression, is_condition, name_of
 from kinetics.support.arrays import Floats, Ints
 
-
 MOST_STEPS = 50_000  # of a program with comparisons
 
 

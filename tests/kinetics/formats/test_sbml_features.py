@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 from rate_equations import RateEquations
 from sbml_builder import Builder, both_ways
 
+from kinetics.sampling import General
+
 libsbml = pytest.importorskip("libsbml")
 TIMES = np.array([0.0, 0.5, 1.0, 2.0, 3.5])
 
@@ -354,6 +356,8 @@ def test_what_is_read_has_the_right_rate_equations(name, tmp_path):
     found = RateEquations(model.network).solution(model.initial, TIMES)
     for species, answer in expected.items():
         assert_allclose(found[:, model.network.index(species)], answer(TIMES), rtol=1e-6, atol=1e-6, err_msg=species)
+    if not model.network.channels:  # nothing is random, and runs must say the same
+        assert_allclose(General().simulate(model.network, model.initial, TIMES, runs=1).counts[0], found)
     if any(np.ptp(found[:, model.network.index(species)]) > 1 for species in expected) and not model.network.events:
         other = RateEquations(model.network, rate=1.03).solution(model.initial, TIMES)  # a control that must differ
         assert not np.allclose(other, found, rtol=1e-3)
