@@ -54,6 +54,8 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
     channels, events = channels_of(names), events_of(names)
     network = Network.from_reactions(channels.reactions, channels.laws, names.states, events=events)
     sums, notes = {}, list(channels.notes)
+    if copies_per_unit is None and _are_moles(names):
+        notes.append("the file states amounts in moles; they are read as copies")
     for name, rule in names.rules.items():
         if name in names.species or name in names.parameters:
             weights = _weights(names, name, rule, network.species)
@@ -72,6 +74,16 @@ def _check_scope(names: SbmlNames) -> None:
             raise names.wrong(rule, f"{kind}: counts change by reactions and events only")
     for constraint in names.each("Constraints"):
         raise names.wrong(constraint, "a constraint: runs are not stopped by conditions")
+
+
+def _are_moles(names: SbmlNames) -> bool:
+    """Whether the model, or a species of a state, states moles as the unit of its amounts."""
+    import libsbml
+
+    stated = {names.source.getSubstanceUnits(), *(names.species[name].getSubstanceUnits() for name in names.states)}
+    defined = {each.getId(): each for each in names.each("UnitDefinitions")}
+    units = [defined[unit].getUnit(i) for unit in stated & defined.keys() for i in range(defined[unit].getNumUnits())]
+    return "mole" in stated or any(unit.getKind() == libsbml.UNIT_KIND_MOLE for unit in units)
 
 
 def _weights(names: SbmlNames, key: str, rule: Any, species: tuple[str, ...]) -> dict[str, float] | None:

@@ -265,6 +265,22 @@ def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):
     assert_array_equal(made.read(tmp_path, 10).initial, [50, 4])
 
 
+def test_moles_are_told(tmp_path):
+    note = "the file states amounts in moles; they are read as copies"
+    for unit, told in (("mole", True), ("item", False), ("own", True)):
+        made = base()
+        if unit == "own":
+            made.model.createUnitDefinition().setId("own")
+            part = made.model.getUnitDefinition("own").createUnit()
+            part.setKind(libsbml.UNIT_KIND_MOLE)
+            part.setExponent(1.0)
+            part.setScale(-3)
+            part.setMultiplier(1.0)
+        made.model.getSpecies(0).setSubstanceUnits(unit)
+        assert (note in made.read(tmp_path).notes) == told
+        assert note not in made.read(tmp_path, 100).notes
+
+
 def test_an_own_law_stops_where_reactants_are_missing(tmp_path):
     """Consumption at a constant rate, which would go below zero."""
     made = Builder()
