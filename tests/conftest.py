@@ -21,6 +21,12 @@ def pytest_addoption(parser):
         default=os.environ.get("WELLMIXED_DSMTS"),
         help="cases of the stochastic SBML Test Suite  [default: $WELLMIXED_DSMTS]",
     )
+    parser.addoption(
+        "--sbml-suite",
+        metavar="FOLDER",
+        default=os.environ.get("WELLMIXED_SBML_SUITE"),
+        help="semantic cases of the SBML Test Suite  [default: $WELLMIXED_SBML_SUITE]",
+    )
 
 
 def pytest_sessionstart(session):

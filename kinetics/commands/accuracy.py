@@ -47,6 +47,7 @@ def kinetics(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     duration: float,
     budget: float,
     csv_file: str | None,
@@ -65,7 +66,7 @@ def kinetics(
 
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
-    begin = start(book, rates_name, cubes, initial)
+    begin = start(book, rates_name, cubes, initial, copies_per_unit=copies_per_unit)
     network = begin.model.network
     counts = ", ".join(f"{name}={n}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
     with progress_line() as progress:

@@ -33,6 +33,7 @@ def derive(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     out_file: str | None,
     break_name: str | None,
     as_json: bool,
@@ -49,7 +50,7 @@ def derive(
         )
     begin: Start | None = None
     if out_file or is_network_file(book):
-        begin = start(book, rates_name, cubes, initial)
+        begin = start(book, rates_name, cubes, initial, copies_per_unit=copies_per_unit)
         network = begin.model.network
     else:
         network, _ = network_of_book(book)
@@ -69,7 +70,7 @@ def derive(
         if not as_json:
             click.echo(f"{len(network.species)} species and {len(network.channels)} channels are in {out_file}")
     elif not as_json:
-        click.echo(str(network))
+        click.echo("\n".join([str(network), *(begin.notes if begin else ())]))
     if not as_json:
         return
     titles = ("name", "reaction", "ways")

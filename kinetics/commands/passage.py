@@ -41,6 +41,7 @@ def passage(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     edges: tuple[float, float, float] | None,
     species: str,
     copies: int,
@@ -58,7 +59,7 @@ def passage(
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
-    begin = start(book, rates_name, cubes, initial, edges)
+    begin = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit)
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
@@ -86,7 +87,7 @@ def passage(
                 "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
                 "error": found.error,
                 "seed": seed,
-                "notes": made.notes,
+                "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": time.process_time() - began,
             }
         )

@@ -86,6 +86,7 @@ def predict(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     edges: tuple[float, float, float] | None,
     duration: float | None,
     times: tuple[float, ...],
@@ -112,7 +113,7 @@ def predict(
     """
     from kinetics.predicting import predict as make
 
-    begin = start(book, rates_name, cubes, initial, edges)
+    begin = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit)
     if (with_elasticity or elasticity_file) and begin.rates is None:
         raise ValueError(f"elasticities are those to the parameters of a rates file; {book} brings rates of its own")
     grid, sums = time_grid(duration, times), begin.shown(shown)
@@ -158,7 +159,7 @@ def predict(
                 "standard_error": made.standard_error,
                 "error": made.error,
                 "elasticities": None if found is None else found.to_dict(),
-                "notes": made.notes,
+                "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
             }
         )

@@ -27,6 +27,7 @@ class Start:
     rates : to be applied to it; None where the network has its own, as one from a file has
     tank : where it happens; None for the tank of the rates
     observables : name -> weight of each species in the sum
+    notes : remarks on how a network file was read
     """
 
     network: Network
@@ -34,6 +35,7 @@ class Start:
     rates: Rates | None = None
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tank: Tank | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def conditions(self) -> dict[str, Any]:
@@ -45,9 +47,9 @@ class Start:
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """The same in a line for people; none for a network with rates of its own."""
+        """The same in a line for people; for a network with rates of its own, the remarks on how it was read."""
         if self.rates is None:
-            return ()
+            return self.notes
         breaks, tank = self.rates.breaks, self.tank or self.rates.measured_in
         shape = ", ".join(f"{name} = {value:.3g}" for name, value in breaks.shape.items())
         words = f"breaks: {breaks.model}{f' ({shape})' if shape else ''}; "
@@ -71,20 +73,28 @@ class Start:
         return NetworkModel(network, self.state, self.observables)
 
     def shown(self, names: tuple[str, ...]) -> Observables | None:
-        """The species and observables of `--show`; None for all species, the default unless they are many."""
+        """The species and observables of `--show`; None for all species and no more.
+
+        By default they are all observables that are whole sums of counts, and all species unless these are many.
+        """
         from kinetics.predicting.observables import Observables
 
-        if not names and len(self.network.species) <= MOST_SHOWN:
+        few = self.network.species if len(self.network.species) <= MOST_SHOWN else ()
+        whole = [name for name, weights in self.observables.items() if _are_whole(weights) and name not in few]
+        if not names and few and not whole:
             return None
         sums: dict[str, Mapping[str, float]] = {}
-        for name in names or self.observables:
+        for name in names or (*few, *whole):
             if name not in self.network.species and name not in self.observables:
                 near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
                 hint = f"; did you mean {' or '.join(near)}?" if near else ""
                 raise ValueError(f"--show {name}: neither a species nor an observable{hint}")
             sums[name] = self.observables.get(name, {name: 1.0})
         if not sums:
-            raise ValueError(f"{len(self.network.species)} species; name those to be shown, as in --show A --show B")
+            n = len(self.network.species)
+            raise ValueError(
+                f"{n} species and no observable that is a whole sum; name those to be shown, as in --show A --show B"
+            )
         return Observables.of(self.network, sums)
 
 
@@ -94,18 +104,24 @@ def start(
     cubes: int | None,
     initial: str | None,
     edges: tuple[float, float, float] | None = None,
+    copies_per_unit: float | None = None,
 ) -> Start:
     """The start that the arguments of `predict` and `passage` ask for.
 
     source : a rule book, whose network needs rates and counts; or a network file, which has both
     edges : of the tank in which it happens; None for the tank of the rates
+    copies_per_unit : how many copies one unit of a network file's amounts is; None where it is one
     """
     if is_network_file(source):
         if edges is not None:
             raise ValueError(
                 f"{source} brings rates that state no tank; leave out --tank, or take a rule book with --rates"
             )
-        return _from_file(source, rates_name, cubes, initial)
+        return _from_file(source, rates_name, cubes, initial, copies_per_unit)
+    if copies_per_unit is not None:
+        raise ValueError(
+            f"--copies-per-unit {copies_per_unit:g} is the scale of a network file; {source} is a rule book"
+        )
     from kinetics.rates import Rates
 
     if rates_name is None:
@@ -140,14 +156,24 @@ def is_network_file(source: str) -> bool:
     return suffix in SUFFIXES
 
 
-def _from_file(source: str, rates_name: str | None, cubes: int | None, initial: str | None) -> Start:
+def _are_whole(weights: Mapping[str, float]) -> bool:
+    """Whether a sum counts every species a whole number of times."""
+    return all(weight >= 0 and weight == int(weight) for weight in weights.values())
+
+
+def _from_file(
+    source: str, rates_name: str | None, cubes: int | None, initial: str | None, copies_per_unit: float | None
+) -> Start:
     from kinetics.formats import read
 
     for option, value in (("--rates", rates_name), ("--cubes", cubes)):
         if value is not None:
             raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
-    model = read(source)
+    model = read(source, copies_per_unit)
     counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
     if initial is not None:
         counts |= counts_of(initial)
-    return Start(model.network, model.network.state(counts), observables=model.observables)
+    hidden = [name for name, weights in model.observables.items() if not _are_whole(weights)]
+    more = [f"no whole sums of counts, and not shown: {', '.join(hidden)}"] if hidden else []
+    state = model.network.state(counts)
+    return Start(model.network, state, observables=model.observables, notes=(*model.notes, *more))

@@ -22,13 +22,17 @@ FORMATS: tuple[Format, ...] = tuple(kind() for kind in members(globals(), Format
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 
 
-def read(path: str | Path) -> NetworkModel:
-    """Read the model in a network file, whose suffix gives the format."""
+def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel:
+    """Read the model in a network file, whose suffix gives the format.
+
+    copies_per_unit : how many copies one unit of the file's amounts is; None where it is one. The rate equations stay
+        what they are, and the noise is that of so many copies.
+    """
     file = Path(path)
     kind = _kind_of(file)
     if not file.is_file():
         raise ValueError(f"network file {path} does not exist")
-    return kind.read(file)
+    return kind.read(file, copies_per_unit)
 
 
 def write(model: NetworkModel, path: str | Path) -> None:

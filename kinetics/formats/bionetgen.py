@@ -15,9 +15,10 @@ import numpy as np
 
 from kinetics.formats.blocks import Line, blocks_of
 from kinetics.formats.formulas import NUMBER, number, replaced
-from kinetics.formats.model import Format, NetworkModel, whole_counts
+from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
+from kinetics.formats.scaling import model_of
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression, quoted
 from kinetics.network.sparse_tables import SparseTable
@@ -36,9 +37,9 @@ class BioNetGen(Format):
     name: ClassVar[str] = "net"
     suffixes: ClassVar[tuple[str, ...]] = (".net",)
 
-    def read(self, path: Path) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with `ordered` combinations, its counts and its groups."""
-        return _NetReader(path, blocks_of(path)).model()
+        return _NetReader(path, blocks_of(path), copies_per_unit).model()
 
     def text(self, model: NetworkModel) -> str:
         """The model as a .net file."""
@@ -51,6 +52,7 @@ class _NetReader:
 
     path: Path
     blocks: dict[str, list[Line]]
+    copies_per_unit: float | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     species: list[str] = field(default_factory=list)
     fixed: list[bool] = field(default_factory=list)
@@ -81,7 +83,8 @@ class _NetReader:
             "ordered",
             laws=self._laws(lines, channels),
         )
-        return NetworkModel(network, initial, observables)
+        amounts = dict(zip(self.species, initial, strict=True))
+        return model_of(self.path, network, amounts, self.copies_per_unit, observables)
 
     def _read_parameters(self) -> None:
         for line in self.blocks.get("parameters", []):
@@ -92,8 +95,8 @@ class _NetReader:
                 raise self._wrong(line, f"parameter {name!r} {fault}")
             self.parameters[name] = self._value(line, text)
 
-    def _read_species(self) -> Ints:
-        """Copies (S,) at time 0."""
+    def _read_species(self) -> list[float]:
+        """Amounts (S,) at time 0."""
         amounts: dict[str, float] = {}
         for line in self.blocks["species"]:
             words = self._numbered(line, "a species is `pattern count`", 2)
@@ -114,7 +117,7 @@ class _NetReader:
         bare = [name.removesuffix("()") if BARE.fullmatch(name) else name for name in self.species]
         if len(set(bare)) == len(bare):
             self.species = bare
-        return whole_counts(self.path, amounts)
+        return list(amounts.values())
 
     def _sides(self, lines: list[Line], word: int) -> tuple[Ints, Ints]:
         """Row and column of every species on one side of the reactions."""
@@ -193,6 +196,10 @@ class _NetReader:
             if self._is_lawful(line):
                 name = FACTOR.fullmatch(line.words[3])[2]  # type: ignore[index]  # it matched before
                 reactants = [self.species[int(n) - 1] for n in line.words[1].split(",") if n != "0"]
+                if self.copies_per_unit is not None and len(set(reactants)) < len(reactants):
+                    raise self._wrong(
+                        line, "a function times like reactants, n (n - 1), has no scale of copies per unit"
+                    )
                 values = [self._value(line, word) for word in line.words[4:]]
                 try:
                     laws[channel] = law_of(name, self.functions, values, reactants)

@@ -23,15 +23,15 @@ def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, di
     """
     try:
         factors: list[tuple[ast.expr, int]] = []
-        _flatten(law.tree, 1, factors)
+        flatten(law.tree, 1, factors)
     except RecursionError:
         return None
     constant = 1.0
     shifts: dict[str, list[int]] = {}
     for node, power in factors:
-        shifted = _shifted(node, law)
-        if shifted is not None and power == 1:
-            shifts.setdefault(shifted[0], []).append(shifted[1])
+        stepped = shifted(node, law)
+        if stepped is not None and power == 1:
+            shifts.setdefault(stepped[0], []).append(stepped[1])
             continue
         value = _number(node, law)
         if value is None or (value == 0 and power < 0):
@@ -71,20 +71,20 @@ def linear_weights(formula: Expression, species: tuple[str, ...]) -> dict[str, f
     return dict(zip(used, weights.tolist(), strict=True)) if is_sum else None
 
 
-def _flatten(node: ast.expr, power: int, factors: list[tuple[ast.expr, int]]) -> None:
+def flatten(node: ast.expr, power: int, factors: list[tuple[ast.expr, int]]) -> None:
     """The factors of a product, each with 1, or -1 below a division."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
-        _flatten(node.left, power, factors)
-        _flatten(node.right, power if isinstance(node.op, ast.Mult) else -power, factors)
+        flatten(node.left, power, factors)
+        flatten(node.right, power if isinstance(node.op, ast.Mult) else -power, factors)
     else:
         factors.append((node, power))
 
 
-def _shifted(node: ast.expr, law: Expression) -> tuple[str, int] | None:
+def shifted(node: ast.expr, law: Expression) -> tuple[str, int] | None:
     """Species and whole number i of a factor `A - i`; i is 0 for `A`."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub):
         below = _number(node.right, law)
-        inner = _shifted(node.left, law) if below is not None and below == int(below) else None
+        inner = shifted(node.left, law) if below is not None and below == int(below) else None
         return None if inner is None or below is None else (inner[0], inner[1] + int(below))
     name = name_of(node)
     return (name, 0) if name is not None and name not in law.parameters else None

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
 
 from kinetics.network import Network
 from kinetics.support.arrays import Ints
@@ -26,13 +23,15 @@ class NetworkModel:
     network : the network, with its rate constants
     initial : (S,) counts at time 0
     observables : name -> weight of each species in the sum
-    notes : remarks on contents of the file that the network does not hold
+    notes : remarks on how the file was read, and on contents that the network does not hold
+    formulas : name in the file -> what it stands for, as text: a formula over the species' amounts in the file's units
     """
 
     network: Network
     initial: Ints
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    formulas: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _ = self.network.known_rates
@@ -42,19 +41,6 @@ class NetworkModel:
             unknown = [each for each in weights if each not in species]
             if unknown:
                 raise ValueError(f"observable {name!r} counts {unknown[0]!r}, which is not a species of the network")
-
-
-def whole_counts(path: Path, amounts: Mapping[str, float]) -> Ints:
-    """Copies (S,) of amounts by species; a fraction of a copy is rounded, with a warning, what is no count refused."""
-    for name, amount in amounts.items():
-        if not 0 <= amount < 2.0**63:  # nan, too
-            raise ValueError(f"{path}: {amount:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
-    counts = {name: round(amount) for name, amount in amounts.items()}
-    off = [name for name, amount in amounts.items() if abs(amount - counts[name]) > CLOSE * max(1.0, amount)]
-    if off:
-        more = f" and {len(off) - 1} more" if len(off) > 1 else ""
-        warnings.warn(f"{path}: copies are whole; rounded {amounts[off[0]]:g} of {off[0]}{more}", stacklevel=2)
-    return np.array(list(counts.values()), dtype=np.int64)
 
 
 class Format(ABC):
@@ -68,8 +54,12 @@ class Format(ABC):
     suffixes: ClassVar[tuple[str, ...]]
 
     @abstractmethod
-    def read(self, path: Path) -> NetworkModel:
-        """The file's model; a ValueError that names the file, and the line if there is one, where it is damaged."""
+    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+        """The file's model; a ValueError that names the file, and the line if there is one, where it is damaged.
+
+        copies_per_unit : how many copies one unit of the file's amounts is; None where it is one, and fractions of a
+            copy are a mistake
+        """
 
     @abstractmethod
     def text(self, model: NetworkModel) -> str:

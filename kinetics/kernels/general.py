@@ -18,7 +18,7 @@ import numpy as np
 from kinetics.kernels.blocks import BLOCK, channel_at
 from kinetics.kernels.clock import next_time, record
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.events import happen, has_turned, next_turn
+from kinetics.kernels.events import first_due, happen, has_turned, next_due, next_turn
 from kinetics.kernels.intervals import ranges
 from kinetics.kernels.outcomes import (
     BAD_LAW,
@@ -44,9 +44,9 @@ class GeneralModel(NamedTuple):
     reader_starts (R + 1,), readers (n,) : steady channels whose propensity a firing changes, rising
     is_reopening, is_waking (R,) bool : a firing changes what a timed rate law or condition reads; what
         any condition reads
-    conditions (E,), new_counts (A,) : their programs
+    conditions (E,), new_counts (A,), delays (E,) : their programs
     clocked (n,) : events whose condition depends on the time
-    was_true, from_trigger (E,) bool : see `network.laws.events.Event`
+    was_true, from_trigger, is_persistent, is_delayed (E,) bool : see `network.laws.events.Event`
     assign_starts (E + 1,), assigned (A,) : which counts each event sets
     """
 
@@ -62,9 +62,12 @@ class GeneralModel(NamedTuple):
     is_waking: np.ndarray
     conditions: np.ndarray
     new_counts: np.ndarray
+    delays: np.ndarray
     clocked: np.ndarray
     was_true: np.ndarray
     from_trigger: np.ndarray
+    is_persistent: np.ndarray
+    is_delayed: np.ndarray
     assign_starts: np.ndarray
     assigned: np.ndarray
 
@@ -76,9 +79,10 @@ class GeneralWork(NamedTuple):
     lows, highs (P,) : of ranges; the first R highs are the bounds of timed channels, and what steady ones are
     sums, caps, upto (B,) : of blocks of propensities, of bounds, and running
     stack (2, depth)
-    is_true, is_due (E,) bool, held (A,) : conditions, events whose moment has come, their new counts
+    is_true (E,) bool, held (A,) : conditions; new counts that are about to be set
+    moments (Q,), owners (Q,) int64, planned (Q, W) : the calendar: when which events are due, and their new counts
     window (3,) : its end, the length of the next one, sum of the bounds in it
-    notes (2,) int64 : whether the run has begun; what an outcome speaks of
+    notes (3,) int64 : whether the run has begun; what an outcome speaks of; entries of the calendar
     """
 
     results: np.ndarray
@@ -89,8 +93,10 @@ class GeneralWork(NamedTuple):
     upto: np.ndarray
     stack: np.ndarray
     is_true: np.ndarray
-    is_due: np.ndarray
     held: np.ndarray
+    moments: np.ndarray
+    owners: np.ndarray
+    planned: np.ndarray
     window: np.ndarray
     notes: np.ndarray
 
@@ -121,7 +127,7 @@ def first_bad(which, begin, end, results):
 
 @compiled
 def open_window(model, work, counts, t):
-    """Bounds of the timed rate laws until the end of a window, which is also where a condition turns."""
+    """Bounds of the timed rate laws until the end of a window, also where a condition turns or an event is due."""
     timed, results, highs, window = model.timed, work.results, work.highs, work.window
     n_channels = model.change_starts.size - 1
     values(model.programs, timed, 0, timed.size, counts, t, work.stack, results)
@@ -156,6 +162,7 @@ def open_window(model, work, counts, t):
             work.notes[1] = model.clocked[i]
             return UNDECIDED
         window[0] = min(window[0], turn)
+    window[0] = min(window[0], next_due(work))
     return REACHED_END
 
 
@@ -184,7 +191,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     """
     n_channels, n_times, n_blocks = model.change_starts.size - 1, grid.size, work.sums.size
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
-    is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size > 0
+    is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = REACHED_END  # here: nothing went wrong so far
@@ -212,7 +219,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             break
         t = moment
         if not is_candidate:
-            is_turn = model.clocked.size > 0 and has_turned(model, work, counts, t)
+            is_turn = first_due(work, t) >= 0 or (model.clocked.size > 0 and has_turned(model, work, counts, t))
             outcome = settle(model, work, counts, t) if is_turn else open_window(model, work, counts, t)
             continue
 

@@ -12,3 +12,5 @@ BROKEN_BOUND = 6  # a propensity above its bound: an error in the kernel
 BAD_COUNT = 7  # an event's new count is no whole number of at least 0
 UNDECIDED = 8  # when a condition turns true cannot be decided
 ENDLESS = 9  # events of one moment set each other off
+BAD_DELAY = 10  # an event's delay is no number of at least 0
+CROWDED = 11  # too many delayed events wait

@@ -22,6 +22,8 @@ from kinetics.support.arrays import Floats, Ints
 if TYPE_CHECKING:
     from kinetics.kernels import general
 
+MOST_WAITING = 1000  # delayed events of one run at a time
+
 
 @dataclass(frozen=True)
 class General(SamplingMethod):
@@ -73,7 +75,7 @@ class GeneralSampler(StepwiseSampler):
         from kinetics.kernels import general
 
         n_programs = self.model.programs.starts.size - 1
-        n_events = len(self.events)
+        n_entries = MOST_WAITING if self.events else 0
         results, lows, highs = np.zeros((3, n_programs))
         sums, caps, upto = np.zeros((3, self.n_blocks))
         return general.GeneralWork(
@@ -85,10 +87,12 @@ class GeneralSampler(StepwiseSampler):
             upto,
             np.empty((2, self.deepest + 1)),
             self.model.was_true.copy(),
-            np.zeros(n_events, dtype=bool),
             np.empty(self.model.assigned.size),
+            np.empty(n_entries),
+            np.empty(n_entries, dtype=np.int64),
+            np.empty((n_entries, int(np.diff(self.model.assign_starts).max(initial=0)))),
             np.array([0.0, 1.0, 0.0]),  # a first window of 1 tu, which adapts at once
-            np.zeros(2, dtype=np.int64),
+            np.zeros(3, dtype=np.int64),
         )
 
     def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
@@ -106,6 +110,14 @@ class GeneralSampler(StepwiseSampler):
                 f"event {event.name!r} sets {name!r} to {event.new_counts[name]} = {work.held[about]:g} {where}; "
                 f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) where that is meant"
             )
+        if outcome in (outcomes.BAD_DELAY, outcomes.CROWDED):
+            event = self.events[about]
+            why = (
+                f"is no finite number of at least 0 {where}"
+                if outcome == outcomes.BAD_DELAY
+                else f"is too long: over {MOST_WAITING} of its kind wait at a time, {where}"
+            )
+            raise ValueError(f"event {event.name!r}: the delay {event.waits} {why}")
         if outcome in (outcomes.UNDECIDED, outcomes.ENDLESS):
             event = self.events[about]
             why = (
@@ -135,7 +147,8 @@ class GeneralSampler(StepwiseSampler):
         channels = channel_programs(network)
         conditions = [steps_of(event.condition, places) for event in self.events]
         new_counts = [steps_of(law, places) for event in self.events for law in event.new_counts.values()]
-        all_programs = [*channels, *conditions, *new_counts]
+        delays = [steps_of(event.waits, places) for event in self.events]
+        all_programs = [*channels, *conditions, *new_counts, *delays]
         steps = [step for program in all_programs for step in program]
         table = programs.Programs(
             np.array([step.code for step in steps], dtype=np.int32),
@@ -164,9 +177,12 @@ class GeneralSampler(StepwiseSampler):
             touches(network, conditions),
             n_channels + np.arange(n_conditions),
             n_channels + n_conditions + np.arange(len(new_counts)),
+            n_channels + n_conditions + len(new_counts) + np.arange(n_conditions),
             np.array(clocked, dtype=np.int64),
             np.array([event.was_true for event in self.events], dtype=bool),
             np.array([event.from_trigger for event in self.events], dtype=bool),
+            np.array([event.persistent for event in self.events], dtype=bool),
+            np.array([event.is_delayed for event in self.events], dtype=bool),
             np.array([0, *accumulate(len(event.assign) for event in self.events)]),
             np.array([places[name] for event in self.events for name in event.assign], dtype=np.int64),
         )

@@ -150,6 +150,26 @@ def test_large_counts_and_extreme_rates_come_back(kind, tmp_path):
 
 
 @FORMAT
+def test_a_scale_keeps_the_rate_equations_or_is_refused(kind, tmp_path):
+    """Ten copies to a unit of amount: ten times the counts, and of order 0 and 1 ten times the propensities there."""
+    model = model_of(KEPT["of nothing"]())
+    path = tmp_path / f"model{kind.suffixes[0]}"
+    write(model, path)
+    for scale in (0.0, float("nan")):
+        with pytest.raises(ValueError, match="copies"):
+            read(path, scale)
+    refusal = refusal_of(read, path, 10.0)
+    if refusal is not None:
+        assert str(path) in refusal
+        return
+    again = read(path, 10.0)
+    assert_array_equal(again.initial, 10 * model.initial)
+    states = np.arange(5)[:, None]
+    found, expected = (each.network.propensities(scale * states) for each, scale in ((again, 10), (model, 1)))
+    assert_allclose(found, 10 * expected, rtol=1e-14)
+
+
+@FORMAT
 def test_its_files_are_found_by_every_suffix_in_any_case(kind, tmp_path):
     model = model_of(KEPT["mass action"]())
     for suffix in kind.suffixes:

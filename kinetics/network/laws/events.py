@@ -14,17 +14,21 @@ from kinetics.network.laws.expression import Expression
 class Event:
     """An instantaneous, deterministic assignment to counts, made each time a condition turns from false to true.
 
+    With a delay it is made so much later; a condition may then turn true again before, and each time counts.
+
     name : name of the event
     when : the condition over counts, parameters and t: "t >= 50", "S < 10 and P > 0"
     assign : species -> its new count, an expression over the counts just before; it must come out whole and >= 0
     parameters : name -> value, for both; a parsed expression brings its own
     priority : of events at the same moment the highest comes first, then the first listed
     was_true : the condition's value before time 0; where it was true already, the event waits for the next time
-    from_trigger : the new counts follow from those at the moment the condition turned true, not from those that
-        other events of that moment left behind
+    from_trigger : the new counts follow from those at the moment the condition turned true, not from those of the
+        moment at which they are set, which other events or the delay may have changed
+    delay : time from the moment the condition turned true, tu, a number of at least 0 or an expression over the counts
+        at that moment
+    persistent : an event that is due happens even if its condition has become false again; if not, it is dropped
 
-    An event that is due happens even if another event at the same moment makes its condition false again. These are
-    the events of SBML Level 3 without delays: initialValue, persistent, useValuesFromTriggerTime.
+    These are the events of SBML Level 3: initialValue, useValuesFromTriggerTime, delay, persistent.
     """
 
     name: str
@@ -34,6 +38,8 @@ class Event:
     priority: float = 0.0
     was_true: bool = True
     from_trigger: bool = False
+    delay: str | float | Expression = 0.0
+    persistent: bool = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -46,6 +52,7 @@ class Event:
             raise ValueError(f"event {self.name!r} has priority {self.priority}; expected a finite number")
         object.__setattr__(self, "when", self._parsed(self.when))
         object.__setattr__(self, "assign", {name: self._parsed(value) for name, value in self.assign.items()})
+        object.__setattr__(self, "delay", self._parsed(self.delay))
         if not self.condition.is_condition:
             came = self.condition.text
             raise ValueError(f"event {self.name!r}: {came!r} is no condition; expected one such as 't >= 50'")
@@ -77,6 +84,16 @@ class Event:
         return cast(Expression, self.when)
 
     @property
+    def waits(self) -> Expression:
+        """The delay, parsed."""
+        return cast(Expression, self.delay)
+
+    @property
+    def is_delayed(self) -> bool:
+        """Whether it has a delay other than 0."""
+        return self.waits.text not in ("0", "0.0")
+
+    @property
     def new_counts(self) -> dict[str, Expression]:
         """Species -> its new count, parsed."""
         return cast(dict[str, Expression], self.assign)
@@ -84,6 +101,7 @@ class Event:
     def check_names(self, species: Mapping[str, int]) -> None:
         """A ValueError where it names a species or parameter that does not exist."""
         self.condition.check_names(f"event {self.name!r}", species)
+        self.waits.check_names(f"event {self.name!r}", species)
         for name, value in self.new_counts.items():
             if name not in species:
                 raise ValueError(f"event {self.name!r} sets {name!r}; the species are {', '.join(species)}")
@@ -92,7 +110,8 @@ class Event:
     def __str__(self) -> str:
         sets = ", ".join(f"{name} = {value}" for name, value in self.new_counts.items())
         rank = f", priority {self.priority:g}" if self.priority else ""
-        return f"{self.name}: when {self.condition}: {sets}{rank}"
+        later = f", {self.waits} tu later" if self.is_delayed else ""
+        return f"{self.name}: when {self.condition}{later}: {sets}{rank}"
 
     def _parsed(self, given: str | float | Expression) -> Expression:
         if isinstance(given, Expression):

@@ -18,6 +18,8 @@ import numpy as np
 from kinetics.network.laws.expression import PI, TIME, Expression, is_condition, name_of
 from kinetics.support.arrays import Floats, Ints
 
+MOST_STEPS = 50_000  # of a program with comparisons
+
 
 class Code(IntEnum):
     """What a step does to the stack. `kernels.general` has the same numbers."""
@@ -157,6 +159,11 @@ def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str,
             return reduce(lambda one, other: [*one, *other, Step(code)], map(truth, values))
         case ast.Compare(left=left, ops=ops, comparators=others):
             sides = [inner(side) for side in (left, *others)]
+            if sum(map(len, sides)) > MOST_STEPS:
+                raise ValueError(
+                    f"comparisons within each other grow to over {MOST_STEPS} steps, as the middle of a < b < c counts "
+                    f"twice; write them with `and`"
+                )
             pairs = [
                 [*a, *b, Step(COMPARE[type(op)])] if type(op) in COMPARE else [*b, *a, Step(MIRRORED[type(op)])]
                 for a, b, op in zip(sides[:-1], sides[1:], ops, strict=True)

@@ -146,6 +146,12 @@ def _is_number(word: str) -> bool:
 def starting_options(command: Any) -> Any:
     """The argument and options of a start: rule book or network file, rates, counts at time 0."""
     for decorate in (
+        click.option(
+            "--copies-per-unit",
+            metavar="N",
+            type=float,
+            help="Copies that one unit of a network file's amounts is; needed where these are no whole numbers.",
+        ),
         click.option("--initial", metavar="SPECIES=COUNT,...", help="Counts at time 0, as in monomer=20,dimer=20."),
         click.option("--cubes", metavar="N", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
         click.option(

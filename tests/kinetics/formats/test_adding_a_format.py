@@ -26,8 +26,10 @@ class Sheet(Format):
     name: ClassVar[str] = "sheet"
     suffixes: ClassVar[tuple[str, ...]] = (".sheet", ".sht")
 
-    def read(self, path: Path) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The network of a sheet."""
+        if copies_per_unit is not None:
+            raise ValueError(f"{path} has whole counts; it takes no copies_per_unit")
         if path.stat().st_size > 2**20:
             raise ValueError(f"{path} has {path.stat().st_size} bytes; a sheet may have at most {2**20}")
         try:

@@ -188,10 +188,11 @@ def test_other_bad_files(tmp_path):
     assert ".net" in SUFFIXES
 
 
-def test_fractions_of_a_copy_are_rounded_aloud(tmp_path):
-    with pytest.warns(UserWarning, match=r"copies are whole; rounded 6.022 of A\(\) and 1 more"):
-        model = read(written(tmp_path, GOOD.replace("A() 10", "A() 6.022").replace("B() 0", "B() 0.7")))
-    assert_array_equal(model.initial, [6, 1])
+def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):
+    path = written(tmp_path, GOOD.replace("A() 10", "A() 6.022").replace("B() 0", "B() 0.7"))
+    with pytest.raises(ValueError, match=r"'A' starts from 6.022 and so do 1 more, .* --copies-per-unit"):
+        read(path)
+    assert_array_equal(read(path, 1000).initial, [6022, 700])
 
 
 @pytest.mark.parametrize(
@@ -244,7 +245,8 @@ def test_what_is_shown(tmp_path):
             for chosen in (["--show", "both", "--show", "B"], [])
         )
         assert both["species"] == ["both", "B"]
-        assert every["species"] == ["A", "B"]
+        assert every["species"] == ["A", "B", "both"]
+        assert_allclose([row[2] for row in every["mean"]], 10, rtol=1e-12)
         assert_allclose([row[0] for row in both["mean"]], 10, rtol=1e-12)  # A + 2 B is kept
         assert_allclose([row[0] for row in both["sd"]], 0, atol=1e-6)
         for key in ("mean", "sd"):
@@ -261,9 +263,9 @@ def test_large_networks_show_their_observables(tmp_path):
     path = str(written(tmp_path, text))
     done = run(main, ["predict", path, "--times", "1"])
     assert done.exit_code == 2
-    assert "40 species; name those to be shown" in done.output
+    assert "40 species and no observable that is a whole sum; name those to be shown" in done.output
     path = str(written(tmp_path, text + "begin groups\n1 half 0.5*3\nend groups\n"))
-    done = run(main, ["predict", path, "--times", "1"])
+    done = run(main, ["predict", path, "--times", "1", "--show", "half"])
     assert done.exit_code == 2
     assert "'half' counts 'S3' 0.5 times; expected a whole number >= 0" in done.output
     path = str(written(tmp_path, text + "begin groups\n1 last 40,2*39\nend groups\n"))

@@ -1,108 +1,22 @@
 """SBML: what of it is read, as mass action where it is that and as written where not; and what is refused."""
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
+from sbml_builder import Builder
 
 from kinetics import Auto, simulate
 from kinetics.formats import NetworkModel, read, write
 from kinetics.formats.massaction import rate_constant
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
+from wellmixed import main
 
 libsbml = pytest.importorskip("libsbml")
-
-
-class Builder:
-    """A small SBML document, made by libsbml."""
-
-    def __init__(self, level=3, version=2, size=1.0):
-        self.document = libsbml.SBMLDocument(level, version)
-        self.model = self.document.createModel()
-        self.model.setId("m")
-        self.level = level
-        place = self.model.createCompartment()
-        place.setId("cell")
-        place.setSpatialDimensions(3)
-        if size is not None:
-            place.setSize(size)
-        place.setConstant(True)
-
-    def species(self, name, amount=0.0, *, concentration=None, by_amount=True, boundary=False, constant=False):
-        each = self.model.createSpecies()
-        each.setId(name)
-        each.setCompartment("cell")
-        if concentration is not None:
-            each.setInitialConcentration(concentration)
-        elif amount is not None:
-            each.setInitialAmount(amount)
-        each.setHasOnlySubstanceUnits(by_amount)
-        each.setBoundaryCondition(boundary)
-        each.setConstant(constant)
-        return each
-
-    def parameter(self, name, value=None, *, constant=True):
-        each = self.model.createParameter()
-        each.setId(name)
-        each.setConstant(constant)
-        if value is not None:
-            each.setValue(value)
-
-    def reaction(self, name, before, after, law, **local):
-        each = self.model.createReaction()
-        each.setId(name)
-        each.setReversible(False)
-        if self.level < 3 or self.document.getVersion() < 2:
-            each.setFast(False)
-        named = set()
-        for side, add in ((before, each.createReactant), (after, each.createProduct)):
-            for species, copies in side.items():
-                reference = add()
-                reference.setSpecies(species)
-                reference.setStoichiometry(copies)
-                if self.level > 2:
-                    reference.setConstant(True)
-                named.add(species)
-        math_ = libsbml.parseL3Formula(law)
-        for i in range(self.model.getNumSpecies()):
-            other = self.model.getSpecies(i).getId()
-            if other in law and other not in named:
-                each.createModifier().setSpecies(other)
-        kinetic = each.createKineticLaw()
-        kinetic.setMath(math_)
-        for key, value in local.items():
-            own = kinetic.createLocalParameter() if self.level > 2 else kinetic.createParameter()
-            own.setId(key)
-            own.setValue(value)
-        return each
-
-    def rule(self, variable, formula, make="createAssignmentRule"):
-        rule = getattr(self.model, make)()
-        if variable:
-            rule.setVariable(variable)
-        rule.setMath(libsbml.parseL3Formula(formula))
-
-    def event(self, name, when, **assign):
-        event = self.model.createEvent()
-        event.setId(name)
-        event.setUseValuesFromTriggerTime(True)
-        trigger = event.createTrigger()
-        trigger.setMath(libsbml.parseL3Formula(when))
-        if self.level > 2:
-            trigger.setInitialValue(True)
-            trigger.setPersistent(True)
-        for variable, formula in assign.items():
-            change = event.createEventAssignment()
-            change.setVariable(variable)
-            change.setMath(libsbml.parseL3Formula(formula))
-        return event
-
-    def read(self, folder):
-        path = folder / "model.xml"
-        path.write_text(libsbml.writeSBMLToString(self.document), encoding="utf-8")
-        return read(path)
 
 
 @pytest.mark.parametrize(("level", "version"), [(2, 1), (2, 4), (3, 1), (3, 2)])
@@ -164,9 +78,7 @@ def test_laws_as_they_are_written(tmp_path):
     made.parameter("half", constant=False)
     made.rule("half", "k/2 + 0*B")
     made.rule("total", "2*A*cell + B")
-    function = made.model.createFunctionDefinition()
-    function.setId("mm")
-    function.setMath(libsbml.parseL3Formula("lambda(s, v, m, v*s/(m + s))"))
+    made.function("mm", "lambda(s, v, m, v*s/(m + s))")
     made.reaction("turn", {"A": 1}, {"B": 1}, "cell*mm(A, k, half)")
     made.reaction("square", {"B": 2}, {}, "k*B*B")
     made.reaction("same", {"A": 2}, {}, "k*A*A*cell")
@@ -176,7 +88,10 @@ def test_laws_as_they_are_written(tmp_path):
     assert net.species == ("A", "B")
     assert_array_equal(model.initial, [10, 4])
     assert model.observables == {"total": {"A": 2.0, "B": 1.0}}
-    assert model.notes == ("half is no sum of counts and is not shown",)
+    assert model.notes == (
+        "the law of wave is not proven to be at least 0; a run in which it is less is refused",
+        "half is no sum of counts and is not shown",
+    )
     for time, a, b in ((1.0, 10, 4), (1.0, 3, 12), (7.0, 6, 2)):
         half, x = 1.5, a / 2
         wave = 1 + math.sin(time) if time < 5 and b <= 9 else math.log10(b**2)
@@ -190,9 +105,7 @@ def test_constant_rules_and_initial_assignments(tmp_path):
     made.parameter("k", constant=False)
     made.parameter("n", 6.0)
     made.rule("k", "n/3")
-    start = made.model.createInitialAssignment()
-    start.setSymbol("A")
-    start.setMath(libsbml.parseL3Formula("n*5"))
+    made.assignment("A", "n*5")
     made.reaction("out", {"A": 1}, {}, "k*A")
     model = made.read(tmp_path)
     assert model.network.is_mass_action
@@ -217,7 +130,7 @@ def test_events(tmp_path):
     made.parameter("k", 0.1)
     made.reaction("out", {"P": 1}, {}, "k*P")
     made.event("refill", "P < 30", P="P + 70", D="0")
-    made.event("stop", "time >= 25.5", P="0").createPriority().setMath(libsbml.parseL3Formula("2"))
+    made.event("stop", "time >= 25.5", priority="2", P="0")
     refill, stop = made.read(tmp_path).network.events
     assert (refill.condition.text, stop.condition.text) == ("(P < 30)", "(t >= 25.5)")
     assert {name: value.text for name, value in refill.new_counts.items()} == {"P": "(P + 70)", "D": "0"}
@@ -265,10 +178,6 @@ def base():
     return made
 
 
-def with_delay(made):
-    made.event("late", "time > 1", A="3").createDelay().setMath(libsbml.parseL3Formula("2"))
-
-
 def with_constraint(made):
     made.model.createConstraint().setMath(libsbml.parseL3Formula("A > 1"))
 
@@ -278,7 +187,6 @@ def with_constraint(made):
     [
         (lambda m: m.rule("free", "0.1*A", "createRateRule"), "line .*: a rate rule"),
         (lambda m: m.rule(None, "A - free", "createAlgebraicRule"), "algebraic rule"),
-        (with_delay, "event 'late' has a delay"),
         (with_constraint, "a constraint"),
         (lambda m: m.event("set", "time > 1", free="3"), "event 'set' sets 'free'; only counts of species"),
         (lambda m: m.event("set", "time > 1", A="delay(A, 2)"), "delay.*cannot be written as a rate law"),
@@ -316,6 +224,7 @@ DISTRIB = (
         (DISTRIB, "uses the package 'distrib' of SBML, which is not read"),
         ("<sbml>", "is not XML"),
         ("<a/>", "line 2: .*XML"),
+        ('<?xml version="1.0" encoding="klingon"?><sbml/>', "is not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "line 1: a document type"),
         ("<a>" * 3000 + "</a>" * 3000, "tags over 100 deep"),
         ('<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1"/>', "(?i)model"),
@@ -348,11 +257,28 @@ def test_a_rate_law_over_a_long_sum_is_refused_by_its_line(tmp_path):
         made.read(tmp_path)
 
 
-def test_fractions_of_a_copy_are_rounded_aloud(tmp_path):
+def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):
     made = base()
     made.species("B", concentration=0.4)
-    with pytest.warns(UserWarning, match="rounded 0.4 of B"):
-        assert_array_equal(made.read(tmp_path).initial, [5, 0])
+    with pytest.raises(ValueError, match=r"'B' starts from 0.4, .* --copies-per-unit"):
+        made.read(tmp_path)
+    assert_array_equal(made.read(tmp_path, 10).initial, [50, 4])
+
+
+def test_moles_are_told(tmp_path):
+    note = "the file states amounts in moles; they are read as copies"
+    for unit, told in (("mole", True), ("item", False), ("own", True)):
+        made = base()
+        if unit == "own":
+            made.model.createUnitDefinition().setId("own")
+            part = made.model.getUnitDefinition("own").createUnit()
+            part.setKind(libsbml.UNIT_KIND_MOLE)
+            part.setExponent(1.0)
+            part.setScale(-3)
+            part.setMultiplier(1.0)
+        made.model.getSpecies(0).setSubstanceUnits(unit)
+        assert (note in made.read(tmp_path).notes) == told
+        assert note not in made.read(tmp_path, 100).notes
 
 
 def test_an_own_law_stops_where_reactants_are_missing(tmp_path):
@@ -363,3 +289,34 @@ def test_an_own_law_stops_where_reactants_are_missing(tmp_path):
     net = made.read(tmp_path).network
     assert not net.is_mass_action
     assert_allclose(net.propensities(np.array([[3], [2], [1], [0]]))[:, 0], [1.5, 1.5, 0, 0])
+
+
+def test_predict_shows_observables_and_how_the_file_was_read(tmp_path):
+    """By default: counts, whole sums, and remarks; a scale by its option, which a rule book does not take."""
+    made = Builder()
+    for name, amount in (("X", 0.5), ("Y", 0.25)):
+        made.species(name, amount)
+    for name, formula in (("all", "X + Y"), ("part", "0.5*X"), ("square", "X^2")):
+        made.parameter(name, constant=False)
+        made.rule(name, formula)
+    made.reaction("turn", {"X": 1}, {"Y": 1}, "X - 2*Y", reversible=True)
+    with pytest.raises(ValueError, match=r"starts from 0\.5"):
+        made.read(tmp_path)
+    options = ["predict", str(tmp_path / "model.xml"), "--method", "exact", "--times", "50", "--json"]
+    run = CliRunner().invoke
+    done = run(main, options)
+    assert done.exit_code == 2
+    assert "--copies-per-unit 1e6" in done.output
+    data = json.loads(run(main, [*options, "--copies-per-unit", "12"]).output)
+    assert data["species"] == ["X", "Y", "all"]
+    assert_allclose(data["mean"], [[6, 3, 9]], rtol=1e-9)
+    assert_allclose(data["sd"][0][0], math.sqrt(9 * 2 / 9), rtol=1e-9)
+    assert data["notes"][:-1] == [
+        "turn runs both ways: X forward, 2 * Y backward",
+        "square is no sum of counts and is not shown",
+        "one unit of the file's amounts is 12 copies",
+        "no whole sums of counts, and not shown: part",
+    ]
+    done = run(main, ["predict", "line4", "--rates", "table3", "--cubes", "4", "--copies-per-unit", "2"])
+    assert done.exit_code == 2
+    assert "--copies-per-unit 2 is the scale of a network file; line4 is a rule book" in done.output

@@ -131,8 +131,11 @@ def test_events_set_off_others_and_are_not_called_back():
         Event("pull", "A > 40", {"B": "A", "A": 0}),
         Event("too late", "t >= 1 and A < 10", {"B": "B + 1000"}),
     ]
-    # The third is due at 1 as A is 0 there, and happens though the first, which comes before it, undoes that.
-    assert still(events, [0, 0], [0.5, 1.0]) == [[0, 0], [0, 1050]]
+    # The third is due at 1 as A is 0 there, and happens though the first, which comes before it, undoes that; and once
+    # more as the second makes its condition true again.
+    assert still(events, [0, 0], [0.5, 1.0]) == [[0, 0], [0, 2050]]
+    once = Event("too late", "t >= 1 and A < 10", {"B": "B + 1000"}, persistent=False)
+    assert still([*events[:2], once], [0, 0], [0.5, 1.0]) == [[0, 0], [0, 1050]]
 
 
 def test_what_was_true_before_waits_for_the_next_time():
@@ -194,6 +197,63 @@ def test_events_without_end_are_refused():
 def test_bad_events(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_delays_of_events():
+    """New counts of the moment of the condition or of the moment at which they are set; delays by the counts."""
+    events = [
+        Event("one", "t >= 1", {"A": "A + 1"}),
+        Event("two", "t >= 2", {"A": "A + 1"}),
+        Event("early", "t >= 1.5", {"B": "10 * A"}, delay=1.0, from_trigger=True),
+        Event("late", "t >= 1.5", {"B": "B + A"}, delay="2 * A"),
+    ]
+    assert still(events, [0, 0], [2.0, 2.5, 3.499999, 3.5]) == [[2, 0], [2, 10], [2, 10], [2, 12]]
+    again = Event("again", "t % 1 >= 0.5", {"B": "B + 1"}, delay=2.25, was_true=False)  # three wait at a time
+    assert [b for _, b in still([again], [0, 0], [2.74, 2.75, 3.75, 9.8])] == [0, 1, 2, 8]
+
+
+def test_events_that_do_not_persist():
+    """A condition that is false again drops what is due, at the same moment or later."""
+    up, down = (Event(f"to {n}", f"t >= {t}", {"A": n}) for n, t in ((1, 1), (0, 2)))
+    for delay, persistent, expected in ((1.5, False, 0), (1.5, True, 7), (0.5, False, 7), (0.5, True, 7)):
+        event = Event("set", "A > 0", {"B": 7}, delay=delay, persistent=persistent)
+        assert still([up, down, event], [0, 0], [5.0]) == [[0, expected]]
+    for persistent, expected in ((False, [0, 5]), (True, [3, 5])):
+        first = Event("first", "t >= 1", {"B": 5}, priority=2.0)
+        second = Event("second", "t >= 1 and B < 5", {"A": 3}, persistent=persistent)
+        assert still([first, second], [0, 0], [2.0]) == [expected]
+
+
+def test_delays_under_reactions():
+    """One copy of X dies at rate 1; 0.75 tu after that, or while it lives since 0.75 tu, Y is set."""
+    reactions = {"death": ({"X": 1}, {}), "still": ({"Y": 1}, {})}
+    after = Event("after", "X < 1", {"Y": 1}, delay=0.75)
+    while_ = Event("while", "X > 0", {"Y": 1}, delay=0.75, persistent=False, was_true=False)
+    times, runs = [0.5, 1.5, 3.0], 4000
+    for event, chance in ((after, lambda t: 1 - exp(-max(0.0, t - 0.75))), (while_, lambda t: exp(-0.75) * (t > 0.75))):
+        seen = counts_of(reactions, [1.0, 0.0], [event], [1, 0], times, runs=runs)[:, :, 1].sum(axis=0)
+        for n, t in zip(seen, times, strict=True):
+            low, high = binom(runs, chance(t)).ppf([5e-7, 1 - 5e-7])
+            assert low <= n <= high
+        assert not binom(runs, 0.9 * chance(3.0)).ppf(5e-7) <= seen[2] <= binom(runs, 0.9 * chance(3.0)).ppf(1 - 5e-7)
+
+
+@pytest.mark.parametrize(
+    ("event", "message"),
+    [
+        (
+            Event("bad", "t >= 1", {"A": 1}, delay="A - 3"),
+            "event 'bad': the delay A - 3 is no finite number of at least 0",
+        ),
+        (
+            Event("many", "t % 0.001 < 0.0005", {"A": 1}, delay=1e9),
+            "event 'many': the delay .* over 1000 of its kind wait",
+        ),
+    ],
+)
+def test_delays_that_cannot_be_are_refused(event, message):
+    with pytest.raises(ValueError, match=message):
+        still([event], [0, 0], [5.0])
 
 
 def test_a_path_with_events_is_refused():

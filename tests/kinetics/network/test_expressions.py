@@ -400,3 +400,14 @@ def test_quick_methods_refuse_and_auto_takes_the_general_one():
         with pytest.raises(ValueError, match=r"has event 'dose'; the method .* takes mass action only"):
             method.simulate(dosed, [0], [1.0], runs=2)
     assert Auto().choose(net) == Auto(many=False).choose(dosed) == General()
+
+
+def test_comparisons_within_each_other_do_no_exponential_work():
+    """Each level doubles the program; 133 characters once took 580 MB."""
+    text = "A"
+    for level in range(40):
+        text = f"(1 < {text} < 3)"
+        if level == 5:
+            assert len(steps_of(Expression(text), {"A": 0})) > 2**6
+    with pytest.raises(ValueError, match="comparisons within each other grow to over"):
+        steps_of(Expression(text), {"A": 0})

@@ -1,0 +1,111 @@
+"""The scale of a model: how many copies one unit of a file's amounts is."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from kinetics.formats.model import CLOSE, NetworkModel
+from kinetics.network import Network
+from kinetics.network.laws.events import Event
+from kinetics.network.laws.expression import Expression, name_of
+
+
+def model_of(
+    path: Path,
+    network: Network,
+    amounts: Mapping[str, float],
+    copies_per_unit: float | None,
+    observables: Mapping[str, Mapping[str, float]],
+    notes: Sequence[str] = (),
+    formulas: Mapping[str, str] | None = None,
+) -> NetworkModel:
+    """The model of a file whose network and amounts at time 0 are in its own units.
+
+    copies_per_unit : None for a unit that is a copy; fractions of a copy are then refused, with a hint to give it
+    """
+    scale = 1.0 if copies_per_unit is None else copies_per_unit
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"{scale} copies per unit; expected a finite number above 0")
+    counts = {name: amount if scale == 1 else amount * scale for name, amount in amounts.items()}
+    for name, count in counts.items():
+        if not 0 <= count < 2.0**63:  # nan, too
+            raise ValueError(f"{path}: {count:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
+    off = [name for name, count in counts.items() if abs(count - round(count)) > CLOSE * count]
+    remarks = list(notes)
+    if off and copies_per_unit is None:
+        more = f" and so do {len(off) - 1} more" if len(off) > 1 else ""
+        raise ValueError(
+            f"{path}: {off[0]!r} starts from {counts[off[0]]:g}{more}, which is no whole number of copies; say how "
+            f"many copies one unit of amount is, as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
+        )
+    if off:
+        more = f" and {len(off) - 1} more" if len(off) > 1 else ""
+        remarks.append(f"rounded {counts[off[0]]:g} copies of {off[0]}{more}")
+    if scale != 1:
+        remarks.append(f"one unit of the file's amounts is {scale:g} copies")
+        network = scaled(network, scale)
+    whole = np.array([round(count) for count in counts.values()], dtype=np.int64)
+    return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
+
+
+def scaled(network: Network, copies: float) -> Network:
+    """A network over amounts as one over counts, `copies` to a unit: the same rate equations, less noise.
+
+    Mass action of order n has its rate constant times copies**(1 - n); laws, conditions and new counts read amounts.
+    """
+    order = np.bincount(network.sparse_reactants.rows, network.sparse_reactants.copies, len(network.channels))
+    is_law = np.isin(network.channels, list(network.laws))
+    made = network.with_rates(network.known_rates * copies ** np.where(is_law, 0.0, 1.0 - order))
+    if network.laws:
+        made = made.with_laws({name: _law(law, copies) for name, law in network.laws.items()})
+    return made.with_events([_event(event, copies) for event in network.events]) if network.events else made
+
+
+def _law(law: Expression, copies: float) -> Expression:
+    return Expression(f"{copies!r} * ({_over_counts(law, copies).text})", law.parameters)
+
+
+def _event(event: Event, copies: float) -> Event:
+    new = {
+        name: Expression(f"floor({copies!r} * ({_over_counts(value, copies).text}) + 0.5)", value.parameters)
+        for name, value in event.new_counts.items()
+    }
+    delay = _over_counts(event.waits, copies)
+    return replace(event, when=_over_counts(event.condition, copies), assign=new, delay=delay)
+
+
+def _over_counts(formula: Expression, copies: float) -> Expression:
+    """A formula over amounts with counts in their place."""
+    tree = _Amounts(formula.parameters, copies).visit(ast.parse(formula.text, mode="eval").body)
+    return Expression(ast.unparse(ast.fix_missing_locations(tree)), formula.parameters)
+
+
+class _Amounts(ast.NodeTransformer):
+    """Puts count / copies in the place of every species."""
+
+    def __init__(self, parameters: Mapping[str, float], copies: float):
+        self.parameters, self.copies = parameters, copies
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:  # as `ast` calls it
+        """A species or a parameter."""
+        return self._of(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
+        """A number, or the quoted name of a species."""
+        return self._of(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        """The function's own name is no species."""
+        return ast.Call(node.func, [self.visit(argument) for argument in node.args], [])
+
+    def _of(self, node: ast.expr) -> ast.expr:
+        name = name_of(node)
+        if name is None or name in self.parameters:
+            return node
+        return ast.BinOp(node, ast.Div(), ast.Constant(self.copies))
