@@ -43,7 +43,13 @@ def test_all_rules_hold_and_the_control_fails():
 def test_each_rule_can_fail():
     found = bars(VerdictRules(), compared(*FAR, pit=0.01), compared(*GOOD))
     assert judged(found) == [False, False, False, False, False]
-    assert "it clears all of them" in found[-1].sentence
+    assert "they clear all of them" in found[-1].sentence
+
+
+def test_the_control_cannot_fail_by_its_joins():
+    odd_joins = (row("joins", 400, 300.0, 1e-4), *GOOD[1:3], row("joins", 800, 600.0, 1e-4, None), GOOD[-1])
+    found = bars(VerdictRules(), compared(*odd_joins), compared(*odd_joins))
+    assert judged(found) == [False, False, False, True, False]
 
 
 def test_few_events_cannot_be_judged_by_their_ratio():
