@@ -30,6 +30,8 @@ its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm
 ABOUT_BREAKS = """
 The AIC counts parameters against likelihood: the smaller is the better. The log score is that of breaks in runs that
 were left out of the fit; the larger is the better. The deviance compares the breaks of runs alike with those expected.
+Where runs record who broke what, and the breaks ask for a model with partners, that record chooses among those that can
+explain it: what a wall broke, only a model with walls can. Then the shape, too, is that of this record.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -124,7 +126,7 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("Who breaks a bond"),
-        Text(f"{ABOUT_BREAKS} {compared.reason}."),
+        Text(f"{ABOUT_BREAKS} Chosen is {compared.chosen.model.name}: {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
     ]
 
