@@ -142,7 +142,7 @@ def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
 
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:
-    species = study.comparisons[0].network.species[1:]
+    species = study.comparisons[0].network.species
     panels = [comparison.events for comparison in study.comparisons]
     panels += [study.pooled] if study.pooled else []
     parts: list[Part] = [
