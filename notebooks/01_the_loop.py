@@ -41,7 +41,6 @@ import numpy as np
 import pandas as pd
 
 from calibration import BreakComparison, crossvalidate, diagnose, estimate
-from calibration.estimating.break_fit import shape_in_words
 from calibration.pipeline.bars import bars
 from calibration.pipeline.plan import StudyPlan
 from calibration.validating.over_sizes import ComparedSizes
@@ -138,8 +137,14 @@ _ = calibration.plot(ax, references={"paper, Table III": Rates.load("table3")})
 
 # %%
 models = BreakComparison.asked_for("auto", paths)
-compared = pd.DataFrame([row | {"shape": shape_in_words(row["shape"])} for row in models.table()]).set_index("model")
-compared[["free_parameters", "aic_above_least", "log_score", "deviance", "freedom", "p_deviance", "shape"]].round(3)
+compared = pd.DataFrame(models.table()).set_index("model")
+compared[["free_parameters", "aic_above_least", "log_score", "deviance", "freedom", "p_deviance"]].round(3)
+
+# %% [markdown]
+# The shape of the chosen one, with 95 % intervals, and why it was chosen:
+
+# %%
+pd.DataFrame(compared["shape"][models.chosen.model.name]).T
 
 # %%
 models.reason

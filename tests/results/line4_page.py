@@ -152,16 +152,13 @@ def rate_table() -> str:
 
 def model_table() -> str:
     """Break models side by side."""
-    from calibration.estimating.break_fit import shape_in_words
-
-    found = stored("calibration.json")["breaks"]
     rows = [
         (
             f"`{row['model']}`" + (" (chosen)" if row["is_chosen"] else ""), str(row["free_parameters"]),
             f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}", f"{row['deviance']:.1f} ({row['freedom']})",
-            f"{row['p_deviance']:.2g}", shape_in_words(row["shape"]),
+            f"{row['p_deviance']:.2g}", row["shape"],
         )
-        for row in found["models"]
+        for row in pd.read_csv(STUDY / "calibration_breaks.csv").to_dict("records")
     ]  # fmt: skip
     titles = ("break model", "free parameters", "AIC above the least", "log score", "deviance (df)", "p of it")
     return table((*titles, "shape [95 %]"), rows)

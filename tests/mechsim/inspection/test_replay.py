@@ -61,7 +61,7 @@ def of_this_physics():
 
 
 def test_a_stored_run_of_the_study_begins_as_it_did():
-    """Bit for bit, whatever has been made faster since: the first events of a run of 60 and of one of 120 single cubes."""
+    """Bit for bit, whatever has been made faster since: the first events of runs from 60 and from 120 single cubes."""
     stored = list(of_this_physics())
     for n in (60, 120):
         runs = [run for run in stored if run[0]["inputs"]["composition"] == {"monomer": n} and len(run[1]["times"]) > 1]
