@@ -45,6 +45,10 @@ the ranks of seen over expected among simulated groups of as many runs, each und
 are exact and carry the uncertainty of the rates. Scatter is the dispersion of events between runs, about 1 under the
 model.
 """
+ABOUT_RULES = """
+They were stated before the runs, and each is judged by itself. The verdict below answers another question: whether all
+checks together, corrected for their number, speak against the prediction.
+"""
 ABOUT_SINGLE_RUNS = """
 Each run's joins and breaks over those expected, and its final counts, as shares of their predicted distribution: evenly
 spread if the model holds. Their distance from that is judged among simulated groups of as many runs.
@@ -137,7 +141,8 @@ def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
         return []
     return [
         Heading("The rules of the plan"),
-        ReportTable("Stated before the runs.", [bar.to_dict() for bar in rules], "rules"),
+        Text(f"{sum(bar.is_cleared is True for bar in rules)} of {len(rules)} rules hold. {ABOUT_RULES}"),
+        ReportTable("The rules, and what came.", [bar.to_dict() for bar in rules], "rules"),
     ]
 
 
