@@ -37,7 +37,7 @@ study: $(READY)
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/rates.toml \
 		--control $(STUDY)/control-rates.toml --csv $(STUDY)/events.csv \
 		--report $(STUDY)/validation.html --json > $(STUDY)/validation.json
-	$(BIN)/wellmixed loads $(STUDY)/runs --json > $(STUDY)/loads.json
+	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.line4_page calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.line4_page
 
 $(READY): pyproject.toml constraints.txt

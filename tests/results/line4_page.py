@@ -2,13 +2,15 @@
 
     python -m tests.results.line4_page
 
-writes them anew, each between a line `<!-- line4: NAME -->` and a line `<!-- end -->`.
+writes them anew, each between a line `<!-- line4: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
+prints the files of the calibration runs instead, for `wellmixed loads`, which needs runs alike in their tanks.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import sys
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -353,5 +355,9 @@ def numbers(text: str) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    for page in PAGES:
-        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
+    if sys.argv[1:] == ["calibration"]:
+        files = [STUDY.relative_to(ROOT) / "runs" / f"{spec.key}.run" for spec in plan().specs(plan().calibration)]
+        sys.stdout.write(" ".join(map(str, files)))
+    else:
+        for page in PAGES:
+            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
