@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint validate benchmarks clean
+.PHONY: demo test lint validate benchmarks study clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -26,6 +26,19 @@ validate: $(READY)
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
 		echo "== $$bench"; $(BIN)/python -m tests.benchmarks.$$bench || exit 1; done
+
+# The study of results/line4: reads the runs that are there, makes those that are missing, and writes its pages.
+STUDY := results/line4
+STUDY_RUNS := --runs-folder $(STUDY)/runs --workers 2
+study: $(READY)
+	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --out $(STUDY)/rates.toml \
+		--report $(STUDY)/calibration.html --json > $(STUDY)/calibration.json
+	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks first-order --out $(STUDY)/control-rates.toml
+	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/rates.toml \
+		--control $(STUDY)/control-rates.toml --csv $(STUDY)/events.csv \
+		--report $(STUDY)/validation.html --json > $(STUDY)/validation.json
+	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.line4_page calibration) --json > $(STUDY)/loads.json
+	$(BIN)/python -m tests.results.line4_page
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -14,6 +14,7 @@ from kinetics.support.plots import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+NAMED = 40  # groups that have room for a line of their own
 OBSERVED, PREDICTED, THIRD = COLOURS[5], COLOURS[0], COLOURS[2]  # vermilion, blue, green
 
 
@@ -64,15 +65,25 @@ def forest(ax: Axes, names: Sequence[str], sets: Mapping[str, Limited], label: s
 
 
 def homogeneity(ax: Axes, channel: str, labels: Sequence[str], rates: Limited, p_value: float) -> Axes:
-    """The rate of one channel, group by group, with its limits, in units of the rate of all groups together."""
-    for i, row in enumerate(zip(*map(np.asarray, rates), strict=True)):
-        forest_row(ax, i, *row)
+    """The rate of one channel, group by group, with its limits, in units of the rate of all groups together.
+
+    More groups than have room for a name are put in the order of their rates; longer intervals are then cut off.
+    """
+    rows = list(zip(*map(np.asarray, rates), strict=True))
+    if len(rows) <= NAMED:
+        for i, row in enumerate(rows):
+            forest_row(ax, i, *row)
+        _one_line_each(ax, labels)
+    else:
+        values, low, high = np.array(sorted(rows)).T
+        ax.hlines(np.arange(values.size), low, np.minimum(high, 1e3), color=PREDICTED, linewidth=0.6, alpha=0.5)
+        ax.plot(values, np.arange(values.size), ".", color=PREDICTED, markersize=3)
+        ax.set_xlim(-0.05, 1.2 * max(values.max(), 1.0))
+        ax.set_ylabel(f"{values.size} groups, by their rates")
     ax.axvline(1.0, color=OBSERVED, linestyle="--", label="pooled")
-    every = 1 + len(labels) // 20  # of many runs, as many names as there is room for
-    _one_line_each(ax, ["" if i % every else label for i, label in enumerate(labels)])
-    ax.set_xlabel("rate in units of the pooled rate")
+    ax.set_xlabel("rate in units of the pooled rate, 95 % interval")
     ax.set_title(f"{channel}, p = {p_value:.2g}")
-    ax.legend(frameon=False, fontsize="small")
+    ax.legend(frameon=len(rows) > NAMED, fontsize="small")
     return ax
 
 
@@ -118,8 +129,15 @@ def p_values(ax: Axes, rising: Sequence[float], names: Sequence[str]) -> Axes:
     expected = (np.arange(shown.size) + 0.5) / max(shown.size, 1)
     ax.loglog(expected, expected, color=OBSERVED, label="if the model holds")
     ax.loglog(expected, shown, "o", color=PREDICTED, mfc="none", label=f"{shown.size} tests")
-    for x, y, name in zip(expected, shown, names[:6], strict=False):
-        ax.annotate(name, (x, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize="x-small")
+    step = max((1.0 / shown.min(initial=1.0)) ** 0.05, 1.6)  # a twentieth of the axis, so that no name covers another
+    below = np.inf
+    for x, y, name in reversed(list(zip(expected, shown, names[:6], strict=False))):
+        below = min(y, below / step)
+        ax.annotate(
+            name, (x, y), (1.4 * x, below), va="center", fontsize="x-small",
+            arrowprops={"arrowstyle": "-", "linewidth": 0.4, "shrinkB": 3},
+        )  # fmt: skip
+    ax.set_ylim(top=2.0)
     ax.set_xlabel("p expected at this rank")
     ax.set_ylabel("p of the test")
     ax.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

@@ -32,6 +32,8 @@ its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm
 ABOUT_BREAKS = """
 The AIC counts parameters against likelihood: the smaller is the better. The log score is that of breaks in runs that
 were left out of the fit; the larger is the better. The deviance compares the breaks of runs alike with those expected.
+Where runs record who broke what, and the breaks ask for a model with partners, that record chooses among those that can
+explain it: what a wall broke, only a model with walls can. Then the shape, too, is that of this record.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -44,6 +46,10 @@ Expected events are rate times exposure: what the rates promise in the states th
 the ranks of seen over expected among simulated groups of as many runs, each under its own draw of the rates; so they
 are exact and carry the uncertainty of the rates. Scatter is the dispersion of events between runs, about 1 under the
 model.
+"""
+ABOUT_RULES = """
+They were stated before the runs, and each is judged by itself. The verdict below answers another question: whether all
+checks together, corrected for their number, speak against the prediction.
 """
 ABOUT_SINGLE_RUNS = """
 Each run's joins and breaks over those expected, and its final counts, as shares of their predicted distribution: evenly
@@ -137,7 +143,7 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("Who breaks a bond"),
-        Text(f"{ABOUT_BREAKS} {compared.reason}."),
+        Text(f"{ABOUT_BREAKS} Chosen is {compared.chosen.model.name}: {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
         *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
     ]
@@ -149,12 +155,13 @@ def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
         return []
     return [
         Heading("The rules of the plan"),
-        ReportTable("Stated before the runs.", [bar.to_dict() for bar in rules], "rules"),
+        Text(f"{sum(bar.is_cleared is True for bar in rules)} of {len(rules)} rules hold. {ABOUT_RULES}"),
+        ReportTable("The rules, and what came.", [bar.to_dict() for bar in rules], "rules"),
     ]
 
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:
-    species = study.comparisons[0].network.species[1:]
+    species = study.comparisons[0].network.species
     panels = [comparison.events for comparison in study.comparisons]
     panels += [study.pooled] if study.pooled else []
     parts: list[Part] = [

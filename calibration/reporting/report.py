@@ -25,8 +25,10 @@ figcaption { color: #444; font-size: 0.9rem; margin: 0.3rem 0; }
 table { border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.25rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #888; }
+td.words { text-align: left; white-space: normal; min-width: 18rem; }
 table.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
 """
+SENTENCE = 45  # characters; a longer cell of a table is read as words, not compared as a number
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
@@ -57,7 +59,7 @@ class Text:
 class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
-    rows : mappings from column to number or text; the columns are those of the first row
+    rows : mappings from column to number or text; the columns are those of the first row, `_` shown as a space
     """
 
     caption: str
@@ -173,13 +175,16 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
     if not rows:
         return "<p>No rows.</p>"
     columns = list(rows[0])
-    titles = "".join(f"<th>{html.escape(str(column))}</th>" for column in columns)
-    lines = [
-        "<tr>" + "".join(f"<td>{html.escape(_shown(row.get(column)))}</td>" for column in columns) + "</tr>"
-        for row in rows
-    ]
+    titles = "".join(f"<th>{html.escape(str(column).replace('_', ' '))}</th>" for column in columns)
+    lines = ["<tr>" + "".join(_cell(_shown(row.get(column))) for column in columns) + "</tr>" for row in rows]
     first = f"<tr>{titles}</tr>\n" if head else ""
     return f'<div><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
+
+
+def _cell(text: str) -> str:
+    """Sentences are broken into lines; numbers and names are not."""
+    kind = ' class="words"' if len(text) > SENTENCE else ""
+    return f"<td{kind}>{html.escape(text)}</td>"
 
 
 def _shown(value: Any) -> str:
@@ -191,7 +196,8 @@ def _shown(value: Any) -> str:
     if isinstance(value, float):
         return "∞" if value == math.inf else f"{value:.4g}"
     if isinstance(value, list | tuple):
-        return ", ".join(_shown(item) for item in value)
+        items = [_shown(item) for item in value]
+        return ("; " if any("," in item for item in items) else ", ").join(items)
     return str(value)
 
 

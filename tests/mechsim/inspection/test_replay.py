@@ -61,7 +61,7 @@ def of_this_physics():
 
 
 def test_a_stored_run_of_the_study_begins_as_it_did():
-    """Bit for bit, whatever has been made faster since: the first joins of two held-out runs of 60 and 120 cubes."""
+    """Bit for bit, whatever has been made faster since: the first events of runs from 60 and from 120 single cubes."""
     stored = list(of_this_physics())
     for n in (60, 120):
         runs = [run for run in stored if run[0]["inputs"]["composition"] == {"monomer": n} and len(run[1]["times"]) > 1]
@@ -78,7 +78,7 @@ def test_a_stored_run_of_the_study_begins_as_it_did():
 @pytest.mark.validate
 @pytest.mark.timeout(7200)
 def test_a_stored_run_of_the_study_comes_out_the_same():
-    """All 2,000 tu of it."""
+    """From its start to its end."""
     manifest, _ = next(of_this_physics(), (None, None))
     if manifest is None:
         pytest.skip(NONE_STORED)

@@ -1,0 +1,363 @@
+"""The numbers of the study's pages, from its stored files: blocks of README.md and of results/line4/README.md.
+
+    python -m tests.results.line4_page
+
+writes them anew, each between a line `<!-- line4: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
+prints the files of the calibration runs instead, for `wellmixed loads`, which needs runs alike in their tanks.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from calibration.pipeline.plan import StudyPlan
+from kinetics.rates import Rates
+from mechsim.runs.store import RunStore
+
+ROOT = Path(__file__).parents[2]
+STUDY = ROOT / "results" / "line4"
+PAGES = (ROOT / "README.md", STUDY / "README.md")
+BLOCK = re.compile(r"(<!-- line4: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
+
+
+@cache
+def stored(name: str) -> dict[str, Any]:
+    """What a command said with --json."""
+    return json.loads((STUDY / name).read_text(encoding="utf-8"))
+
+
+@cache
+def plan() -> StudyPlan:
+    return StudyPlan.load(STUDY / "plan.toml")
+
+
+@cache
+def rates() -> Rates:
+    return Rates.load(STUDY / "rates.toml")
+
+
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = (titles, ["---"] * len(titles), *rows)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def bullets(lines: Sequence[str]) -> str:
+    return "\n".join(textwrap.fill(f"- {line}", 118, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
+
+
+def paragraph(text: str) -> str:
+    return textwrap.fill(text, 120, break_on_hyphens=False)
+
+
+def listed(things: Sequence[Any]) -> str:
+    *others, last = map(str, things)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def ratio(seen: float, expected: float) -> str:
+    return f"{seen:.0f} / {expected:.{0 if expected >= 100 else 1}f} = {seen / expected:.2f}"
+
+
+# What the plan fixed
+
+
+def planned() -> str:
+    """Runs, sizes, seeds and rules."""
+    ours, held, rules = plan().calibration, plan().held_out, plan().verdict
+    times = sorted({f"{t.along:g}" for t in ours.tanks if t.along is not None}, key=float)
+    kinds = {tuple(sorted(t.composition.items())) for t in ours.tanks}
+    watched = sorted({cubes_in(t.composition) for t in ours.tanks})
+    single, other = ([t for t in held.tanks if (t.tank is None) == own] for own in (True, False))
+    sizes = [listed([cubes_in(t.composition) for t in tanks]) for tanks in (single, other)]
+    edges = " x ".join(f"{edge:g}" for edge in only(t.tank for t in other))
+    calibration = (
+        f"Calibration, seed {ours.seed}: {sum(t.runs for t in ours.tanks)} runs of "
+        f"{one(t.duration for t in ours.tanks)} tu in {len(kinds)} tanks, of {listed(watched)} cubes in the "
+        f"states that earlier rates predict at {listed(times)} tu."
+    )
+    held_out = (
+        f"Held out, seed {held.seed}: {sum(t.runs for t in held.tanks)} runs of "
+        f"{one(t.duration for t in held.tanks)} tu from single cubes, {one(t.runs for t in single)} each of {sizes[0]}"
+        f", and {one(t.runs for t in other)} each of {sizes[1]} in a tank of {edges}, twice the volume."
+    )
+    verdict = (
+        f"Verdict: p of every row of events at least {rules.p_row:g}; seen / expected from {rules.ratio[0]:g} to "
+        f"{rules.ratio[1]:g} wherever {rules.from_events:g} events are expected, and from {rules.pooled_ratio[0]:g} to "
+        f"{rules.pooled_ratio[1]:g} over all sizes, for joins and for breaks; p of all single runs above "
+        f"{rules.p_pit:g}; and `{rules.control}` breaks, the control, fail."
+    )
+    return bullets([calibration, held_out, verdict])
+
+
+def cubes_in(composition: dict[str, int]) -> int:
+    sizes = {"monomer": 1, "dimer": 2, "trimer": 3, "quadmer": 4}
+    return sum(sizes[name] * n for name, n in composition.items())
+
+
+def only(values: Any) -> Any:
+    (value,) = set(values)
+    return value
+
+
+def one(values: Any) -> str:
+    return f"{only(values):,g}"
+
+
+# What the calibration runs showed
+
+
+def made() -> str:
+    """Runs, events and cost of the calibration."""
+    known = rates().evidence
+    channels = stored("calibration.json")["channels"]
+    joins = [row["events"] for row in channels if "+" in row["channel"].split("->")[0]]
+    breaks = sum(row["events"] for row in channels) - sum(joins)
+    added = re.search(r"The last \w+ calibration runs were added.*", plan().purpose)
+    wanted = re.search(r"(\d+) events a join channel and (\d+) breaks", plan().purpose)
+    return paragraph(
+        f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 60:.0f} min of CPU time; "
+        f"{known['runs_left_out'] or 'none'} had to be left out. They hold {sum(joins):,} joins, at least {min(joins)} "
+        f"a channel (the plan hoped for {wanted[1]}), and {breaks} breaks (hoped for: {wanted[2]}). "
+        f"{added[0] if added else ''}"
+    )
+
+
+def rate_table() -> str:
+    """Rates beside the paper's. Those of breaks are means over the calibration tanks."""
+    paper = Rates.load("table3").channels
+    rows = []
+    for row in stored("calibration.json")["channels"]:
+        name, ways = row["channel"], row["ways"]
+        cells = [f"{1e5 * row[key]:.2f}" for key in ("rate", "low", "high")]
+        theirs = paper[name]
+        rows.append(
+            (
+                name.replace("->", "→"), f"{ways:g}", cells[0], f"{cells[1]} to {cells[2]}", str(row["events"]),
+                f"{1e5 * row['rate'] * ways:.1f}", f"{1e5 * theirs.rate * theirs.ways:.1f}",
+            )
+        )  # fmt: skip
+    titles = ("channel", "ways", "rate (1e-5/tu)", "95 % interval", "events")
+    return table((*titles, "k·N per combination", "paper's, as read in `table3`"), rows)
+
+
+def model_table() -> str:
+    """Break models side by side."""
+    rows = [
+        (
+            f"`{row['model']}`" + (" (chosen)" if row["is_chosen"] else ""), str(row["free_parameters"]),
+            f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}", f"{row['deviance']:.1f} ({row['freedom']})",
+            f"{row['p_deviance']:.2g}", row["shape"],
+        )
+        for row in pd.read_csv(STUDY / "calibration_breaks.csv").to_dict("records")
+    ]  # fmt: skip
+    titles = ("break model", "free parameters", "AIC above the least", "log score", "deviance (df)", "p of it")
+    return table((*titles, "shape [95 %]"), rows)
+
+
+def reason() -> str:
+    """Why one model was chosen, and what its shape means in this tank."""
+    found = stored("calibration.json")["breaks"]
+    text = f"`calibrate` says: {found['reason']}."
+    shape = rates().breaks.shape
+    if "wall" in shape:
+        share = [shape["wall"] / (shape["wall"] + (n - 1) * 4 ** shape["alpha"]) for n in (15, 30)]
+        text += f" In a tank of 15 lines of four the walls make {share[0]:.0%} of the breaks, in one of 30 "
+        text += f"{share[1]:.0%}."
+    return paragraph(text)
+
+
+def gauge() -> str:
+    """Breaks counted beside those that logged hits promise."""
+    found = stored("loads.json")
+    rows = [
+        (row["species"], str(row["counted"]), f"{row['expected']:.0f} ± {row['error']:.0f}", f"{row['z']:+.1f}")
+        for row in found["checks"]
+    ]
+    titles = ("struck", "breaks counted", f"expected from hits above {found['log_above']:g}, of every fifth run", "z")
+    return table(titles, rows)
+
+
+def exponents() -> str:
+    """How hits grow with the partner's size, level by level."""
+    found = stored("loads.json")
+    said = [
+        f"{row['alpha']:.2f} ({row['low']:.2f} to {row['high']:.2f}) above {row['level']:.4g}"
+        for row in found["exponents"]
+    ]
+    return paragraph(
+        f"In {found['runs']} runs, the hits of one body on another grow with the partner's size to the power of "
+        f"{', '.join(said)}."
+    )
+
+
+def pairs() -> str:
+    """Breaks at one moment, counted in the calibration runs."""
+    breaks = together = 0
+    for manifest, arrays in RunStore.found(STUDY / "runs").contents():
+        if manifest["inputs"]["seed"] == plan().calibration.seed:
+            joins = [name.split("->")[0].count("+") for name in manifest["facts"]["channels"]]
+            times = [t for t, c in zip(arrays["times"], arrays["channels"], strict=True) if c >= 0 and not joins[c]]
+            breaks += len(times)
+            together += sum(later == earlier for earlier, later in pairwise(times))
+    return paragraph(
+        f"Of the {breaks} breaks {together} come in the same step as the one before: one collision breaks both "
+        "partners. The chain has no such reaction, so its counts of breaks scatter a little less than they should."
+    )
+
+
+def diagnostics() -> str:
+    """What the diagnostics doubt, of the calibration and of the held-out runs."""
+    return bullets(
+        [
+            f"{name}: {doubts(stored(file)['diagnostics'])}"
+            for name, file in (("Calibration runs", "calibration.json"), ("Held-out runs", "validation.json"))
+        ]
+    )
+
+
+def doubts(found: dict[str, Any]) -> str:
+    tested = [row for row in found["results"] if row["p"] is not None]
+    failed = sorted((row for row in tested if row["doubtful"]), key=lambda row: row["p"])
+    if not failed:
+        return f"none of {len(tested)} tests fails."
+    kinds = listed(list(dict.fromkeys(f"`{row['test']}`" for row in failed)))
+    worst = failed[0]
+    return f"{len(failed)} of {len(tested)} tests fail, of {kinds}; least likely, {worst['channel']}: {worst['seen']}."
+
+
+# What the held-out runs showed
+
+
+def made_so_far() -> str:
+    """How many of the planned held-out runs the page rests on."""
+    wanted = sum(t.runs for t in plan().held_out.tanks)
+    summary = [each["summary"] for each in stored("validation.json")["comparisons"]]
+    runs, hours = sum(row["runs"] for row in summary), sum(row["cpu_mechanics_s"] for row in summary) / 3600
+    return f"{runs} of {wanted} held-out runs, {hours:.1f} h of CPU time."
+
+
+def event_table() -> str:
+    """Joins and breaks, a line a size, from events.csv."""
+    rows = pd.read_csv(STUDY / "events.csv")
+    runs = {each["summary"]["label"]: each["summary"]["runs"] for each in stored("validation.json")["comparisons"]}
+    runs["all sizes"] = sum(runs.values())
+    lines = []
+    for size in dict.fromkeys(rows["size"]):
+        cells = [size, str(runs[size])]
+        for group in ("joins", "breaks"):
+            (row,) = rows[(rows["size"] == size) & (rows["group"] == group)].to_dict("records")
+            cells += [ratio(row["seen"], row["expected"]), f"{row['p']:.2g}", f"{row['p_scatter']:.2g}"]
+        lines.append(cells)
+    titles = ("held out", "runs", "joins: seen / expected", "p", "p of their scatter")
+    return table((*titles, "breaks: seen / expected", "p", "p of their scatter"), lines)
+
+
+def rules() -> str:
+    """The plan's rules, and what came."""
+    words = {True: "holds", False: "**fails**", None: "cannot be judged"}
+    found = stored("validation.json")["rules"]
+    return table(("rule", "", "what came"), [(row["rule"], words[row["is_cleared"]], row["came"]) for row in found])
+
+
+def verdict() -> str:
+    """The verdict of `validate` over all its checks."""
+    return paragraph(f"`validate` says: {stored('validation.json')['verdict']}.")
+
+
+def summary_table() -> str:
+    """Counts over time, first lines and costs, a line a size."""
+    rows = []
+    for each in stored("validation.json")["comparisons"]:
+        row = each["summary"]
+        exact = "" if row["cpu_exact_s"] is None else f"; {row['cpu_exact_s']:.2g}"
+        rows.append(
+            (
+                row["label"], f"{row['coverage']:.0%}", f"{row['p_misfit']:.2g}",
+                f"{row['crps']:.2f} ({row['crps_floor']:.2f})", f"{row['p_single_runs']:.2g}",
+                f"{row['first_observed']:.0f} [{row['first_low']:.0f}, {row['first_high']:.0f}]",
+                f"{row['first_predicted']:.0f}; {row['first_sd']:.0f}", f"{row['p_first']:.2g}",
+                f"{row['cpu_mechanics_s']:.0f}", f"{row['cpu_ssa_s']:.2g}{exact}",
+            )
+        )  # fmt: skip
+    titles = ("held out", "means in their band", "p of means", "CRPS (model's own)", "p of single runs")
+    titles += ("first line (tu)", "predicted: mean; sd of a run", "p of first lines")
+    return table((*titles, "mechanics (CPU s)", "1,000 SSA runs; exact (CPU s)"), rows)
+
+
+def beside_the_paper() -> str:
+    """First lines and first Ts beside the paper's."""
+    (row,) = [e["summary"] for e in stored("validation.json")["comparisons"] if e["summary"]["label"] == "60 cubes"]
+    points = pd.read_csv(ROOT / "results" / "section5" / "number_points.csv").set_index("number")
+    late = [
+        f"{point['median_low'] / point['paper_median']:.1f} to {point['median_high'] / point['paper_median']:.1f} "
+        f"times as late at {n}"
+        for n, point in points[points["paper_median"].notna()].iterrows()
+    ]
+    line = (
+        f"The first line of {row['runs']} runs of 60 cubes comes at {row['first_observed']:.0f} tu (95 %: "
+        f"{row['first_low']:.0f} to {row['first_high']:.0f}) in our mechanics, where the paper has "
+        f"{PAPER_FIRST_LINE['mechanics']}, and at {row['first_predicted']:.0f} tu by prediction, where it has "
+        f"{PAPER_FIRST_LINE['Gillespie']}. The pace of the first join was fitted."
+    )
+    first_t = (
+        f"First Ts (section V, `results/section5`, measured under physics 1) come later than the paper's: by the 95 % "
+        f"limits of our medians {' and '.join(late)} cubes."
+    )
+    speeds = pd.read_csv(ROOT / "results" / "section5" / "velocity_points.csv")
+    off = (speeds["speed"] / speeds["paper_speed"] - 1).abs().max()
+    speed = (
+        f"Mean speeds, over the phase of the hold, are within {off:.1%} of the paper's {len(speeds)} "
+        "(`results/section5`, physics 1)."
+    )
+    return bullets([line, first_t, speed])
+
+
+BLOCKS: dict[str, Callable[[], str]] = {
+    "plan": planned,
+    "made": made,
+    "rates": rate_table,
+    "models": model_table,
+    "reason": reason,
+    "gauge": gauge,
+    "exponents": exponents,
+    "pairs": pairs,
+    "diagnostics": diagnostics,
+    "held": made_so_far,
+    "events": event_table,
+    "rules": rules,
+    "verdict": verdict,
+    "summary": summary_table,
+    "paper": beside_the_paper,
+}
+
+
+def filled(text: str) -> str:
+    """A page with its blocks made anew."""
+    return BLOCK.sub(lambda found: f"{found[1]}{BLOCKS[found[2]]()}\n{found[3]}", text)
+
+
+def numbers(text: str) -> Counter[str]:
+    """Numbers of a text outside its blocks, its code and its links."""
+    bare = re.sub(r"```.*?```|`[^`]*`|\]\([^)]*\)", " ", BLOCK.sub(" ", text), flags=re.DOTALL)
+    return Counter(re.findall(r"\d+(?:[.,]\d+)*(?:e-?\d+)?", bare))
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["calibration"]:
+        files = [STUDY.relative_to(ROOT) / "runs" / f"{spec.key}.run" for spec in plan().specs(plan().calibration)]
+        sys.stdout.write(" ".join(map(str, files)))
+    else:
+        for page in PAGES:
+            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
