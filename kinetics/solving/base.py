@@ -69,7 +69,7 @@ class SolvingMethod(ABC):
         """The same from a checked state (S,), at checked times (T,)."""
 
 
-class Solution(NamedTuple):
+class ProbabilityTable(NamedTuple):
     """Probabilities (T, N), the limit on their error summed over all states at any time, and whether it is proven."""
 
     probabilities: Floats
@@ -98,7 +98,7 @@ class ListingMethod(SolvingMethod):
     @abstractmethod
     def probabilities(
         self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
-    ) -> Solution:
+    ) -> ProbabilityTable:
         """The solution from a start spread as `start` (N,), at checked times (T,).
 
         space : states of the network behind the transitions, which may give their rates without rounding; without it,

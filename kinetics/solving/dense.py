@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.solving.base import ListingMethod, Solution
+from kinetics.solving.base import ListingMethod, ProbabilityTable
 from kinetics.solving.certificate import Entries, distance, exact_entries
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds
 from kinetics.solving.states import StateSpace
@@ -53,7 +53,7 @@ class Dense(ListingMethod):
 
     def probabilities(
         self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
-    ) -> Solution:
+    ) -> ProbabilityTable:
         """Probabilities of all states."""
         n = transitions.size
         if n > self.max_states:
@@ -65,9 +65,9 @@ class Dense(ListingMethod):
         np.fill_diagonal(rates, 0.0)
         found = exponential_action(rates, start, grid)
         if n > self.certified_states:
-            return Solution(found, estimated_error(rates, start, grid, found), False)
+            return ProbabilityTable(found, estimated_error(rates, start, grid, found), False)
         entries = exact_entries(space) if space else Entries(*transitions[:3], transitions.is_certified)
-        return Solution(found, distance(entries, start, grid, found), entries.is_exact)
+        return ProbabilityTable(found, distance(entries, start, grid, found), entries.is_exact)
 
 
 def exponential_action(rates: Floats, start: Floats, times: Floats) -> Floats:

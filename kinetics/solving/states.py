@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -64,7 +64,7 @@ class StateSpace:
         """Whether every rate is known to round no more than `RATE_ERROR` times: by mass action, of a low order."""
         needed = self.network.sparse_reactants
         orders = np.bincount(needed.rows, needed.copies)
-        return not self.network.laws and orders.max(initial=0) <= CERTIFIED_ORDER
+        return not self.network.laws and bool(orders.max(initial=0) <= CERTIFIED_ORDER)
 
     @cached_property
     def _table(self) -> StateTable:
@@ -122,7 +122,7 @@ class StateSpace:
 
 def reachable(
     network: Network,
-    initial: ArrayLike,
+    initial: Mapping[str, int] | ArrayLike,
     stop: Callable[[Ints], NDArray[np.bool_]] | None = None,
     max_states: int = MAX_STATES,
 ) -> StateSpace:

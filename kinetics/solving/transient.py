@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.solving.base import ListingMethod, Solution
+from kinetics.solving.base import ListingMethod, ProbabilityTable
 from kinetics.solving.dense import MAX_DENSE, Dense
 from kinetics.solving.states import MAX_STATES, StateSpace
 from kinetics.solving.transitions import Transitions
@@ -42,7 +42,7 @@ class Transient(ListingMethod):
 
     def probabilities(
         self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
-    ) -> Solution:
+    ) -> ProbabilityTable:
         """Probabilities of all states, by one pass of steps for all times."""
         n = transitions.size
         # the answer, and the vectors that are mixed
@@ -69,4 +69,4 @@ class Transient(ListingMethod):
                 f"sample with the direct method"
             )
         found, _, error = mixtures(chain, start, grid, self.tolerance)
-        return Solution(found, error, transitions.is_certified)
+        return ProbabilityTable(found, error, transitions.is_certified)
