@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, equations, relative_error
+from kinetics.passage.elimination import Elimination, equations, mean_over, relative_error
 from kinetics.passage.entry import reached_states
 from kinetics.passage.sampled import sampled_jumps
 from kinetics.runs import JumpPath
@@ -151,7 +151,7 @@ def committor_of(transitions: Transitions, start: Floats, targets: Mapping[str, 
             if first @ chances > 0:
                 probabilities[k] = min(probabilities[k] + float(first @ committors[k, way]), 1.0)
                 # E[time; this end] solves the same equations with the chance of this end as what is earned.
-                times[k] = first @ chain.solve(chances) / probabilities[k]
+                times[k] = mean_over(first, chain.solve(chances)) / probabilities[k]
                 error = max(error, relative_error(chain, chances, first))
         never += float(first @ chain.solve(totals(here, gone * lost[there], size)))
         occupation[way] = chain.occupation(first)

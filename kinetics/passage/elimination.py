@@ -132,11 +132,17 @@ def equations(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving:
         return SparseFactors(rows, columns, rates, leaving)
 
 
+def mean_over(start: Floats, values: Floats) -> float:
+    """Mean of values (n,) over where a start (n,) is; elsewhere they may be beyond all numbers."""
+    held = np.flatnonzero(start)
+    return float(start[held] @ values[held])
+
+
 def relative_error(chain: Elimination | SparseFactors, solution: Floats, start: Floats) -> float:
     """Relative error of the mean of a solution (n,) over a start (n,) that is not negative."""
     if isinstance(chain, Elimination):
         # a start in several states adds up products
         terms = int(np.count_nonzero(start))
         return chain.error if terms == 1 else chain.error + 1.001 * ROUNDOFF * terms
-    mean = float(start @ solution)
+    mean = mean_over(start, solution)
     return chain.error * float(start.sum() * solution.max() / mean) if mean > 0 else float("inf")

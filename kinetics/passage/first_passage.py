@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error
+from kinetics.passage.elimination import Elimination, SparseFactors, equations, mean_over, relative_error
 from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
@@ -199,15 +199,15 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     if not way.is_certain:
         reached = _checked(chances, chances.solve(hits), first)
         error = relative_error(chances, reached, first)
-        chance = min(there + float(first @ reached), 1.0)
+        chance = min(there + mean_over(first, reached), 1.0)
         return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound, is_certified)
     means = _checked(chances, chances.solve(np.ones(hits.size)), first)
     error = relative_error(chances, means, first)
     variances, doubt = _variances(chances, way, means)
     mean, spread, more = _spread(chances, first, there, means)
-    variance = float(first @ variances) + spread
+    variance = mean_over(first, variances) + spread
     terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
-    slack = 1.01 * ((float(first @ doubt) + more) / variance + terms * ROUNDOFF)
+    slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
     sd_error = 0.5 * (relative_error(chances, variances, first) + slack) + ROUNDOFF
     sd = float(np.sqrt(variance))
@@ -272,14 +272,14 @@ def _spread(
 
     first : (n,) probabilities of beginning on the way; there : of beginning in the target
     """
-    mean = float(first @ means)
+    mean = mean_over(first, means)
     if there == 0.0 and np.count_nonzero(first) == 1:
         return mean, 0.0, 0.0
     gaps = means - mean
     wrong = _each_error(chain, means) + 8.0 * ROUNDOFF * (means + mean)
     wrong += relative_error(chain, means, first) * mean
     doubt = wrong * (2.0 * np.abs(gaps) + wrong)
-    return mean, float(first @ gaps**2) + there * mean**2, float(first @ doubt) + there * 3.0 * mean * wrong.max()
+    return mean, mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
 
 
 def _each_error(chain: Elimination | SparseFactors, mean: Floats) -> Floats:

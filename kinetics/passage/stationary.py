@@ -140,9 +140,9 @@ def _weights(
     """
     is_passing = ~is_closed[label]
     weights = totals(label, np.where(is_passing, 0.0, start), is_closed.size)
-    passing = np.flatnonzero(is_passing & transitions.reached_from(start > 0))
-    if not start[passing].any():
+    if not start[is_passing].any():
         return weights, ROUNDOFF * int(np.count_nonzero(start) - 1)
+    passing = np.flatnonzero(is_passing & transitions.reached_from(start > 0))
     rows, columns, rates, *_ = transitions
     place = np.full(label.size, -1)
     place[passing] = np.arange(passing.size)
