@@ -71,15 +71,20 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     rate = _rate(transitions)
     first, weights = poisson_window(rate * time, LEFT_OUT)
     # of the number of steps N: P(N > n), whose sum over n is its mean
-    tails = np.ones(first + weights.size)
-    tails[first:] = np.append(np.cumsum(weights[::-1])[::-1][1:], 0.0)
+    tails, wrongs = np.ones(means.size), np.zeros(means.size)
+    tails[first:] = _sums_after(weights)
+    # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
+    wrongs[first:] = _sums_after(weights * _weights_errors(rate * time, first, weights.size))
+    wrongs += ROUNDOFF * weights.size * tails
     terms = tails * means / rate
-    # a tail is as wrong as its worst weight, and the roundings of its sum; before the window it is 1
-    wrongs = _weights_errors(rate * time, first, weights.size)
-    wrongs = np.maximum(np.maximum.accumulate(wrongs[::-1])[::-1], 0.0) + ROUNDOFF * weights.size
-    errors[first:] += wrongs
-    wrong = float(terms @ errors) + ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
+    wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / rate
+    wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
     return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()) * time)
+
+
+def _sums_after(values: Floats) -> Floats:
+    """Of each value, the sum (n,) of those after it."""
+    return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
 
 def _within(value: float, wrong: float, transitions: Transitions, lost: float) -> LimitedValue:
