@@ -34,6 +34,7 @@ from kinetics.solving.dense import MAX_DENSE
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import RATE_ERROR, totals
+from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
 
 Mask = NDArray[np.bool_]
@@ -189,8 +190,8 @@ class Chain:
         """Probability of reaching the target on the way through given states alone (by default any), by a time or ever.
 
         by : tu; None for ever, by elimination
-        method : a solving method for the pass, forwards; by default it is backwards, with a relative error, or for
-            small chains with a million of steps and more by `Transient`
+        method : a solving method for the pass, forwards; by default it is backwards, with a relative error, or by
+            `Transient` where that would take too many steps
         """
         goal = self.states(target)
         ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
@@ -220,7 +221,8 @@ class Chain:
         """The probability of `held` at a time, of the chain that is stopped."""
         end = float(rising_times([real_number("by", by)])[0])
         chain = self.transitions.stopped(stops)
-        if method is None and not (len(self) <= MAX_DENSE and steps_until(chain, end) > MANY_STEPS):
+        most = MANY_STEPS if len(self) <= MAX_DENSE else MAX_STEPS
+        if method is None and steps_until(chain, end) <= most:
             return self._answer(lambda: backwards(end), BACKWARD)
         began, chosen = time.process_time(), method or Transient()
         space = self._space
