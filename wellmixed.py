@@ -34,6 +34,11 @@ COMMANDS = {
         "passage",
         "Solve for the first-passage time to copies of a species.",
     ),
+    "ask": (
+        "kinetics.commands.ask",
+        "ask",
+        "Answer exact questions about a Markov chain, with limits.",
+    ),
     "rates": ("calibration.commands.rates", "rates", "Estimate reaction rates at each point of a study."),
     "validate": (
         "calibration.commands.validate",

@@ -11,6 +11,7 @@ from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
+    from kinetics.chain import Chain, ChainAnswer, Reward
     from kinetics.network import Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.passage import (
@@ -45,6 +46,7 @@ __version__ = "0.2.0.dev0"
 
 _HOMES = {
     "kinetics.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
+    "kinetics.chain": ("ChainAnswer", "Chain", "Reward"),
     "kinetics.network": ("Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.passage": (
@@ -71,6 +73,8 @@ __all__ = [
     "RESTART",
     "Auto",
     "BreakModel",
+    "Chain",
+    "ChainAnswer",
     "ChannelRate",
     "ClassRates",
     "Committor",
@@ -95,6 +99,7 @@ __all__ = [
     "Ranking",
     "RareEvent",
     "Rates",
+    "Reward",
     "StateSpace",
     "Stationary",
     "Tank",

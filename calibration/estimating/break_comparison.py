@@ -180,7 +180,7 @@ def _why(chosen: RateFit, fits: Sequence[RateFit]) -> str:
     best = min(fits, key=lambda fit: fit.aic)
     others = sorted((fit for fit in fits if fit is not chosen), key=lambda fit: fit.aic)
     if not others:
-        return f"{chosen.model.name} is the only break model that was fitted"
+        return f"{chosen.model.name} is the only break model that allows what was seen"
     if chosen is best:
         return (
             f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "

@@ -281,18 +281,44 @@ class Network:
         places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
         for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
             alike = (places == place) & (needed.copies == taken)
-            h[..., needed.rows[alike]] *= combinations(counts[..., needed.columns[alike]], taken, self.combinations)
+            try:
+                with np.errstate(over="raise"):
+                    h[..., needed.rows[alike]] *= combinations(
+                        counts[..., needed.columns[alike]], taken, self.combinations
+                    )
+            except (ValueError, FloatingPointError) as error:
+                raise ValueError(
+                    f"channel {self._largest(counts, alike)!r}: its reactants have too many combinations: {error}"
+                ) from None
         if self.laws and time is None:
             self.check_homogeneous()
         for name, law in self.channel_laws.items():
             h[..., self.channel_places[name]] = law.values(counts, time or 0.0)
         return h
 
+    def _largest(self, counts: Ints, entries: Any) -> str:
+        """The channel, of those of some reactants, that finds the most copies of its own."""
+        needed = self.sparse_reactants
+        most = counts.reshape(-1, len(self.species)).max(axis=0)
+        columns = needed.columns[entries]
+        return self.channels[int(needed.rows[entries][np.argmax(most[columns])])]
+
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
         """Propensities k * N * h (..., R), 1/tu, in states (..., S); give the time, tu, if rate laws depend on it."""
         if time is None:
             self.check_homogeneous()
-        return self.known_rates * self.ways * self.combinations_of(states, time)
+        h = self.combinations_of(states, time)
+        try:
+            with np.errstate(over="raise"):
+                return self.known_rates * self.ways * h
+        except FloatingPointError:
+            with np.errstate(over="ignore"):
+                beyond = np.isinf(self.known_rates * self.ways * h).reshape(-1, len(self.channels)).any(axis=0)
+            name = self.channels[int(np.argmax(beyond))]
+            raise ValueError(
+                f"channel {name!r}: its propensity is beyond what a float can hold, 1.8e308; lower its rate constant, "
+                f"or start from fewer copies"
+            ) from None
 
     @property
     def known_rates(self) -> Floats:

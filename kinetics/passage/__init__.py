@@ -1,4 +1,4 @@
-"""First passage, committors, stationary distributions and rare events."""
+"""First passage, until, committors, stationary distributions and rare events, of networks and of any chain."""
 
 from kinetics.passage.committor import Committor, committor
 from kinetics.passage.first_passage import Passage, first_passage

@@ -9,75 +9,81 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import equations, relative_error, totals
+from kinetics.passage.elimination import Elimination, equations, mean_over, relative_error
 from kinetics.passage.entry import reached_states
+from kinetics.passage.sampled import sampled_jumps
 from kinetics.runs import JumpPath
-from kinetics.solving import StateSpace
+from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.states import MAX_STATES
-from kinetics.support.arrays import Floats, Ints, read_only, whole_number
+from kinetics.solving.transitions import totals
+from kinetics.support.arrays import Floats, Ints, read_only
 
 Target = Callable[[Ints], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
-class Committor:
-    """The probabilities that each of several targets is reached first, from every state.
+class ChainCommittor:
+    """The probabilities that each of several targets is reached first, from every state of a chain.
 
+    transitions : of the chain, which stops in the targets
     targets : K names
     committors : (K, N) probability that each target is reached first, from each state
-    probabilities : (K,) the same from the initial state
+    probabilities : (K,) the same from the start
     never : probability of reaching none, that is, of entering states from which no target can be reached
     mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
     occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
-    error : relative error of all of these: a bound, or for very many states an estimate
+    error : relative error of all of these
+    is_bound : whether the error is proven; not where the states are too many to eliminate, or by rate laws
     """
 
-    space: StateSpace
+    transitions: Transitions
     targets: tuple[str, ...]
     committors: Floats
+    probabilities: Floats
     never: float
     mean_times: Floats
     occupation: Floats
     error: float
+    is_bound: bool
 
     def __post_init__(self) -> None:
-        for array in (self.committors, self.mean_times, self.occupation):
+        for array in (self.committors, self.probabilities, self.mean_times, self.occupation):
             read_only(array)
 
-    @property
-    def probabilities(self) -> Floats:
-        """Probability (K,) that each target is reached first, from the initial state."""
-        return self.committors[:, 0]
+    def sample_entries(self, target: str, row: int, seed: int = 0, run: int = 0) -> tuple[Floats, Ints]:
+        """Times (n,), tu, and places (n,) in `transitions` of the jumps of one run from state `row` until `target`.
 
-    def sample_path(self, target: str, seed: int = 0, run: int = 0) -> JumpPath:
-        """One run until `target`, drawn from the runs that reach it first, however few (Doob's h-transform).
-
-        A channel that leads from x to y fires at its rate times committor(y) / committor(x).
+        It is drawn from the runs that reach the target first, however few (Doob's h-transform): the chain goes from x
+        to y at its rate times committor(y) / committor(x).
         """
-        chances = self.committors[self._index(target)]
-        if chances[0] == 0.0:
-            raise ValueError(f"target {target!r} is never reached first; there are no such runs")
-        sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(whole_number("run", run, 0),))
-        rng = np.random.default_rng(sequence)
-        network, states = self.space.network, self.space.states
-        changes = network.sparse_stoichiometry
-        row, now, times, channels = 0, 0.0, [], []
-        while not self.space.is_stopped[row]:
-            rates = network.propensities(states[row])
-            able = np.flatnonzero((rates > 0) & changes.has_entries)
-            ends = self.space.index_of(changes.added_to(np.tile(states[row], (able.size, 1)), able))
-            biased = np.cumsum(rates[able] * (chances[ends] / chances[row]))
-            now += rng.exponential() / biased[-1]
-            chosen = min(int(np.searchsorted(biased, rng.random() * biased[-1], side="right")), able.size - 1)
-            times.append(now)
-            channels.append(able[chosen])
-            row = int(ends[chosen])
-        return JumpPath(network, states[0], np.array(times), np.array(channels, dtype=np.int64), now)
-
-    def _index(self, target: str) -> int:
         if target not in self.targets:
             raise ValueError(f"unknown target {target!r}; there are {', '.join(self.targets)}")
-        return self.targets.index(target)
+        chances = self.committors[self.targets.index(target)]
+        if chances[row] == 0.0:
+            raise ValueError(f"target {target!r} is never reached first; there are no such runs")
+        return sampled_jumps(self.transitions, row, np.inf, seed, run, chances)
+
+    def __str__(self) -> str:
+        reached = zip(self.targets, self.probabilities, strict=True)
+        return ", ".join([*(f"{name}: {chance:.4g}" for name, chance in reached), f"none: {self.never:.4g}"])
+
+
+@dataclass(frozen=True, eq=False)
+class Committor(ChainCommittor):
+    """The probabilities that each of several targets is reached first, from every state of a network.
+
+    space : the states
+    """
+
+    space: StateSpace
+
+    def sample_path(self, target: str, seed: int = 0, run: int = 0) -> JumpPath:
+        """One run until `target`, drawn from the runs that reach it first, however few: see `sample_entries`."""
+        times, entries = self.sample_entries(target, 0, seed, run)
+        channels = np.asarray(self.transitions.channels)[entries]
+        return JumpPath(
+            self.space.network, self.space.states[0], times, channels, float(times[-1]) if times.size else 0.0
+        )
 
 
 def committor(
@@ -115,46 +121,39 @@ def committor(
         return np.logical_or.reduce(belongs(states))
 
     space = reached_states(network, initial, max_states, is_target)
-    member = belongs(space.states)
-    rows, columns, rates, _ = space.transitions()
-    n, committors = len(space), member.astype(float)
-    way = _leading(rows, columns, space.is_stopped) & ~space.is_stopped
-    times, occupation, error, never = np.full(len(targets), np.nan), np.zeros(n), 0.0, float(not way[0])
-    if space.is_stopped[0]:
-        never, times = 0.0, np.where(member[:, 0], 0.0, np.nan)
-    elif way[0]:
+    start = np.eye(1, len(space))[0]
+    found = committor_of(space.transitions(), start, dict(zip(targets, belongs(space.states), strict=True)))
+    return Committor(**vars(found), space=space)
+
+
+def committor_of(transitions: Transitions, start: Floats, targets: Mapping[str, NDArray[np.bool_]]) -> ChainCommittor:
+    """The committors of any chain from a start spread as `start` (N,); targets: name -> states (N,), none in two."""
+    member = np.array(list(targets.values()))
+    is_target: NDArray[np.bool_] = np.logical_or.reduce(member)
+    stopped = transitions.stopped(is_target)
+    rows, columns, rates, *_ = stopped
+    way = stopped.leading_to(is_target) & ~is_target
+    lost, first, size = ~way & ~is_target, start[way], int(way.sum())
+    committors, occupation = member.astype(float), np.zeros(start.size)
+    probabilities, never = member @ start, float(start[lost].sum())
+    times = np.where(probabilities > 0, 0.0, np.nan)
+    error, is_bound = 0.0, transitions.is_certified
+    if first.any():
         place = np.where(way, np.cumsum(way) - 1, -1)
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]
         here, there, gone = place[rows[out]], columns[out], rates[out]
-        size = int(way.sum())
-        leaving = totals(here, gone, size)
-        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], totals(here, gone, size))
+        is_bound &= isinstance(chain, Elimination)
         for k, targeted in enumerate(member):
             chances = chain.solve(totals(here, gone * targeted[there], size))
             committors[k, way] = np.minimum(chances, 1.0)
-            if chances[0] > 0:
+            if first @ chances > 0:
+                probabilities[k] = min(probabilities[k] + float(first @ committors[k, way]), 1.0)
                 # E[time; this end] solves the same equations with the chance of this end as what is earned.
-                times[k] = chain.solve(chances)[0] / chances[0]
-                error = max(error, relative_error(chain, chances, 0))
-        lost = ~way & ~space.is_stopped
-        never = float(chain.solve(totals(here, gone * lost[there], size))[0])
-        occupation[way] = chain.occupation(np.eye(1, size)[0])
-    return Committor(space, tuple(targets), committors, never, times, occupation, 2.0 * error)
-
-
-def _leading(rows: Ints, columns: Ints, goals: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which states (N,) have some way to a goal."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import breadth_first_order
-
-    # Backwards from one more state to which all goals lead.
-    n = goals.size
-    reached = np.flatnonzero(goals)
-    backwards = csr_array(
-        (np.ones(rows.size + reached.size), (np.append(columns, np.full(reached.size, n)), np.append(rows, reached))),
-        shape=(n + 1, n + 1),
-    )
-    leads = np.zeros(n + 1, dtype=bool)
-    leads[breadth_first_order(backwards, n, return_predecessors=False)] = True
-    return leads[:n]
+                times[k] = mean_over(first, chain.solve(chances)) / probabilities[k]
+                error = max(error, relative_error(chain, chances, first))
+        never += float(first @ chain.solve(totals(here, gone * lost[there], size)))
+        occupation[way] = chain.occupation(first)
+    names = tuple(targets)
+    return ChainCommittor(stopped, names, committors, probabilities, never, times, occupation, 2.0 * error, is_bound)

@@ -11,16 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.uniformisation import RATE_ERROR
+from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.support.arrays import Floats
 
 MAX_WORK = 3e10  # multiplications, some ten seconds
 MAX_NUMBERS = 3e8  # in the band, 2.4 GB
-
-
-def totals(places: NDArray[Any], values: Floats, n: int) -> Floats:
-    """Sums (n,) of the values (K,) at each place (K,)."""
-    return np.asarray(np.bincount(places, values, minlength=n), dtype=np.float64)
 
 
 class TooLargeError(ValueError):
@@ -137,8 +132,17 @@ def equations(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving:
         return SparseFactors(rows, columns, rates, leaving)
 
 
-def relative_error(chain: Elimination | SparseFactors, solution: Floats, entry: int) -> float:
-    """Relative error of one entry of a solution."""
+def mean_over(start: Floats, values: Floats) -> float:
+    """Mean of values (n,) over where a start (n,) is; elsewhere they may be beyond all numbers."""
+    held = np.flatnonzero(start)
+    return float(start[held] @ values[held])
+
+
+def relative_error(chain: Elimination | SparseFactors, solution: Floats, start: Floats) -> float:
+    """Relative error of the mean of a solution (n,) over a start (n,) that is not negative."""
     if isinstance(chain, Elimination):
-        return chain.error
-    return chain.error * float(solution.max() / solution[entry]) if solution[entry] > 0 else float("inf")
+        # a start in several states adds up products
+        terms = int(np.count_nonzero(start))
+        return chain.error if terms == 1 else chain.error + 1.001 * ROUNDOFF * terms
+    mean = mean_over(start, solution)
+    return chain.error * float(start.sum() * solution.max() / mean) if mean > 0 else float("inf")

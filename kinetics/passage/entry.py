@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from kinetics.support.arrays import Ints, whole_number
 
 def reached_states(
     network: Network,
-    initial: ArrayLike,
+    initial: Mapping[str, int] | ArrayLike,
     max_states: int,
     stop: Callable[[Ints], NDArray[np.bool_]] | None = None,
 ) -> StateSpace:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, SparseFactors, equations, relative_error, totals
+from kinetics.passage.elimination import Elimination, SparseFactors, equations, mean_over, relative_error
 from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
+from kinetics.solving.transitions import Transitions, totals
 from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.support.arrays import Floats, Ints, reals, whole_number
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
 NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
@@ -26,15 +24,18 @@ NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is t
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """The distribution of a first-passage time from one state, tu.
+    """The distribution of a first-passage time, tu.
 
     target : the target, in words
     mean, sd : mean and standard deviation of the time; inf and nan where the target may never be reached
     probability : probability of ever reaching the target
-    error : relative error of mean and probability: a bound, or an estimate where the states are too many to eliminate
+    error : relative error of mean and probability
     sd_error : relative error of sd, likewise
     n_states : number of states before the target
     chain : the uniformised chain on these states; its last state is the target
+    start : probabilities of its states at time 0
+    is_bound : whether error and sd_error are proven; not where the states are too many to eliminate, or by rate laws
+    is_certified : whether the limits of cdf, survival and quantiles are proven; not by rate laws
     """
 
     target: str
@@ -45,6 +46,9 @@ class Passage:
     sd_error: float
     n_states: int
     chain: DiscreteChain = field(repr=False)
+    start: Floats = field(repr=False)
+    is_bound: bool = True
+    is_certified: bool = True
 
     @property
     def is_certain(self) -> bool:
@@ -53,7 +57,7 @@ class Passage:
 
     @cached_property
     def _absorption(self) -> Absorption:
-        return Absorption(self.chain)
+        return Absorption(self.chain, self.start)
 
     def cdf(self, times: ArrayLike) -> Floats:
         """Probability (...) that the target has been reached by `times` (...), tu."""
@@ -173,63 +177,122 @@ def first_passage(
     """
     index = network.index(species)
     wanted = whole_number("copies", copies, 0)
-    target = f"{wanted} {species}"
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
-    lumped = lump(space.generator(), space.is_stopped)
-    chain = DiscreteChain.of(lumped)
-    n = lumped.shape[0] - 1
-    if space.is_stopped[0]:
-        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain)
-    leads_there = _leads_to_last(lumped)
-    if not leads_there[0]:
-        return Passage(target, np.inf, np.nan, 0.0, 0.0, np.nan, n, chain)
-    way = np.flatnonzero(leads_there)
-    jumps = lumped[way][:, way].tocoo()
-    off = jumps.row != jumps.col
-    rows, columns, rates = jumps.row[off], jumps.col[off], jumps.data[off]
-    hits = lumped[way][:, [n]].toarray().ravel()
-    losses = np.asarray(lumped[way][:, np.flatnonzero(~leads_there)].sum(axis=1)).ravel()
-    chances = equations(rows, columns, rates, hits + losses)
-    if not leads_there.all():
-        reached = _checked(chances, chances.solve(hits))
-        error = relative_error(chances, reached, 0)
-        return Passage(target, np.inf, np.nan, float(reached[0]), error, np.nan, n, chain)
-    mean = _checked(chances, chances.solve(np.ones(n)))
-    error = relative_error(chances, mean, 0)
-    variance, slack = _variance(chances, rows, columns, rates, hits, mean)
+    start = np.eye(1, len(space))[0]
+    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {species}")
+
+
+def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str) -> Passage:
+    """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
+    rows, columns, rates, begins = lumped(transitions, is_target, start)
+    n, there = begins.size - 1, float(begins[-1])
+    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1))
+    is_certified = transitions.is_certified
+    if not begins[:n].any():
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, True, is_certified)
+    way = _way(rows, columns, rates, begins)
+    first, hits = way.first, way.hits
+    if not first.any():
+        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, True, is_certified)
+    chances = equations(way.rows, way.columns, way.rates, hits + way.losses)
+    is_bound = is_certified and isinstance(chances, Elimination)
+    if not way.is_certain:
+        reached = _checked(chances, chances.solve(hits), first)
+        error = relative_error(chances, reached, first)
+        chance = min(there + mean_over(first, reached), 1.0)
+        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound, is_certified)
+    means = _checked(chances, chances.solve(np.ones(hits.size)), first)
+    error = relative_error(chances, means, first)
+    variances, doubt = _variances(chances, way, means)
+    mean, spread, more = _spread(chances, first, there, means)
+    variance = mean_over(first, variances) + spread
+    terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
+    slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
-    sd_error = 0.5 * (relative_error(chances, variance, 0) + slack) + ROUNDOFF
-    return Passage(target, float(mean[0]), float(np.sqrt(variance[0])), 1.0, error, sd_error, n, chain)
+    sd_error = 0.5 * (relative_error(chances, variances, first) + slack) + ROUNDOFF
+    sd = float(np.sqrt(variance))
+    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound, is_certified)
 
 
-def _variance(
-    chain: Elimination | SparseFactors, rows: Ints, columns: Ints, rates: Floats, hits: Floats, mean: Floats
-) -> tuple[Floats, float]:
-    """Variances (n,) of the time from each state, and what the errors of the means bring to the first, relative.
+class _Way(NamedTuple):
+    """The states (n,) that lie on some way from the start to the target.
+
+    rows, columns, rates : (K,) among them
+    hits, losses : (n,) 1/tu, into the target and to where it can no longer be reached
+    first : (n,) probabilities of beginning in them
+    is_certain : whether the target is reached with probability 1
+    """
+
+    rows: Ints
+    columns: Ints
+    rates: Floats
+    hits: Floats
+    losses: Floats
+    first: Floats
+    is_certain: bool
+
+
+def _way(rows: Ints, columns: Ints, rates: Floats, begins: Floats) -> _Way:
+    """Of a chain whose last state is the target."""
+    chain = Transitions(rows, columns, rates, np.zeros(begins.size))
+    is_last = np.arange(begins.size) == begins.size - 1
+    leads = chain.leading_to(is_last)
+    way = leads & chain.reached_from(begins > 0) & ~is_last
+    place, n = np.cumsum(way) - 1, int(way.sum())
+    here = way[rows]
+    inside, hit, lost = here & way[columns], here & is_last[columns], here & ~leads[columns]
+    hits, losses = (totals(place[rows[out]], rates[out], n) for out in (hit, lost))
+    is_certain = not (losses.any() or begins[~leads].any())
+    return _Way(place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[way], is_certain)
+
+
+def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats) -> tuple[Floats, Floats]:
+    """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
 
     That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
     a square means are subtracted: what that may be wrong by is added up by the same equations.
     """
+    rows, columns, rates, hits, *_ = way
     exits = totals(rows, rates, mean.size) + hits
     onward = mean - 1.0 / exits
     gaps = mean[columns] - onward[rows]
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
     variance = chain.solve(1.0 / exits + spread)
-    each = chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
+    each = _each_error(chain, mean)
     wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
     doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
     doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
-    terms = 16 + int(np.bincount(rows, minlength=1).max())
-    return variance, 1.01 * (float(chain.solve(doubt)[0] / variance[0]) + terms * ROUNDOFF)
+    return variance, chain.solve(doubt)
 
 
-def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:
-    """The solution, where its entries are numbers and the first is known to three digits."""
+def _spread(
+    chain: Elimination | SparseFactors, first: Floats, there: float, means: Floats
+) -> tuple[float, float, float]:
+    """Mean of the time over its start, variance between the beginnings, and what that may be wrong by.
+
+    first : (n,) probabilities of beginning on the way; there : of beginning in the target
+    """
+    mean = mean_over(first, means)
+    if there == 0.0 and np.count_nonzero(first) == 1:
+        return mean, 0.0, 0.0
+    gaps = means - mean
+    wrong = _each_error(chain, means) + 8.0 * ROUNDOFF * (means + mean)
+    wrong += relative_error(chain, means, first) * mean
+    doubt = wrong * (2.0 * np.abs(gaps) + wrong)
+    return mean, mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
+
+
+def _each_error(chain: Elimination | SparseFactors, mean: Floats) -> Floats:
+    return chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
+
+
+def _checked(chain: Elimination | SparseFactors, solution: Floats, first: Floats) -> Floats:
+    """The solution, where its entries are numbers and its mean over the beginnings is known to three digits."""
     if not np.isfinite(solution).all():
         raise ValueError(
             "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
         )
-    if not relative_error(chain, solution, 0) < 1e-3:
+    if not relative_error(chain, solution, first) < 1e-3:
         raise ValueError(
             f"the target is too remote: with {solution.size} states on the way, too many to eliminate, it cannot be "
             f"solved for to three digits; start nearer to the target, or from fewer copies"
@@ -237,25 +300,14 @@ def _checked(chain: Elimination | SparseFactors, solution: Floats) -> Floats:
     return solution
 
 
-def lump(generator: csr_array, is_stopped: NDArray[np.bool_]) -> csr_array:
-    """The generator with all stopped states as one last state; the initial state, unless stopped, stays first."""
+def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Rows, columns and rates with all targets as one last state, which is never left; and the start among these."""
     from scipy.sparse import csr_array
 
-    n = int((~is_stopped).sum())
-    place = np.where(is_stopped, n, np.cumsum(~is_stopped) - 1)
-    entries = generator.tocoo()
-    moving = ~is_stopped[entries.row]
-    rows, columns = place[entries.row[moving]], place[entries.col[moving]]
-    return csr_array((entries.data[moving], (rows, columns)), shape=(n + 1, n + 1))
-
-
-def _leads_to_last(generator: csr_array) -> NDArray[np.bool_]:
-    """Which states (n,) before the last one have some way to it."""
-    from scipy.sparse.csgraph import breadth_first_order
-
-    n = generator.shape[0] - 1
-    backwards: Any = abs(generator).T.tocsr()
-    found = breadth_first_order(backwards, n, return_predecessors=False)
-    leads = np.zeros(n + 1, dtype=bool)
-    leads[found] = True
-    return leads[:n]
+    n = int((~is_target).sum())
+    place = np.where(is_target, n, np.cumsum(~is_target) - 1)
+    goes = ~is_target[transitions.rows]
+    places = (place[transitions.rows[goes]], place[transitions.columns[goes]])
+    entries = csr_array((transitions.rates[goes], places), shape=(n + 1, n + 1)).tocoo()
+    begins = np.append(start[~is_target], start[is_target].sum())
+    return entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, begins

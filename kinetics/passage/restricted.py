@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.passage.entry import reached_states
-from kinetics.passage.first_passage import lump
+from kinetics.passage.first_passage import lumped
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
 from kinetics.solving.states import MAX_STATES
+from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
 from kinetics.support.arrays import Floats, rising_times, whole_number
 
@@ -64,7 +65,8 @@ def restricted_passage(
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     if space.is_stopped[0] or end == 0.0:
         return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
-    chain = DiscreteChain.of(lump(space.generator(), space.is_stopped))
+    rows, columns, rates, start = lumped(space.transitions(), space.is_stopped, np.eye(1, len(space))[0])
+    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, start.size))
     # The window's own arrays have a place for each step, so the bound comes first.
     steps = chain.steps_until(end, TOLERANCE) if chain.rate * end < np.inf else np.inf
     if steps > MAX_STEPS or not steps * chain.step_seconds <= max_seconds:
@@ -74,7 +76,7 @@ def restricted_passage(
             f"allowed: choose an earlier horizon, start from fewer copies, or sample"
         )
     first, weights = poisson_window(chain.rate * end, TOLERANCE)
-    absorbed, alive, rounding = _absorption(chain, first + weights.size)
+    absorbed, alive, rounding = _absorption(chain, start, first + weights.size)
     tails = np.ones(first + weights.size + 1)  # P(N > n) for n = 0, 1, ...: certain before the window, 0 after it
     tails[first:] = np.append(np.cumsum(weights[::-1])[::-1][1:], [0.0, 0.0])
     # Moments in units of 1/q, of the time and of what it leaves of the horizon.
@@ -93,15 +95,14 @@ def restricted_passage(
     )
 
 
-def _absorption(chain: DiscreteChain, n_steps: int) -> tuple[Floats, Floats, float]:
+def _absorption(chain: DiscreteChain, start: Floats, n_steps: int) -> tuple[Floats, Floats, float]:
     """Probabilities (n_steps,) of being and of not being in the last state after 0, 1, ... steps.
 
     And a bound on the rounding of either.
     """
     from kinetics.kernels import markov
 
-    vector = np.zeros(chain.size)
-    vector[0] = 1.0
+    vector = start.copy()
     absorbed, alive, flows = np.empty((3, n_steps))
     markov.absorb(*chain.arrays, vector, absorbed, alive, flows)
     rounding = chain.rounding(n_steps, float(flows.sum())) + ROUNDOFF * (n_steps + chain.size + 2)

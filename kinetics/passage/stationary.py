@@ -9,34 +9,46 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, TooLargeError, totals
+from kinetics.passage.elimination import Elimination, TooLargeError
 from kinetics.passage.entry import reached_states
-from kinetics.solving import StateSpace
+from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
+from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
 
 @dataclass(frozen=True, eq=False)
-class Stationary:
-    """The distribution after infinite time, starting from one state.
+class ChainStationary:
+    """The distribution of a chain after infinite time.
 
-    probabilities : (N,) of every reachable state; 0 for transient states
+    probabilities : (N,) of every state; 0 for transient states and those that are not reached
     classes : for each of the C closed classes, which are never left, the rows of its states
     weights : (C,) probability of ending up in each closed class
-    error : bound on the relative error of every probability down to 1e-290, rounding of the rates included; smaller
-        probabilities may be lost
+    error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
+        may be lost
+    is_bound : whether the error is proven; not by rate laws, whose own rounding is not known
     """
 
-    space: StateSpace
     probabilities: Floats
     classes: tuple[NDArray[np.intp], ...]
     weights: Floats
     error: float
+    is_bound: bool
 
     def __post_init__(self) -> None:
         for array in (self.probabilities, self.weights):
             read_only(array)
+
+
+@dataclass(frozen=True, eq=False)
+class Stationary(ChainStationary):
+    """The distribution of a network's states after infinite time, starting from one state; all are reachable.
+
+    space : the states
+    """
+
+    space: StateSpace
 
     def mean(self) -> Floats:
         """Mean counts (S,)."""
@@ -77,20 +89,27 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     closed class at a time; where the chain may end up in several, they are weighted by the probability of ending up in
     each. Cost: the number of states times the square of the band's width.
     """
+    space = reached_states(network, initial, max_states)
+    found = stationary_of(space.transitions(), np.eye(1, len(space))[0])
+    return Stationary(**vars(found), space=space)
+
+
+def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
+    """The stationary distribution of any chain from a start spread as `start` (N,)."""
     from scipy.sparse.csgraph import connected_components
 
-    space = reached_states(network, initial, max_states)
-    rows, columns, rates, _ = space.transitions()
-    n = len(space)
+    rows, columns, rates, *_ = transitions
+    n = transitions.size
     n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
     is_closed = np.ones(n_classes, dtype=bool)
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
-        weights, weights_error = _weights(rows, columns, rates, label, is_closed)
+        weights, weights_error = _weights(transitions, start, label, is_closed)
         probabilities, rest_error = np.zeros(n), 0.0
         classes = []
         by_class = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
-        for number in np.flatnonzero(is_closed):
+        is_reached = is_closed & (weights > 0)
+        for number in np.flatnonzero(is_reached):
             members = by_class[number]
             classes.append(members)
             rest, own_error = (np.ones(1), 0.0)
@@ -103,7 +122,7 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
             f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
-    return Stationary(space, probabilities, tuple(classes), weights[is_closed], error)
+    return ChainStationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:
@@ -113,23 +132,27 @@ def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:
 
 
 def _weights(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, label: NDArray[Any], is_closed: NDArray[np.bool_]
+    transitions: Transitions, start: Floats, label: NDArray[Any], is_closed: NDArray[np.bool_]
 ) -> tuple[Floats, float]:
-    """Probability of ending up in each class, from state 0: what flows into it from states that are left for good."""
-    weights = np.zeros(is_closed.size)
-    if is_closed[label[0]]:
-        weights[label[0]] = 1.0
-        return weights, 0.0
-    passing = np.flatnonzero(~is_closed[label])
+    """Probability of ending up in each class: what begins there, and what flows in from states that are left for good.
+
+    With a bound on the relative error.
+    """
+    is_passing = ~is_closed[label]
+    weights = totals(label, np.where(is_passing, 0.0, start), is_closed.size)
+    if not start[is_passing].any():
+        return weights, ROUNDOFF * int(np.count_nonzero(start) - 1)
+    passing = np.flatnonzero(is_passing & transitions.reached_from(start > 0))
+    rows, columns, rates, *_ = transitions
     place = np.full(label.size, -1)
     place[passing] = np.arange(passing.size)
     inside = (place[rows] >= 0) & (place[columns] >= 0)
     out = (place[rows] >= 0) & (place[columns] < 0)
     leaving = totals(place[rows[out]], rates[out], passing.size)
     chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
-    times = chain.occupation(np.eye(1, passing.size)[0])
+    times = chain.occupation(start[passing])
     weights += totals(label[columns[out]], times[place[rows[out]]] * rates[out], weights.size)
-    return weights, chain.error
+    return weights, chain.error + 2.0 * ROUNDOFF * int(np.count_nonzero(start) - 1)
 
 
 def _rest_within(

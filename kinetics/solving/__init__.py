@@ -1,21 +1,24 @@
 """Solution of the master equation: the probability of every state over time, one file per method."""
 
-from kinetics.solving.base import SolvingMethod
+from kinetics.solving.base import ListingMethod, SolvingMethod
 from kinetics.solving.dense import Dense
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.methods import SOLVING_METHODS, solve
 from kinetics.solving.projection import FiniteStateProjection
 from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transient import Transient
+from kinetics.solving.transitions import Transitions
 
 __all__ = [
     "SOLVING_METHODS",
     "Dense",
     "Distribution",
     "FiniteStateProjection",
+    "ListingMethod",
     "SolvingMethod",
     "StateSpace",
     "Transient",
+    "Transitions",
     "reachable",
     "solve",
 ]

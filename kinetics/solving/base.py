@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving.distribution import Distribution
+from kinetics.solving.states import StateSpace, reachable
+from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints, real_number, rising_times, whole_number
+from kinetics.support.memory import check_memory
 
 
 class SolvingMethod(ABC):
@@ -21,10 +25,10 @@ class SolvingMethod(ABC):
        with a default; fields named `tolerance`, `max_states` and `max_seconds` are checked here. Its docstring says
        the source, the cost and when to choose it.
     2. Give it a `name`, which the command line uses, and `least_tolerance` if it has a tolerance.
-    3. Write `distribution`, from a state and times that have been checked. Enumerate the states by
-       `kinetics.solving.reachable` where all are wanted; refuse what would take too long or too much memory by a
-       ValueError that says what to do instead.
-    4. Return a `Distribution` whose `error` covers the truncation and every rounding, those of the rates included. Set
+    3. Where it works on the list of all states, inherit from `ListingMethod` and write `probabilities`, from checked
+       transitions: it then solves any Markov chain. Else write `distribution`, from a checked state and times. Refuse
+       what would take too long or too much memory by a ValueError that says what to do instead.
+    4. Return an `error` that covers the truncation and every rounding, those of the rates included. Set
        `is_bound=False` unless that is proven.
     5. Import it in `kinetics.solving.methods`, which adds it to `SOLVING_METHODS`. Command line, hard cases,
        accuracy diagram and the contract in tests/contracts/test_solving.py read that tuple.
@@ -63,3 +67,40 @@ class SolvingMethod(ABC):
     @abstractmethod
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
         """The same from a checked state (S,), at checked times (T,)."""
+
+
+class ProbabilityTable(NamedTuple):
+    """Probabilities (T, N), the limit on their error summed over all states at any time, and whether it is proven."""
+
+    probabilities: Floats
+    error: float
+    is_bound: bool
+
+
+class ListingMethod(SolvingMethod):
+    """A method that works on the list of all states, and so solves any Markov chain, from a network or not.
+
+    max_states : a field of the method; networks with more reachable states are refused
+    """
+
+    max_states: int
+
+    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
+        """Probabilities of all reachable states; `start` is row 0 of the space."""
+        space = reachable(network, start, max_states=self.max_states)
+        n = len(space)
+        # the answer, and a transition a channel while these are listed
+        numbers = n * (grid.size + len(network.species) + 6 * len(network.channels))
+        advice = "ask for fewer times, or start from fewer copies"
+        check_memory(f"{n} states at {grid.size} times", 8.0 * numbers, advice)
+        return Distribution(space, grid, *self.probabilities(space.transitions(), np.eye(1, n)[0], grid, space))
+
+    @abstractmethod
+    def probabilities(
+        self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
+    ) -> ProbabilityTable:
+        """The solution from a start spread as `start` (N,), at checked times (T,).
+
+        space : states of the network behind the transitions, which may give their rates without rounding; without it,
+            the rates are what they are
+        """

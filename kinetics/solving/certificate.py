@@ -41,7 +41,7 @@ class Entries(NamedTuple):
 
 
 def exact_entries(space: StateSpace) -> Entries:
-    """Every rate of a space without stopped states: under mass action as doubles that add up to it, without rounding.
+    """Every rate of a space: under mass action as doubles that add up to it, without rounding.
 
     Rate constants and ways are doubles and combinations whole numbers, so that their products are fractions. What rate
     laws give is taken as it was computed.
@@ -50,6 +50,7 @@ def exact_entries(space: StateSpace) -> Entries:
     changes = network.sparse_stoichiometry
     is_exact = not network.laws
     propensities = network.propensities(states)
+    propensities[space.is_stopped] = 0.0
     places: list[tuple[int, int]] = []
     values: list[float] = []
     for channel in np.flatnonzero(changes.has_entries).tolist():

@@ -8,13 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.network import Network
-from kinetics.solving.base import SolvingMethod
-from kinetics.solving.certificate import distance, exact_entries
-from kinetics.solving.distribution import Distribution
+from kinetics.solving.base import ListingMethod, ProbabilityTable
+from kinetics.solving.certificate import Entries, distance, exact_entries
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds
-from kinetics.solving.states import reachable
-from kinetics.support.arrays import Floats, Ints
+from kinetics.solving.states import StateSpace
+from kinetics.solving.transitions import Transitions
+from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
 
 MAX_DENSE = 2000  # states
@@ -27,7 +26,7 @@ OTHER_UNIT = 0.7  # makes q smaller, so the step that was short enough still is
 
 
 @dataclass(frozen=True)
-class Dense(SolvingMethod):
+class Dense(ListingMethod):
     """The matrix exponential by non-negative scaling and squaring, for small chains of any stiffness.
 
     exp(Q h) for a short step h is the Taylor series of a positive matrix, which is then squared repeatedly. Products
@@ -52,20 +51,23 @@ class Dense(SolvingMethod):
     max_states: int = MAX_DENSE
     certified_states: int = CERTIFIED
 
-    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
-        """Probabilities of all reachable states; `start` is row 0 of the space."""
-        space = reachable(network, start, max_states=self.max_states)
-        check_memory(f"{len(space)} states", 8.0 * len(space) * (6 * len(space) + grid.size), "ask for fewer times")
-        rates = space.generator().toarray()
+    def probabilities(
+        self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
+    ) -> ProbabilityTable:
+        """Probabilities of all states."""
+        n = transitions.size
+        if n > self.max_states:
+            raise ValueError(
+                f"{n} states are too many for the dense method, at most {self.max_states}; take the method 'exact'"
+            )
+        check_memory(f"{n} states", 8.0 * n * (6 * n + grid.size), "ask for fewer times")
+        rates = transitions.generator().toarray()
         np.fill_diagonal(rates, 0.0)
-        certain = np.eye(1, len(space))[0]
-        probabilities = exponential_action(rates, certain, grid)
-        if len(space) > self.certified_states:
-            error = estimated_error(rates, certain, grid, probabilities)
-            return Distribution(space, grid, probabilities, error, is_bound=False)
-        entries = exact_entries(space)
-        error = distance(entries, certain, grid, probabilities)
-        return Distribution(space, grid, probabilities, error, is_bound=entries.is_exact)
+        found = exponential_action(rates, start, grid)
+        if n > self.certified_states:
+            return ProbabilityTable(found, estimated_error(rates, start, grid, found), False)
+        entries = exact_entries(space) if space else Entries(*transitions[:3], transitions.is_certified)
+        return ProbabilityTable(found, distance(entries, start, grid, found), entries.is_exact)
 
 
 def exponential_action(rates: Floats, start: Floats, times: Floats) -> Floats:

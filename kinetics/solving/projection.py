@@ -195,7 +195,7 @@ class _Front:
 
     def _solve(self, search: Search) -> _Window:
         space = StateSpace(self.network, search.states.copy(), np.zeros(len(search), dtype=bool))
-        rows, columns, rates, leaks = space.transitions()
+        rows, columns, rates, leaks, *_ = space.transitions()
         exits = np.bincount(rows, rates, minlength=len(space)) + leaks
         # An exit sums what leads on within the set and out of it: no more than there are channels.
         chain = DiscreteChain.from_rates(rows, columns, rates, exits, most_out=len(self.network.channels))
@@ -223,7 +223,7 @@ class _Front:
         lost = float((1.0 - probabilities.sum(axis=1)).max())
         space = StateSpace(self.network, self.seen.states.copy(), np.zeros(n, dtype=bool))
         error = max(lost, 0.0) + self.drift + self.rounding + ROUNDOFF * (2 * len(self.found) + np.log2(n) + 20)
-        return Distribution(space, self.grid, probabilities, error, not self.network.laws, is_complete=False)
+        return Distribution(space, self.grid, probabilities, error, space.is_certified, is_complete=False)
 
     def too_many(self) -> str:
         """How far it came, and how the likely states spread."""

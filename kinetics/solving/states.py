@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.support.arrays import Floats, Ints, read_only, whole_number
+from kinetics.solving.transitions import Transitions
+from kinetics.support.arrays import Ints, read_only, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 MAX_STATES = 1_000_000
 CHUNK = 2**22  # propensities that are computed at a time
+CERTIFIED_ORDER = 5  # combinations of so many reactants, constant and ways round at most `RATE_ERROR` times
 
 
 class TooManyStatesError(ValueError):
@@ -31,15 +33,6 @@ class StateTable(NamedTuple):
     multipliers: NDArray[np.uint64]
     keys: NDArray[np.uint64]
     slots: Ints
-
-
-class Transitions(NamedTuple):
-    """Which state leads to which: from rows (K,) to columns (K,) at rates (K,), 1/tu; leaks (N,) lead elsewhere."""
-
-    rows: Ints
-    columns: Ints
-    rates: Floats
-    leaks: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +59,13 @@ class StateSpace:
     def __len__(self) -> int:
         return len(self.states)
 
+    @property
+    def is_certified(self) -> bool:
+        """Whether every rate is known to round no more than `RATE_ERROR` times: by mass action, of a low order."""
+        needed = self.network.sparse_reactants
+        orders = np.bincount(needed.rows, needed.copies)
+        return not self.network.laws and bool(orders.max(initial=0) <= CERTIFIED_ORDER)
+
     @cached_property
     def _table(self) -> StateTable:
         from kinetics.kernels import exploration
@@ -85,14 +85,18 @@ class StateSpace:
         return rows.reshape(asked.shape[:-1])
 
     def transitions(self) -> Transitions:
-        """All transitions, one entry per state and channel; channels that change nothing are left out."""
+        """All transitions, one entry per state and channel; channels that change nothing are left out.
+
+        They are certified under mass action: a rate law rounds by no known amount.
+        """
         from kinetics.kernels import exploration
 
         network, table = self.network, self._table
         changes = network.sparse_stoichiometry
         key_changes = _key_changes(changes, table.multipliers)
         leaks = np.zeros(len(self))
-        rows, columns, rates = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        rows, columns, fired = ([np.empty(0, np.int64)] for _ in range(3))
+        rates = [np.empty(0)]
         length = max(1, CHUNK // max(len(network.channels), 1))
         for begin in range(0, len(self), length):
             part = slice(begin, min(begin + length, len(self)))
@@ -107,25 +111,18 @@ class StateSpace:
             rows.append(here + begin)
             columns.append(ends[here, channels])
             rates.append(propensities[here, channels])
-        return Transitions(np.concatenate(rows), np.concatenate(columns), np.concatenate(rates), leaks)
+            fired.append(channels)
+        ends = np.concatenate(rows), np.concatenate(columns)
+        return Transitions(*ends, np.concatenate(rates), leaks, self.is_certified, np.concatenate(fired))
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
-        from scipy.sparse import csr_array, dia_array
-
-        rows, columns, rates, leaks = self.transitions()
-        if leaks.any():
-            raise ArithmeticError("the state space is not closed: a channel leads out of it")
-        n = len(self)
-        exits = np.bincount(rows, rates, minlength=n)
-        jumps = csr_array((rates, (rows, columns)), shape=(n, n))
-        diagonal: Any = dia_array((exits[None, :], [0]), shape=(n, n))
-        return csr_array(jumps - diagonal)
+        return self.transitions().generator()
 
 
 def reachable(
     network: Network,
-    initial: ArrayLike,
+    initial: Mapping[str, int] | ArrayLike,
     stop: Callable[[Ints], NDArray[np.bool_]] | None = None,
     max_states: int = MAX_STATES,
 ) -> StateSpace:

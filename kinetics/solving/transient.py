@@ -7,20 +7,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.network import Network
-from kinetics.solving.base import SolvingMethod
+from kinetics.solving.base import ListingMethod, ProbabilityTable
 from kinetics.solving.dense import MAX_DENSE, Dense
-from kinetics.solving.distribution import Distribution
-from kinetics.solving.states import MAX_STATES, reachable
+from kinetics.solving.states import MAX_STATES, StateSpace
+from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
 
 MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays small
 
 
 @dataclass(frozen=True)
-class Transient(SolvingMethod):
+class Transient(ListingMethod):
     """The transient solution over all reachable states by uniformisation, without sampling or truncation of states.
 
     tolerance : largest probability that uniformisation may leave out at any time
@@ -41,19 +40,21 @@ class Transient(SolvingMethod):
     max_states: int = MAX_STATES
     max_seconds: float = 7200.0
 
-    def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
-        """Probabilities of all reachable states; `start` is row 0 of the space."""
-        space = reachable(network, start, max_states=self.max_states)
-        n = len(space)
-        # the answer, and a transition a channel while the generator is built; then the vectors that are mixed
-        numbers = n * (grid.size + len(network.species) + 6 * len(network.channels))
+    def probabilities(
+        self, transitions: Transitions, start: Floats, grid: Floats, space: StateSpace | None = None
+    ) -> ProbabilityTable:
+        """Probabilities of all states, by one pass of steps for all times."""
+        n = transitions.size
+        # the answer, and the vectors that are mixed
         advice = "ask for fewer times, or start from fewer copies"
-        check_memory(f"{n} states at {grid.size} times", 8.0 * numbers + min(8.0 * n * BLOCK, BLOCK_BYTES), advice)
-        chain = DiscreteChain.of(space.generator())
+        check_memory(
+            f"{n} states at {grid.size} times", 8.0 * n * grid.size + min(8.0 * n * BLOCK, BLOCK_BYTES), advice
+        )
+        chain = DiscreteChain.of(transitions.generator())
         events = chain.rate * float(grid[-1])
         steps = chain.steps_until(grid[-1], self.tolerance) if events < np.inf else np.inf
         if steps > MANY_STEPS and n <= MAX_DENSE:
-            return Dense().distribution(network, start, grid)
+            return Dense().probabilities(transitions, start, grid, space)
         if steps > MAX_STEPS:
             raise ValueError(
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
@@ -67,5 +68,5 @@ class Transient(SolvingMethod):
                 f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
                 f"sample with the direct method"
             )
-        probabilities, _, error = mixtures(chain, np.eye(1, n)[0], grid, self.tolerance)
-        return Distribution(space, grid, probabilities, error, is_bound=not network.laws)
+        found, _, error = mixtures(chain, start, grid, self.tolerance)
+        return ProbabilityTable(found, error, transitions.is_certified)

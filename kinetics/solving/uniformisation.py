@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window, window_error
+from kinetics.solving.transitions import RATE_ERROR
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
 BLOCK_BYTES = 2**29  # of these vectors
 MAX_STEPS = 5_000_000
 STEP_SECONDS = 2e-9  # a step takes this for every transition and every state, on a common machine
-RATE_ERROR = 8  # roundings in a rate of the generator: constant, ways and combinations of up to six reactants
 
 
 class Arrays(NamedTuple):
@@ -177,12 +177,14 @@ def _weights_between(begin: int, end: int, windows: Sequence[tuple[int, Floats]]
 
 
 class Absorption:
-    """How much of the probability has reached the last state of a chain by each step; grows as far as it is asked."""
+    """How much of the probability has reached the last state of a chain by each step; grows as far as it is asked.
 
-    def __init__(self, chain: DiscreteChain) -> None:
+    start : (N,) probabilities
+    """
+
+    def __init__(self, chain: DiscreteChain, start: Floats) -> None:
         self._chain = chain
-        self._vector = np.zeros(chain.size)
-        self._vector[0] = 1.0
+        self._vector = start.copy()
         self._absorbed: Floats = np.empty(0)
         self._alive: Floats = np.empty(0)
         self._flows: Floats = np.empty(0)

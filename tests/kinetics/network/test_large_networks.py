@@ -57,7 +57,7 @@ def test_few_states(ring, law):
     net = ring.with_laws({"r0": "2 * s0"}) if law else ring
     space = reachable(net, one(), stop=is_far)
     assert_array_equal(space.states.argmax(axis=1), np.arange(FAR + 1))
-    rows, columns, rates, _ = space.transitions()
+    rows, columns, rates, *_ = space.transitions()
     assert_array_equal(rows, np.arange(FAR))
     assert_array_equal(columns, np.arange(1, FAR + 1))
     assert_array_equal(rates, [2.0 if law else 1.0, *np.ones(FAR - 1)])

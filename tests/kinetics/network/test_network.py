@@ -72,6 +72,18 @@ def test_combinations_of_millions_are_refused_before_they_are_counted(counted):
         assert_array_equal([net.propensities([2 * 10**9 + more]) for more in (0, 1)], [[1.0], [2 * 10**9 + 1.0]])
 
 
+def test_what_is_beyond_a_float_is_refused_by_the_channel():
+    reactions = {"easy": ((1, 1), (0, 1)), "all": ((60, 60), (0, 60))}
+    net = network(("A", "B"), reactions, [1.0, 1.0])
+    assert np.isfinite(net.propensities([70, 70])).all()
+    with pytest.raises(ValueError, match="channel 'all': its reactants have too many combinations"):
+        net.propensities([10**6, 10**6])
+    with pytest.raises(ValueError, match="channel 'all': its reactants have too many combinations: 60 like reactants"):
+        net.propensities([10**9, 1])
+    with pytest.raises(ValueError, match="channel 'all': its propensity is beyond what a float can hold"):
+        net.with_rates([1.0, 1e300]).propensities([[70, 70], [1000, 1000]])
+
+
 def test_no_channels():
     net = Network(("A",), (), [], [], [], [])
     assert net.propensities([5]).shape == (0,)

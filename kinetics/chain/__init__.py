@@ -1,0 +1,20 @@
+"""Markov chains in continuous time, from anywhere, and every exact question to them: each answer with its limits."""
+
+from kinetics.chain.answers import ChainAnswer, ChainDistribution, ChainPath
+from kinetics.chain.chain import Chain
+from kinetics.chain.checks import Reward
+from kinetics.chain.explicit_files import read_explicit, write_explicit
+from kinetics.chain.prism_model import prism_text
+from kinetics.chain.queries import ask
+
+__all__ = [
+    "Chain",
+    "ChainAnswer",
+    "ChainDistribution",
+    "ChainPath",
+    "Reward",
+    "ask",
+    "prism_text",
+    "read_explicit",
+    "write_explicit",
+]

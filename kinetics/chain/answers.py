@@ -1,0 +1,89 @@
+"""What a chain answers: a number with its limits, or a distribution with its error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.passage.backward import LimitedValue
+from kinetics.support.arrays import Floats, Ints, read_only
+
+
+@dataclass(frozen=True)
+class ChainAnswer:
+    """A number with its limits.
+
+    low, high : limits of the true value; all roundings and truncations, and those of the rates, included
+    is_bound : whether the limits are proven; otherwise they are an estimate
+    method : how it was found
+    cpu_seconds : time that took
+    """
+
+    value: float
+    low: float
+    high: float
+    is_bound: bool
+    method: str
+    cpu_seconds: float
+
+    @classmethod
+    def of(cls, limited: LimitedValue, method: str, cpu_seconds: float) -> ChainAnswer:
+        """The answer of a value with limits."""
+        return cls(*limited, method, cpu_seconds)
+
+    def __str__(self) -> str:
+        kind = "proven" if self.is_bound else "estimated"
+        wide = max(self.high - self.value, self.value - self.low)
+        relative = f", {wide / abs(self.value):.1e} of it" if self.value and wide else ""
+        return f"{self.value:.12g} (+- {wide:.1e}{relative}, {kind}; {self.method})"
+
+
+@dataclass(frozen=True, eq=False)
+class ChainDistribution:
+    """The probability of every state of a chain at each time, with its error.
+
+    times : (T,) tu
+    probabilities : (T, N), none negative
+    error : limit on the absolute error summed over all states, at any time
+    is_bound : whether `error` is proven; otherwise it is an estimate
+    """
+
+    times: Floats
+    probabilities: Floats
+    error: float
+    is_bound: bool
+    method: str
+    cpu_seconds: float
+
+    def __post_init__(self) -> None:
+        read_only(self.probabilities)
+
+    def mean(self, values: ArrayLike) -> Floats:
+        """Mean (T,) of values (N,), or means (T, V) of values (N, V); of a mask, its probability."""
+        return self.probabilities @ np.asarray(values, dtype=float)
+
+    def mean_bounds(self, values: ArrayLike) -> tuple[Floats, Floats]:
+        """Lower and upper limits of `mean`: at worst all of the error lies between the largest and smallest value."""
+        table = np.asarray(values, dtype=float)
+        top = np.abs(table).max(axis=0)
+        mean = self.mean(table)
+        slack = (self.error + 2.0**-52 * len(table)) * top
+        return mean - slack, mean + slack
+
+
+@dataclass(frozen=True, eq=False)
+class ChainPath:
+    """One run of a chain: its states (n + 1,) and the times (n + 1,), tu, at which it enters them; then until `end`."""
+
+    times: Floats
+    states: Ints
+    end: float
+
+    def at(self, times: ArrayLike) -> Ints:
+        """The states (...) at `times` (...), tu."""
+        asked = np.asarray(times, dtype=float)
+        if asked.size and not (asked.min() >= 0.0 and asked.max() <= self.end):
+            raise ValueError(f"times from {asked.min():g} to {asked.max():g} tu; the run is from 0 to {self.end:g} tu")
+        return self.states[np.searchsorted(self.times, asked, side="right") - 1]

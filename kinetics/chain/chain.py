@@ -1,0 +1,363 @@
+"""`Chain`: a Markov chain in continuous time as one object, and every exact question to it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.chain.answers import ChainAnswer, ChainDistribution, ChainPath
+from kinetics.chain.checks import (
+    Reward,
+    checked_mask,
+    checked_names,
+    checked_rates,
+    checked_reward,
+    checked_start,
+)
+from kinetics.chain.predicates import StateNames
+from kinetics.network import Network
+from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until
+from kinetics.passage.committor import ChainCommittor, committor_of
+from kinetics.passage.entry import reached_states
+from kinetics.passage.first_passage import Passage, passage_to
+from kinetics.passage.sampled import sampled_jumps
+from kinetics.passage.stationary import ChainStationary, stationary_of
+from kinetics.passage.until import UNDERFLOW, always, always_by, earned_until, until, until_by
+from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
+from kinetics.solving.dense import MAX_DENSE
+from kinetics.solving.poisson import ROUNDOFF
+from kinetics.solving.states import MAX_STATES
+from kinetics.solving.transitions import RATE_ERROR, totals
+from kinetics.solving.uniformisation import MAX_STEPS
+from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
+
+Mask = NDArray[np.bool_]
+Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
+BACKWARD, ELIMINATION = "uniformisation, backwards", "elimination"
+MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a small chain forwards by squaring
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A Markov chain on N states in continuous time.
+
+    generator : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal; where the diagonal holds
+        anything, rows must sum to zero
+    initial : (N,) probabilities at time 0, or the number of one state
+    labels : name -> truths (N,), or a condition as text
+    rewards : name -> `Reward`; rates (N,) alone, or a formula in counts as text, for one without impulses
+    variables, counts : V names, and their values (N, V) in every state, for conditions such as "A >= 1 and B == 0"
+
+    Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `ChainAnswer`, with limits that
+    are proven unless it says otherwise; small probabilities come with a relative error. ValueError: what is no chain,
+    label, reward or target, or a question without a finite answer.
+    """
+
+    generator: Any
+    initial: ArrayLike
+    labels: Mapping[str, Target] = field(default_factory=dict)
+    rewards: Mapping[str, Reward | ArrayLike | str] = field(default_factory=dict)
+    variables: Sequence[str] = ()
+    counts: ArrayLike | None = None
+    _transitions: Transitions = field(init=False, repr=False)
+    _space: StateSpace | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        rates = checked_rates(self.generator)
+        entries = rates.tocoo()
+        n = rates.shape[0]
+        known = Transitions(entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, np.zeros(n))
+        self._set(_transitions=known, _space=None, initial=checked_start(self.initial, n))
+        self._describe(n)
+
+    def _describe(self, n: int) -> None:
+        """Check the names of states and what they earn."""
+        variables = tuple(self.variables)
+        counts = None if self.counts is None else integers("counts", self.counts, (n, len(variables)))
+        if counts is None and variables:
+            raise ValueError(f"variables {', '.join(variables)} came without counts; give their values in every state")
+        self._set(variables=variables, counts=counts)
+        self._relabel(self.labels)
+        self._reward(self.rewards)
+
+    def _relabel(self, labels: Mapping[str, Target]) -> None:
+        checked_names(labels, "label", dict.fromkeys(self.variables))
+        self._set(labels={})
+        masks = {name: self.states(given, f"label {name!r}") for name, given in labels.items()}
+        self._set(labels=masks)
+
+    def _reward(self, rewards: Mapping[str, Reward | ArrayLike | str]) -> None:
+        checked_names(rewards, "reward", {})
+        found: dict[str, Reward] = {}
+        for name, given in rewards.items():
+            rates = self._names.values(given) if isinstance(given, str) else given
+            found[name] = checked_reward(name, rates if isinstance(rates, Reward) else Reward(rates), len(self))
+        self._set(rewards=found)
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(
+        cls,
+        network: Network,
+        initial: Mapping[str, int] | ArrayLike,
+        labels: Mapping[str, Target] | None = None,
+        rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
+        stop: str | Callable[[Ints], Mask] | None = None,
+        max_states: int = MAX_STATES,
+    ) -> Chain:
+        """The chain of a network from given counts; its variables are the species, its first state is where it starts.
+
+        stop : condition in which the chain stops, as text or as a function of states (n, S) with truths (n,); what
+            lies beyond is not explored, so that the others may be finitely many
+        ValueError: more states than `max_states` can be reached
+        """
+
+        def stops(states: Ints) -> Mask:
+            if callable(stop):
+                return stop(states)
+            return StateNames(len(states), network.species, states, {}).holds(str(stop))
+
+        space = reached_states(network, initial, max_states, None if stop is None else stops)
+        chain = cls.__new__(cls)
+        start = np.eye(1, len(space))[0]
+        chain._set(_transitions=space.transitions(), _space=space, initial=checked_start(start, len(space)))
+        chain._set(labels=labels or {}, rewards=rewards or {}, variables=network.species, counts=space.states)
+        chain._set(generator=chain._transitions.generator())
+        chain._describe(len(space))
+        return chain
+
+    def __len__(self) -> int:
+        return self._transitions.size
+
+    def __repr__(self) -> str:
+        labels, rewards = (", ".join(names) or "none" for names in (self.labels, self.rewards))
+        return f"<Chain: {len(self)} states, {self.transitions.rates.size} rates; labels {labels}; rewards {rewards}>"
+
+    @property
+    def transitions(self) -> Transitions:
+        """The rates; of a network, one entry a state and channel."""
+        return self._transitions
+
+    @property
+    def _names(self) -> StateNames:
+        counts: Any = self.counts
+        labels: Any = self.labels
+        return StateNames(len(self), self.variables, counts, labels)
+
+    def with_labels(self, labels: Mapping[str, Target]) -> Chain:
+        """The same chain with these labels, and no others."""
+        other = copy(self)
+        other._relabel(labels)
+        return other
+
+    def with_rewards(self, rewards: Mapping[str, Reward | ArrayLike | str]) -> Chain:
+        """The same chain with these rewards, and no others."""
+        other = copy(self)
+        other._reward(rewards)
+        return other
+
+    def states(self, target: Target, what: str = "target") -> Mask:
+        """The states (N,) of a target: those in which a condition holds."""
+        if isinstance(target, str):
+            return self._names.holds(target)
+        return checked_mask(what, target, len(self))
+
+    def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:
+        """Probabilities of all states at `times` (T,), tu, rising, by a solving method (by default `Transient`)."""
+        began, grid = time.process_time(), rising_times(times)
+        if not grid.size:
+            raise ValueError("times is empty; give at least one time")
+        chosen = method or Transient()
+        found = chosen.probabilities(*self._begun, grid, self._space)
+        return ChainDistribution(grid, *found, chosen.name, time.process_time() - began)
+
+    def until(
+        self,
+        target: Target,
+        through: Target | None = None,
+        by: float | None = None,
+        method: ListingMethod | None = None,
+    ) -> ChainAnswer:
+        """Probability of reaching the target on the way through given states alone (by default any), by a time or ever.
+
+        by : tu; None for ever, by elimination
+        method : a solving method for the pass, forwards; by default it is backwards, with a relative error, or by
+            `Transient` where that would take too many steps
+        """
+        goal = self.states(target)
+        ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
+        if by is None:
+            return self._answer(lambda: until(*self._begun, ways, goal), ELIMINATION)
+        return self._in_time(goal, goal | ~ways, by, method, lambda t: until_by(*self._begun, ways, goal, t))
+
+    def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> ChainAnswer:
+        """Probability of not leaving the states, until a time or ever."""
+        kept = self.states(states)
+        if by is None:
+            return self._answer(lambda: always(*self._begun, kept), ELIMINATION)
+        return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
+
+    @property
+    def _begun(self) -> tuple[Transitions, Floats]:
+        return self.transitions, np.asarray(self.initial)
+
+    def _in_time(
+        self,
+        held: Mask,
+        stops: Mask,
+        by: float,
+        method: ListingMethod | None,
+        backwards: Callable[[float], LimitedValue],
+    ) -> ChainAnswer:
+        """The probability of `held` at a time, of the chain that is stopped."""
+        end = float(rising_times([real_number("by", by)])[0])
+        chain = self.transitions.stopped(stops)
+        most = MANY_STEPS if len(self) <= MAX_DENSE else MAX_STEPS
+        if method is None and steps_until(chain, end) <= most:
+            return self._answer(lambda: backwards(end), BACKWARD)
+        began, chosen = time.process_time(), method or Transient()
+        space = self._space
+        if space is not None:
+            space = replace(space, is_stopped=space.is_stopped | stops)
+        rows, error, is_bound = chosen.probabilities(chain, self._begun[1], np.array([end]), space)
+        value = float(rows[0] @ held)
+        slack = error + ROUNDOFF * len(self)
+        limited = LimitedValue(min(value, 1.0), max(value - slack, 0.0), min(value + slack, 1.0), is_bound)
+        return ChainAnswer.of(limited, chosen.name, time.process_time() - began)
+
+    def reward(
+        self,
+        name: str | None = None,
+        at: float | None = None,
+        up_to: float | None = None,
+        until: Target | None = None,
+        stationary: bool = False,
+    ) -> ChainAnswer:
+        """Mean of a reward: its rate `at` a time, its total `up_to` a time or `until` a target, or its rate in the end.
+
+        name : of the reward; of a variable, for its value; None for the only one
+        ValueError: not one of the four is asked for; or the target may never be reached, so that there is no finite
+            mean
+        """
+        asked = [at is not None, up_to is not None, until is not None, stationary]
+        if sum(asked) != 1:
+            raise ValueError("give one of at, up_to, until and stationary")
+        given = self._reward_named(name)
+        if at is not None:
+            if given.impulses is not None:
+                raise ValueError(
+                    f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time"
+                )
+            now = float(rising_times([at])[0])
+            return self._answer(lambda: expected_at(*self._begun, np.asarray(given.rates), now), BACKWARD)
+        earning, rounded = self._earning(given)
+        if up_to is not None:
+            end = float(rising_times([up_to])[0])
+            return self._answer(lambda: _wider(expected_integral(*self._begun, earning, end), rounded), BACKWARD)
+        if until is not None:
+            goal = self.states(until)
+            return self._answer(lambda: _wider(earned_until(*self._begun, earning, goal), rounded), ELIMINATION)
+        return self._answer(lambda: _wider(self._in_the_end(earning), rounded), ELIMINATION)
+
+    def _reward_named(self, name: str | None) -> Reward:
+        if name is None and len(self.rewards) == 1:
+            name = next(iter(self.rewards))
+        known: Any = self.rewards
+        if name in known:
+            return known[name]
+        if name in self.variables:
+            return Reward(np.asarray(self.counts)[:, self.variables.index(name)].astype(float))
+        there = ", ".join([*self.rewards, *self.variables]) or "none"
+        came = "no reward was named" if name is None else f"unknown reward {name!r}"
+        raise ValueError(f"{came}; there are {there}")
+
+    def _earning(self, reward: Reward) -> tuple[Floats, float]:
+        """What is earned (N,) a time unit in each state, impulses included, and its relative error."""
+        rates = np.asarray(reward.rates)
+        if reward.impulses is None:
+            return rates, 0.0
+        rows, columns, speeds, *_ = self.transitions
+        worth = np.asarray(reward.impulses[rows, columns]).ravel()
+        terms = int(np.bincount(rows, minlength=1).max())
+        return rates + totals(rows, speeds * worth, len(self)), ROUNDOFF * (RATE_ERROR + terms + 3)
+
+    def in_the_end(self, states: Target) -> ChainAnswer:
+        """Probability of the states after infinite time."""
+        held = self.states(states)
+        found = self._answer(lambda: self._in_the_end(held.astype(float)), ELIMINATION)
+        return replace(found, value=min(found.value, 1.0), high=min(found.high, 1.0))
+
+    def _in_the_end(self, values: Floats) -> LimitedValue:
+        rest = self.stationary()
+        value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (len(self) + 1)
+        # of states that are held in the end, however rarely
+        lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
+        return LimitedValue.within(value, error, rest.is_bound, lost)
+
+    def stationary(self) -> ChainStationary:
+        """The distribution after infinite time, with a relative error a state."""
+        return stationary_of(*self._begun)
+
+    def passage(self, target: Target) -> Passage:
+        """The first-passage time to the target: moments, distribution and quantiles."""
+        return passage_to(*self._begun, self.states(target), target if isinstance(target, str) else "the target")
+
+    def committor(self, targets: Mapping[str, Target]) -> ChainCommittor:
+        """The probabilities that each of several targets, which exclude each other, is reached first."""
+        masks = {name: self.states(given, f"target {name!r}") for name, given in targets.items()}
+        if not masks:
+            raise ValueError("no targets; give at least one, as in {'extinct': 'A == 0'}")
+        twice = np.sum(list(masks.values()), axis=0) > 1
+        if twice.any():
+            raise ValueError(f"state {int(np.argmax(twice))} belongs to two targets; make them exclude each other")
+        return committor_of(*self._begun, masks)
+
+    def sample_path(self, end: float, seed: int = 0, run: int = 0) -> ChainPath:
+        """One run until `end`, tu; (seed, run) name it."""
+        until_then = float(rising_times([end])[0])
+        return self._path(self._begun[1], until_then, seed, run)
+
+    def sample_path_to(self, target: Target, seed: int = 0, run: int = 0) -> ChainPath:
+        """One run until the target, drawn from the runs that reach it, however few (Doob's h-transform)."""
+        found = self.committor({"target": target})
+        chances = found.committors[0]
+        weights = self._begun[1] * chances
+        if not weights.any():
+            raise ValueError("the target is never reached; there are no such runs")
+        return self._path(weights / weights.sum(), np.inf, seed, run, found.transitions, chances)
+
+    def _path(
+        self,
+        start: Floats,
+        end: float,
+        seed: int,
+        run: int,
+        transitions: Transitions | None = None,
+        chances: Floats | None = None,
+    ) -> ChainPath:
+        chain = self.transitions if transitions is None else transitions
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, 1)))  # the jumps have (run,)
+        begin = int(rng.choice(len(self), p=start))
+        times, entries = sampled_jumps(chain, begin, end, seed, run, chances)
+        last = float(times[-1]) if times.size else 0.0
+        return ChainPath(np.append(0.0, times), np.append(begin, chain.columns[entries]), end if end < np.inf else last)
+
+    def _answer(self, question: Callable[[], LimitedValue], method: str) -> ChainAnswer:
+        began = time.process_time()
+        limited = question()
+        return ChainAnswer.of(limited, method, time.process_time() - began)
+
+
+def _wider(limited: LimitedValue, relative: float) -> LimitedValue:
+    """The same, where what was added up has a relative error of its own."""
+    more = 1.001 * relative
+    return limited._replace(low=limited.low * (1.0 - more), high=limited.high * (1.0 + more))

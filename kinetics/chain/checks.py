@@ -1,0 +1,126 @@
+"""Checks of what a chain is made of: generator, start, labels and rewards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetics.support.arrays import Floats, read_only, reals
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+ROUNDED = 1e-9  # relative to the exit rate: by which a row of a generator may miss 0
+NORMED = 1e-9  # by which a distribution may miss 1; it is then scaled
+
+
+@dataclass(frozen=True, eq=False)
+class Reward:
+    """What a chain earns: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
+
+    None is negative; either may be None, for nothing.
+    """
+
+    rates: ArrayLike | None = None
+    impulses: Any = None
+
+
+def checked_rates(generator: Any) -> csr_array:
+    """The rates off the diagonal (N, N) of a generator, or as they are; a ValueError where they are none.
+
+    It is taken for a generator where its diagonal holds anything: its rows must then sum to zero.
+    """
+    matrix = square("generator", generator)
+    diagonal = matrix.diagonal()
+    rates = _off_diagonal(matrix)
+    if rates.data.size and rates.data.min() < 0:
+        entries = rates.tocoo()
+        at = int(np.argmin(entries.data))
+        raise ValueError(
+            f"the rate from state {entries.row[at]} to state {entries.col[at]} is {entries.data[at]:g}; expected at "
+            f"least 0"
+        )
+    if diagonal.any():
+        exits = np.asarray(rates.sum(axis=1)).ravel()
+        off = np.abs(exits + diagonal) > ROUNDED * np.maximum(exits, np.abs(diagonal))
+        if off.any():
+            row = int(np.argmax(off))
+            raise ValueError(
+                f"row {row} of the generator sums to {exits[row] + diagonal[row]:g}; expected 0, with minus the exit "
+                f"rate {exits[row]:g} on the diagonal, or no diagonal at all"
+            )
+    return rates
+
+
+def square(name: str, given: Any, n: int | None = None) -> csr_array:
+    """A sparse or dense matrix (n, n) of finite numbers, as a csr_array without zeros and duplicates."""
+    from scipy.sparse import csr_array, issparse
+
+    if not issparse(given):
+        given = reals(name, given, (None, None))
+    matrix = csr_array(given, dtype=np.float64, copy=True)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or n not in (None, matrix.shape[0]):
+        wanted = "a square" if n is None else f"({n}, {n})"
+        raise ValueError(f"{name} has shape {matrix.shape}; expected {wanted}")
+    matrix.sum_duplicates()
+    bad = matrix.data[~np.isfinite(matrix.data)]
+    if bad.size:
+        raise ValueError(f"{name} holds {bad[0]}; expected finite numbers")
+    if not matrix.shape[0]:
+        raise ValueError(f"{name} has no states; expected one at least")
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def checked_start(initial: ArrayLike, n: int) -> Floats:
+    """Probabilities (N,) at time 0, from these or from the number of one state."""
+    if np.ndim(initial) == 0 and isinstance(initial, int | np.integer) and not isinstance(initial, bool):
+        if not 0 <= int(initial) < n:
+            raise ValueError(f"initial state {initial}; expected 0 to {n - 1}")
+        return read_only(np.eye(1, n, int(initial))[0])
+    start = reals("initial", initial, (n,), minimum=0)
+    total = float(start.sum())
+    if abs(total - 1.0) > NORMED:
+        raise ValueError(f"initial sums to {total:.12g}; expected probabilities that sum to 1")
+    return read_only(start / total)
+
+
+def checked_mask(name: str, given: Any, n: int) -> NDArray[np.bool_]:
+    """Truths (N,), one a state."""
+    mask = np.asarray(given)
+    if mask.dtype != np.bool_ or mask.shape != (n,):
+        raise ValueError(f"{name} is {mask.dtype} of shape {mask.shape}; expected one truth a state, ({n},)")
+    return read_only(mask.copy())
+
+
+def checked_names(names: Mapping[str, Any], what: str, taken: Mapping[str, Any]) -> None:
+    """A ValueError where a name is no text, empty, or that of a variable."""
+    for name in names:
+        if not isinstance(name, str) or not name or '"' in name:
+            raise ValueError(f"{name!r} is no name of a {what}; expected text without quotes")
+        if name in taken:
+            raise ValueError(f"{name!r} is both a {what} and a variable; rename one")
+
+
+def checked_reward(name: str, given: Reward, n: int) -> Reward:
+    """The same as arrays, none negative."""
+    rates = np.zeros(n) if given.rates is None else reals(f"reward {name!r}", given.rates, (n,))
+    impulses = None if given.impulses is None else square(f"impulses of reward {name!r}", given.impulses, n)
+    least = min(rates.min(), 0.0 if impulses is None or not impulses.nnz else impulses.data.min())
+    if least < 0:
+        raise ValueError(
+            f"reward {name!r} holds {least:g}; expected at least 0: ask for gains and losses as two rewards"
+        )
+    return Reward(rates, impulses)
+
+
+def _off_diagonal(matrix: csr_array) -> csr_array:
+    from scipy.sparse import csr_array
+
+    entries = matrix.tocoo()
+    off = entries.row != entries.col
+    return csr_array((entries.data[off], (entries.row[off], entries.col[off])), shape=matrix.shape)

@@ -1,0 +1,256 @@
+"""Chains as the explicit files of PRISM, in and out: `.tra`, and beside it `.sta`, `.lab`, `.srew` and `.trew`.
+
+https://www.prismmodelchecker.org/manual/Appendices/ExplicitModelFiles. Of several rewards each has files of its own,
+`model1.srew`, `model2.srew`, ..., and their first line gives the name. A `.tra` file may also begin as Storm's do,
+with the word `ctmc` in the place of the sizes. A jump from a state to itself changes nothing but what it earns, which
+becomes a reward a time unit of that state.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.chain.chain import Chain
+from kinetics.chain.checks import Reward
+from kinetics.chain.prism_model import prism_names
+from kinetics.solving.transitions import totals
+from kinetics.support.arrays import Floats
+from kinetics.support.memory import check_memory
+
+INIT, DEADLOCK = "init", "deadlock"  # labels that PRISM gives; both follow from the chain
+REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
+Parsed = TypeVar("Parsed")
+
+
+def read_explicit(path: str | Path) -> Chain:
+    """The chain in a `.tra` file and those beside it; its labels include "init", which is where it starts.
+
+    ValueError: a file is missing or damaged, with its line; the label "init" is not that of one state
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise ValueError(f"{file} does not exist; expected a .tra file")
+    n, rows, columns, rates = _entries(file)
+    bad = ~((rates >= 0) & np.isfinite(rates))
+    if bad.any():
+        raise ValueError(f"{file}: a rate is {rates[bad][0]:g}; expected a finite number of at least 0")
+    variables, counts = _variables(file.with_suffix(".sta"), n)
+    labels = _labels(file.with_suffix(".lab"), n)
+    starts = np.flatnonzero(labels[INIT]) if INIT in labels else np.zeros(1, dtype=np.int64)
+    if starts.size != 1:
+        raise ValueError(f"{file.with_suffix('.lab')}: {starts.size} states have the label {INIT!r}; expected one")
+    moves = rows != columns
+    generator = _sparse(rows[moves], columns[moves], rates[moves], n)
+    stays = totals(rows[~moves], rates[~moves], n)
+    return Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
+
+
+def write_explicit(chain: Chain, path: str | Path) -> None:
+    """Write a chain to a `.tra` file, and beside it its labels, variables and rewards.
+
+    ValueError: it starts in several states, which these files cannot hold
+    """
+    file = Path(path)
+    if file.suffix != ".tra":
+        raise ValueError(f"{file} must end in .tra")
+    start = np.asarray(chain.initial)
+    if np.count_nonzero(start) != 1:
+        raise ValueError(
+            f"the chain starts in {np.count_nonzero(start)} states, and a .tra file starts in one; add a first state "
+            f"that leads to them"
+        )
+    entries = chain.transitions.generator().tocoo()
+    order = np.lexsort((entries.col, entries.row))
+    off = order[(entries.row != entries.col)[order]]
+    lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
+    _write(file, [f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])
+    if chain.counts is not None:
+        rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
+        names = ",".join(prism_names(chain.variables).values())
+        _write(file.with_suffix(".sta"), [f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
+    stuck = np.bincount(entries.row[off], minlength=len(chain)) == 0
+    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
+    labels = {INIT: start > 0, DEADLOCK: stuck, **own}
+    holds = np.array([np.asarray(mask) for mask in labels.values()]).T
+    marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))
+    heading = " ".join(f'{k}="{name}"' for k, name in enumerate(labels))
+    _write(file.with_suffix(".lab"), [heading, *(f"{i}: " + " ".join(map(str, k)) for i, k in marked if k.size)])
+    _write_rewards(file, chain)
+
+
+def _write_rewards(file: Path, chain: Chain) -> None:
+    for k, (name, reward) in enumerate(chain.rewards.items(), start=1):
+        each: Any = reward
+        stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
+        heading = f'# Reward structure "{name}"'
+        earned = np.flatnonzero(each.rates)
+        values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
+        state_lines = [f"{i} {value!r}" for i, value in values]
+        _write(Path(f"{stem}.srew"), [heading, "# State rewards", f"{len(chain)} {earned.size}", *state_lines])
+        if each.impulses is not None:
+            jumps = each.impulses.tocoo()
+            rows = zip(jumps.row.tolist(), jumps.col.tolist(), jumps.data.tolist(), strict=True)
+            lines = [f"{i} {j} {value!r}" for i, j, value in rows]
+            _write(Path(f"{stem}.trew"), [heading, "# Transition rewards", f"{len(chain)} {len(lines)}", *lines])
+
+
+def _write(path: Path, lines: list[str]) -> None:
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -> Any:
+    from scipy.sparse import csr_array
+
+    return csr_array((values, (rows, columns)), shape=(n, n))
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Numbers and texts of the lines that hold anything."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is no text file") from None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip():
+            yield number, line.strip()
+
+
+def _parsed(path: Path, number: int, line: str, what: str, parse: Callable[[str], Parsed]) -> Parsed:
+    try:
+        return parse(line)
+    except (ValueError, IndexError, OverflowError):
+        raise ValueError(f"{path}, line {number}: {line[:80]!r}; expected {what}") from None
+
+
+def _entries(path: Path) -> tuple[int, NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Number of states, and rows, columns and values (K,) of a file of transitions or of their rewards."""
+    lines = [(number, line) for number, line in _lines(path) if not line.startswith("#")]
+    if not lines:
+        raise ValueError(f"{path} is empty")
+    first, heading = lines[0]
+    is_storms = heading.split()[0].lower() in ("ctmc", "@type:")
+    if heading.split()[0].lower() in ("dtmc", "mdp", "ma"):
+        raise ValueError(f"{path}, line {first}: {heading!r}; only Markov chains in continuous time are read")
+    sizes = (0, 0) if is_storms else _parsed(path, first, heading, "numbers of states and transitions", _two)
+
+    def entry(line: str) -> tuple[int, int, float]:
+        row, column, value = line.split()[:3]
+        return int(row), int(column), float(value)
+
+    found = [_parsed(path, number, line, "two states and a number", entry) for number, line in lines[1:]]
+    rows, columns = (np.array([each[k] for each in found], dtype=np.int64) for k in (0, 1))
+    n = sizes[0] if not is_storms else int(max(rows.max(initial=-1), columns.max(initial=-1))) + 1
+    if not is_storms and len(found) != sizes[1]:
+        raise ValueError(f"{path}: {len(found)} lines follow, where its first one says {sizes[1]}; is it cut short?")
+    for ends in (rows, columns):
+        if n < 1 or ends.min(initial=0) < 0 or ends.max(initial=0) >= n:
+            raise ValueError(f"{path}: states go from 0 to {n - 1}; {ends.max(initial=0)} or one below 0 came")
+    check_memory(f"{n} states", 8.0 * 20 * n, "give a smaller chain")
+    return n, rows, columns, np.array([each[2] for each in found], dtype=np.float64)
+
+
+def _two(line: str) -> tuple[int, int]:
+    first, second = line.split()
+    return int(first), int(second)
+
+
+def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] | None]:
+    """Names and values of the variables, where there is such a file."""
+    if not path.is_file():
+        return (), None
+    (first, heading), *lines = list(_lines(path)) or [(1, "")]
+    names = tuple(name.strip() for name in heading.strip("()").split(",") if name.strip())
+    words = {"true": 1, "false": 0}
+
+    def row(line: str) -> tuple[int, list[int]]:
+        state, _, values = line.partition(":")
+        told = [words[word] if word in words else int(word) for word in values.strip().strip("()").split(",")]
+        if len(told) != len(names) or not 0 <= int(state) < n:
+            raise ValueError
+        return int(state), told
+
+    counts = np.zeros((n, len(names)), dtype=np.int64)
+    seen = np.zeros(n, dtype=bool)
+    for number, line in lines:
+        state, values = _parsed(path, number, line, f"a state below {n} and {len(names)} whole numbers", row)
+        counts[state], seen[state] = values, True
+    if not names or not seen.all():
+        raise ValueError(f"{path}, line {first}: expected the names of variables, then their values in all {n} states")
+    return names, counts
+
+
+def _labels(path: Path, n: int) -> dict[str, NDArray[np.bool_]]:
+    if not path.is_file():
+        return {}
+    (_, heading), *lines = list(_lines(path)) or [(1, "")]
+    names = {int(k): name for k, name in re.findall(r'(\d+)="([^"]*)"', heading)}
+    masks = {name: np.zeros(n, dtype=bool) for name in names.values()}
+
+    def row(line: str) -> tuple[int, list[str]]:
+        state, _, marks = line.partition(":")
+        held = [names.get(int(k), "") for k in marks.split()]
+        if not 0 <= int(state) < n or "" in held:
+            raise ValueError
+        return int(state), held
+
+    for number, line in lines:
+        state, held = _parsed(path, number, line, f"a state below {n} and numbers of labels of the first line", row)
+        for name in held:
+            masks[name][state] = True
+    return masks
+
+
+def _rewards(file: Path, n: int, stays: Floats) -> Iterator[tuple[str, Reward]]:
+    """Names and rewards beside a `.tra` file. stays : (N,) rates at which states lead to themselves, 1/tu."""
+    stems = [file.with_suffix("")]
+    if not any(Path(f"{stems[0]}{suffix}").is_file() for suffix in (".srew", ".trew")):
+        stems = []
+        while any(Path(f"{file.with_suffix('')}{len(stems) + 1}{suffix}").is_file() for suffix in (".srew", ".trew")):
+            stems.append(Path(f"{file.with_suffix('')}{len(stems) + 1}"))
+    for k, stem in enumerate(stems, start=1):
+        by_state, by_jump = Path(f"{stem}.srew"), Path(f"{stem}.trew")
+        name, rates, impulses = f"r{k}", np.zeros(n), None
+        if by_state.is_file():
+            name = _name(by_state) or name
+            rates = _state_rewards(by_state, n)
+        if by_jump.is_file():
+            name = _name(by_jump) or name
+            size, rows, columns, values = _entries(by_jump)
+            if size != n:
+                raise ValueError(f"{by_jump} is of {size} states; expected {n}")
+            own = rows == columns
+            np.add.at(rates, rows[own], values[own] * stays[rows[own]])
+            impulses = _sparse(rows[~own], columns[~own], values[~own], n)
+        yield name, Reward(rates, impulses)
+
+
+def _name(path: Path) -> str | None:
+    found = REWARD_NAME.search(path.read_text(encoding="utf-8")[:1000])
+    return found[1] if found else None
+
+
+def _state_rewards(path: Path, n: int) -> Floats:
+    lines = [(number, line) for number, line in _lines(path) if not line.startswith("#")]
+    if not lines:
+        raise ValueError(f"{path} is empty")
+    size, count = _parsed(path, *lines[0], "numbers of states and rewards", _two)
+    if size != n or count != len(lines) - 1:
+        raise ValueError(f"{path}: {size} states and {count} rewards; expected {n}, and {len(lines) - 1} lines follow")
+
+    def row(line: str) -> tuple[int, float]:
+        state, value = line.split()
+        if not 0 <= int(state) < n:
+            raise ValueError
+        return int(state), float(value)
+
+    rates = np.zeros(n)
+    for number, line in lines[1:]:
+        state, value = _parsed(path, number, line, f"a state below {n} and a number", row)
+        rates[state] = value
+    return rates

@@ -1,0 +1,92 @@
+"""Conditions on the states of a chain as text, such as `quadmer >= 1 and monomer == 0` or `"done" | !(A > 3)`."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.network.laws.expression import Expression, name_of, some_names
+from kinetics.network.laws.program import evaluate, steps_of
+from kinetics.support.arrays import Floats, Ints
+
+# What the language of PRISM writes otherwise than Python's grammar, which expressions are read by; quoted names stay.
+TOKENS = re.compile(r"""("[^"]*"|'[^']*')|(=>|<=|>=|!=|==)|([&|!=])|\b(true|false)\b""")
+WORDS = {"&": " and ", "|": " or ", "!": " not ", "=": "==", "true": "(1 == 1)", "false": "(1 == 0)"}
+
+
+class StateNames:
+    """The names that a condition may use: variables, whose values are counts, and labels, which are true or false.
+
+    counts : (N, V) of every state
+    labels : name -> (N,) bool
+    """
+
+    def __init__(
+        self, n_states: int, variables: Sequence[str], counts: Ints | None, labels: Mapping[str, NDArray[np.bool_]]
+    ) -> None:
+        self.n_states, self.labels = n_states, labels
+        self.variables = {name: place for place, name in enumerate(variables)}
+        self.counts = np.empty((n_states, 0), dtype=np.int64) if counts is None else counts
+
+    def holds(self, text: str) -> NDArray[np.bool_]:
+        """In which states (N,) the condition holds; a ValueError where it is none, or uses other names."""
+        expression = _read(text)
+        self._check_truth(expression.tree, text)
+        return self._values(expression, f"condition {text!r}") != 0.0
+
+    def values(self, text: str) -> Floats:
+        """The value (N,) of a formula in counts in every state; labels are 1 or 0."""
+        return self._values(_read(text), f"formula {text!r}")
+
+    def _values(self, expression: Expression, what: str) -> Floats:
+        if expression.reads_time:
+            raise ValueError(f"{what}: depends on the time t; a state has none")
+        used = expression.species
+        unknown = [name for name in used if name not in self.variables and name not in self.labels]
+        if unknown:
+            raise ValueError(
+                f"{what}: unknown name {unknown[0]!r}; the variables are {some_names(self.variables) or 'none'}, the "
+                f"labels {some_names(self.labels) or 'none'}"
+            )
+        columns = [self.labels[name] if name in self.labels else self._column(name) for name in used]
+        table = np.zeros((self.n_states, len(used)), dtype=np.int64)
+        for place, column in enumerate(columns):
+            table[:, place] = column
+        steps = steps_of(expression, {name: place for place, name in enumerate(used)})
+        found = np.broadcast_to(evaluate(steps, table, 0.0), (self.n_states,)).astype(np.float64)
+        if not np.isfinite(found).all():
+            raise ValueError(f"{what}: is no finite number in state {int(np.argmin(np.isfinite(found)))}")
+        return found
+
+    def _column(self, name: str) -> Ints:
+        return self.counts[:, self.variables[name]]
+
+    def _check_truth(self, node: ast.expr, text: str) -> None:
+        """Every part that must be true or false is a comparison or a label."""
+        if isinstance(node, ast.BoolOp):
+            for part in node.values:
+                self._check_truth(part, text)
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            self._check_truth(node.operand, text)
+        elif not isinstance(node, ast.Compare):
+            name = name_of(node)
+            if name is None or (name not in self.labels and name in self.variables):
+                shown = ast.unparse(node)
+                raise ValueError(
+                    f"condition {text!r}: {shown} is a number, neither true nor false; compare it, as in {shown} >= 1"
+                )
+
+
+def _read(text: str) -> Expression:
+    return Expression(TOKENS.sub(_translated, text).strip())
+
+
+def _translated(match: re.Match[str]) -> str:
+    quoted, comparison, sign, constant = match.groups()
+    if comparison == "=>":
+        raise ValueError("=> is not read; write !a | b for a => b")
+    return quoted or comparison or WORDS[sign or constant]

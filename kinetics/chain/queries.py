@@ -1,0 +1,171 @@
+"""Questions to a chain as text, in the notation of PRISM and Storm: `P=? [ F<=100 quadmer >= 1 ]`.
+
+    P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, G<=100, U<=100
+    S=? [ phi ]                                         after infinite time
+    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, rate in the end
+
+phi and psi are conditions on counts and labels: see `predicates`. The words F, G, U, I, C and S stand for themselves
+only where these forms have them; a species with such a name is quoted: F "S" >= 1.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from kinetics.chain.answers import ChainAnswer
+from kinetics.chain.chain import Chain
+
+FRAME = re.compile(r'\s*(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\})?\s*=\s*\?\s*\[(.*)\]\s*', re.DOTALL)
+BOUND = re.compile(r"\s*(<=|<|>=|>|=|\[)\s*([^\s\[\],]+)")
+FORMS = (
+    'expected P=? [ F phi ], P=? [ G phi ], P=? [ phi U psi ], S=? [ phi ] or R{"name"}=? [ I=t | C<=t | F phi | S ]'
+)
+
+
+@dataclass(frozen=True)
+class UntilQuery:
+    """P=? [ through U<=by target ]; F without `through`."""
+
+    target: str
+    through: str | None = None
+    by: float | None = None
+
+    def of(self, chain: Chain) -> ChainAnswer:
+        """The answer of a chain."""
+        return chain.until(self.target, self.through, self.by)
+
+
+@dataclass(frozen=True)
+class AlwaysQuery:
+    """P=? [ G<=by states ]."""
+
+    states: str
+    by: float | None = None
+
+    def of(self, chain: Chain) -> ChainAnswer:
+        """The answer of a chain."""
+        return chain.always(self.states, self.by)
+
+
+@dataclass(frozen=True)
+class StationaryQuery:
+    """S=? [ states ]."""
+
+    states: str
+
+    def of(self, chain: Chain) -> ChainAnswer:
+        """The answer of a chain."""
+        return chain.in_the_end(self.states)
+
+
+@dataclass(frozen=True)
+class RewardQuery:
+    """R{"name"}=? [ ... ], in one of its four forms."""
+
+    name: str | None = None
+    at: float | None = None
+    up_to: float | None = None
+    until: str | None = None
+
+    def of(self, chain: Chain) -> ChainAnswer:
+        """The answer of a chain."""
+        in_the_end = self.at is None and self.up_to is None and self.until is None
+        return chain.reward(self.name, self.at, self.up_to, self.until, in_the_end)
+
+
+Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery
+
+
+def ask(chain: Chain, question: str) -> ChainAnswer:
+    """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer."""
+    return parse(question).of(chain)
+
+
+def parse(question: str) -> Query:
+    """The question that a text asks; conditions in it are read when they meet a chain, which has their names."""
+    found = FRAME.fullmatch(question)
+    if not found:
+        raise ValueError(f"cannot read the question {question!r}; {FORMS}")
+    kind, name, inner = found.groups()
+    if name is not None and kind != "R":
+        raise ValueError(f"{question!r}: only R takes a reward's name; {FORMS}")
+    if not inner.strip():
+        raise ValueError(f"{question!r}: nothing is asked for; {FORMS}")
+    try:
+        if kind == "S":
+            return StationaryQuery(inner.strip())
+        return _path(inner.strip()) if kind == "P" else _reward(name, inner.strip())
+    except ValueError as error:
+        raise ValueError(f"cannot read the question {question!r}: {error}") from None
+
+
+def _path(text: str) -> Query:
+    word = re.match(r"(F|G)(?![\w'\"])", text)
+    if word:
+        by, states = _bounded(text[1:])
+        return UntilQuery(states, None, by) if word[1] == "F" else AlwaysQuery(states, by)
+    places = [place for place in _top_level(text) if re.match(r"U(?!\w)", text[place:])]
+    if len(places) != 1:
+        raise ValueError(f"{text!r} has {len(places)} times U where one is expected, and no F or G before it")
+    through = text[: places[0]].strip()
+    if not through:
+        raise ValueError("nothing stands before U; write F psi, or true U psi")
+    by, target = _bounded(text[places[0] + 1 :])
+    return UntilQuery(target, through, by)
+
+
+def _reward(name: str | None, text: str) -> RewardQuery:
+    if text == "S":
+        return RewardQuery(name)
+    word = re.match(r"(I|C|F)(?![\w'\"])", text)
+    if not word:
+        raise ValueError(f"{text!r} is no question of a reward; expected I=t, C<=t, F phi or S")
+    if word[1] == "F":
+        by, states = _bounded(text[1:])
+        if by is not None:
+            raise ValueError("a reward until a target takes no time bound; ask for C<=t")
+        return RewardQuery(name, until=states)
+    bound = BOUND.match(text[1:])
+    sign = "=" if word[1] == "I" else "<="
+    if not bound or bound[1] != sign or text[1 + bound.end() :].strip():
+        raise ValueError(f"{text!r}; expected {word[1]}{sign}t, as in {word[1]}{sign}100")
+    t = _time(bound[2])
+    return RewardQuery(name, at=t) if sign == "=" else RewardQuery(name, up_to=t)
+
+
+def _bounded(text: str) -> tuple[float | None, str]:
+    """The time bound that a text begins with, if any, and the condition after it."""
+    bound = BOUND.match(text)
+    if bound and bound[1] not in ("<=", "<"):
+        raise ValueError(f"a time bound {bound[0].strip()!r}; only <= t is answered")
+    states = (text[bound.end() :] if bound else text).strip()
+    if not states:
+        raise ValueError("a condition is missing")
+    return (_time(bound[2]) if bound else None), states
+
+
+def _time(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no time; expected a number of tu, with a space behind it") from None
+    if not 0.0 <= value < math.inf:
+        raise ValueError(f"time {text}; expected a finite number of at least 0")
+    return value
+
+
+def _top_level(text: str) -> Iterator[int]:
+    """Where words begin that are in no brackets and no quotes."""
+    depth, quote = 0, ""
+    for place, sign in enumerate(text):
+        if quote:
+            quote = "" if sign == quote else quote
+        elif sign in "\"'":
+            quote = sign
+        elif sign in "()":
+            depth += 1 if sign == "(" else -1
+        elif not depth and not (place and re.match(r"\w", text[place - 1])):
+            yield place

@@ -1,0 +1,131 @@
+"""`wellmixed ask`: exact answers about a Markov chain, each with its limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from kinetics.commands.start import start
+from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options, tank_option
+
+if TYPE_CHECKING:
+    from kinetics.chain import Chain
+    from kinetics.formats import NetworkModel
+
+MODELS = (".sm", ".prism")
+
+
+@click.command()
+@starting_options
+@tank_option
+@click.argument("questions", metavar="QUESTION...", nargs=-1)
+@click.option(
+    "--stop",
+    metavar="CONDITION",
+    help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
+)
+@click.option(
+    "--max-states",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1_000_000,
+    show_default=True,
+    help="Refuse a network that can reach more states.",
+)
+@click.option(
+    "--out",
+    "out_file",
+    metavar="FILE",
+    callback=in_a_folder,
+    help="Write the chain to a .tra file and those beside it, or the network to a .sm or .prism model of PRISM.",
+)
+@json_option
+def ask(
+    book: str,
+    rates_name: str | None,
+    cubes: int | None,
+    initial: str | None,
+    edges: tuple[float, float, float] | None,
+    questions: tuple[str, ...],
+    stop: str | None,
+    max_states: int,
+    out_file: str | None,
+    as_json: bool,
+) -> None:
+    """Answer exact questions about a Markov chain: probabilities, rewards and what holds in the end, with limits.
+
+    NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
+    and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
+    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; U and G take time bounds as F does, R takes I=t, C<=t, F and
+    S. Species count as variables and as rewards. Times are in tu.
+    """
+    from kinetics.chain.queries import parse
+
+    if not questions and out_file is None:
+        raise ValueError(
+            "nothing to do; ask a question, as in 'P=? [ F<=100 quadmer >= 1 ]', or write the chain by --out"
+        )
+    asked = [parse(question) for question in questions]  # before any state is explored
+    if Path(book).suffix.lower() == ".tra":
+        chain = _from_files(book, {"--rates": rates_name, "--cubes": cubes, "--initial": initial, "--stop": stop})
+        if edges is not None:
+            raise ValueError(f"{book} brings its own rates; leave out --tank")
+        model = None
+    else:
+        model = start(book, rates_name, cubes, initial, edges).model
+        chain = _of_network(model, stop, max_states)
+    if out_file:
+        _write(out_file, chain, model)
+    answers = [question.of(chain) for question in asked]
+    if as_json:
+        found = [{"question": text, **vars(answer)} for text, answer in zip(questions, answers, strict=True)]
+        echo_json({"model": book, "states": len(chain), "rates": chain.transitions.rates.size, "answers": found})
+        return
+    for text, answer in zip(questions, answers, strict=True):
+        click.echo(f"{text}  {answer}")
+    if out_file:
+        click.echo(f"wrote {out_file}: {len(chain)} states, {chain.transitions.rates.size} rates")
+
+
+def _from_files(path: str, given: dict[str, Any]) -> Chain:
+    from kinetics.chain import read_explicit
+
+    for option, value in given.items():
+        if value is not None:
+            raise ValueError(f"{path} is a whole chain; leave out {option}")
+    return read_explicit(path)
+
+
+def _of_network(model: NetworkModel, stop: str | None, max_states: int) -> Chain:
+    """The chain of a network, whose observables are rewards as well."""
+    from kinetics.chain import Chain
+
+    chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states)
+    places = model.network.species_places
+    counts = np.asarray(chain.counts, dtype=float)
+    sums = {}
+    for name, weights in model.observables.items():
+        if name not in places and min(weights.values(), default=0.0) >= 0.0:
+            columns = counts[:, [places[each] for each in weights]]
+            sums[name] = columns @ np.array(list(weights.values()), dtype=float)
+    return chain.with_rewards(sums)
+
+
+def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
+    """A chain as explicit files, a network also as a model."""
+    from kinetics.chain import prism_text, write_explicit
+
+    suffix = Path(path).suffix.lower()
+    if suffix == ".tra":
+        write_explicit(chain, path)
+    elif suffix not in MODELS:
+        raise ValueError(f"--out {path}: expected a name that ends in .tra, {', '.join(MODELS)}")
+    elif model is None:
+        raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")
+    else:
+        most = np.asarray(chain.counts).max(axis=0)
+        text = prism_text(model.network, model.initial, most, model.observables)
+        Path(path).write_text(text, encoding="utf-8")

@@ -1,0 +1,86 @@
+"""The rates of a Markov chain between its states, in which every solver and every question is written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.support.arrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+RATE_ERROR = 8  # roundings in a certified rate: constant, ways and combinations of up to five reactants
+
+
+class Transitions(NamedTuple):
+    """Which state leads to which: from rows (K,) to columns (K,) at rates (K,), 1/tu; leaks (N,) lead elsewhere.
+
+    No state leads to itself; two entries of one place add up.
+
+    is_certified : whether each rate is right to `RATE_ERROR` roundings; else no error can be proven
+    channels : (K,) the channel behind each entry, where they are those of a network
+    """
+
+    rows: Ints
+    columns: Ints
+    rates: Floats
+    leaks: Floats
+    is_certified: bool = True
+    channels: Ints | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of states N."""
+        return self.leaks.size
+
+    @property
+    def exits(self) -> Floats:
+        """Rates (N,) at which the states are left, 1/tu."""
+        return totals(self.rows, self.rates, self.size) + self.leaks
+
+    def stopped(self, is_stopped: NDArray[np.bool_]) -> Transitions:
+        """The chain that never leaves the states (N,) in which it is stopped."""
+        goes = ~is_stopped[self.rows]
+        leaks = np.where(is_stopped, 0.0, self.leaks)
+        channels = None if self.channels is None else self.channels[goes]
+        return Transitions(self.rows[goes], self.columns[goes], self.rates[goes], leaks, self.is_certified, channels)
+
+    def generator(self) -> csr_array:
+        """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
+        from scipy.sparse import csr_array, dia_array
+
+        if self.leaks.any():
+            raise ArithmeticError("the state space is not closed: a channel leads out of it")
+        shape = (self.size, self.size)
+        jumps = csr_array((self.rates, (self.rows, self.columns)), shape=shape)
+        diagonal: Any = dia_array((self.exits[None, :], [0]), shape=shape)
+        return csr_array(jumps - diagonal)
+
+    def reached_from(self, begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The states (N,) that some way leads to from where it begins (N,), those themselves included."""
+        return _connected(self.rows, self.columns, begins)
+
+    def leading_to(self, goals: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The states (N,) that have some way to a goal (N,), the goals themselves included."""
+        return _connected(self.columns, self.rows, goals)
+
+
+def totals(places: NDArray[Any], values: Floats, n: int) -> Floats:
+    """Sums (n,) of the values (K,) at each place (K,)."""
+    return np.asarray(np.bincount(places, values, minlength=n), dtype=np.float64)
+
+
+def _connected(rows: Ints, columns: Ints, begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order
+
+    # From one more state, which leads to all beginnings.
+    n, first = begins.size, np.flatnonzero(begins)
+    places = (np.append(rows, np.full(first.size, n)), np.append(columns, first))
+    graph: Any = csr_array((np.ones(places[0].size), places), shape=(n + 1, n + 1))
+    found = np.zeros(n + 1, dtype=bool)
+    found[breadth_first_order(graph, n, return_predecessors=False)] = True
+    return found[:n]

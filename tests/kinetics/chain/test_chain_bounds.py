@@ -1,0 +1,75 @@
+"""Limits that are called proven hold the value in a hundred digits, however small it is."""
+
+import mpmath
+import numpy as np
+import pytest
+from random_chains import DIGITS, exact_law, random_rates
+
+from kinetics import Chain
+
+
+def holds(answer, exact):
+    with mpmath.workdps(DIGITS):
+        return mpmath.mpf(answer.low) <= exact <= mpmath.mpf(answer.high)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_until_by_a_time(seed):
+    n, t = 5, [1e-6, 0.3, 4.0, 50.0][seed % 4]
+    rates = random_rates(100 + seed, n, decades=1.5)
+    start = np.random.default_rng(seed).dirichlet(np.ones(n))
+    start[3:] = 0.0
+    start[0] += 1.0 - start.sum()
+    chain = Chain(rates, start)
+    target, avoided = np.arange(n) == 4, np.arange(n) == 3
+    answer = chain.until(target, ~avoided, by=t)
+    exact = exact_law(rates, chain.initial, t, stopped=(3, 4))
+    assert answer.is_bound
+    assert holds(answer, exact[4])
+    assert answer.high - answer.low < 1e-9 * answer.value
+    moved = answer.value * (1 + 4 * (answer.high - answer.low) / answer.value)  # the control
+    assert not answer.low <= moved <= answer.high
+    survival = chain.always(~(target | avoided), by=t)
+    assert holds(survival, sum(exact[:3]))
+
+
+def test_tiny_probabilities_have_digits():
+    """A birth chain of 14 steps at 1e-3 until .1: about 1e-67."""
+    steps, rate, t = 14, 1e-3, 0.1
+    chain = Chain(np.diag(np.full(steps, rate), 1) + np.diag(np.full(steps, 1.0), -1), 0)
+    answer = chain.until(np.arange(steps + 1) == steps, by=t)
+    exact = exact_law(np.asarray(chain.generator), chain.initial, t, stopped=(steps,))[steps]
+    assert 0 < answer.value < 1e-60
+    assert holds(answer, exact)
+    assert answer.high - answer.low < 1e-11 * answer.value
+    forwards = chain.transient([t])
+    assert forwards.error > answer.value  # the control: a bound on the sum of all errors says nothing here
+
+
+def test_rewards_over_time():
+    rates = random_rates(7, 4)
+    start = np.array([0.5, 0.25, 0.25, 0.0])
+    earned = np.array([0.0, 1e-9, 2.0, 1e6])
+    chain = Chain(rates, start, rewards={"r": earned})
+    with mpmath.workdps(DIGITS):
+        t = mpmath.mpf(1.5)
+        at = sum(p * mpmath.mpf(float(r)) for p, r in zip(exact_law(rates, start, 1.5), earned, strict=True))
+        # the integral by an eighth state vector: d/dt of what was earned
+        q = mpmath.zeros(5)
+        for i in range(4):
+            for j in range(4):
+                q[i, j] = mpmath.mpf(float(rates[i, j])) if i != j else mpmath.mpf(0)
+            q[i, i] = -sum(q[i, j] for j in range(4) if j != i)
+            q[i, 4] = mpmath.mpf(float(earned[i]))
+        total = (mpmath.matrix([[*map(float, start), 0.0]]) * mpmath.expm(q * t))[4]
+    assert holds(chain.reward("r", at=1.5), at)
+    assert holds(chain.reward("r", up_to=1.5), total)
+    assert not holds(chain.reward("r", up_to=1.5 * (1 + 1e-9)), total)  # the control
+
+
+def test_a_settled_chain_stops_early_and_still_holds():
+    rates = np.array([[0, 5.0, 0], [3.0, 0, 1e-7], [0, 0, 0]])
+    chain = Chain(rates, 0)
+    answer = chain.until([False, False, True], by=3e3)
+    assert holds(answer, exact_law(rates, chain.initial, 3e3, stopped=(2,))[2])
+    assert answer.high - answer.low < 1e-9 * answer.value

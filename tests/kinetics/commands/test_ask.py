@@ -1,0 +1,68 @@
+"""`wellmixed ask`, from a book, a network file and explicit files."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from kinetics import first_passage
+from kinetics.commands.start import start
+from wellmixed import main
+
+LINE = ["ask", "line4", "--rates", "table3", "--cubes", "12"]
+WITHIN = "P=? [ F<=100 quadmer >= 1 ]"
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def test_a_book_as_json():
+    data = json.loads(run(*LINE, WITHIN, 'R{"dimer"}=? [ S ]', "--json"))
+    begin = start("line4", "table3", 12, None).model
+    known = first_passage(begin.network, begin.initial, "quadmer")
+    (answer, other) = data["answers"]
+    assert answer["question"] == WITHIN
+    assert answer["low"] <= answer["value"] <= answer["high"]
+    assert abs(answer["value"] - float(known.cdf(100.0))) < 1e-13
+    assert answer["is_bound"] is other["is_bound"] is True
+    assert data["states"] > 20
+
+
+def test_text_and_files(tmp_path):
+    text = run(*LINE, WITHIN, "P=? [ G<=100 quadmer = 0 ]", "--out", tmp_path / "line.tra")
+    assert text.count("proven; uniformisation, backwards") == 2
+    assert "wrote" in text
+    (once,) = json.loads(run(*LINE, WITHIN, "--json"))["answers"]
+    (again,) = json.loads(run("ask", tmp_path / "line.tra", WITHIN, "--json"))["answers"]
+    assert abs(once["value"] - again["value"]) < 1e-13 * once["value"]
+    run(*LINE, "--out", tmp_path / "line.sm")
+    assert (tmp_path / "line.sm").read_text().startswith("ctmc\n")
+
+
+def test_a_stopped_chain_has_fewer_states():
+    whole, part = (json.loads(run(*LINE, WITHIN, "--json", *more)) for more in ((), ("--stop", "quadmer >= 1")))
+    assert part["states"] < whole["states"]
+    assert abs(part["answers"][0]["value"] - whole["answers"][0]["value"]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (LINE, "nothing to do; ask a question"),
+        ([*LINE, "P=? [ F quadmer >= ]"], "cannot read"),
+        ([*LINE, "quadmer >= 1"], "cannot read the question"),
+        ([*LINE, "P=? [ F pentamer >= 1 ]"], "unknown name 'pentamer'"),
+        ([*LINE, 'R{"quadmer"}=? [ F trimer >= 9 ]'], "no finite mean"),
+        ([*LINE, 'R{"pentamer"}=? [ S ]'], "unknown reward 'pentamer'"),
+        ([*LINE, WITHIN, "--max-states", "5"], "over 5 states"),
+        ([*LINE, "--out", "chain.txt"], r"expected a name that ends in .tra, .sm, .prism"),
+        (["ask", "none.tra", WITHIN], "does not exist"),
+        (["ask", "none.tra", WITHIN, "--cubes", "3"], "leave out --cubes"),
+        (["ask", "line4", WITHIN], "a rule book has no rates"),
+    ],
+)
+def test_bad_input_exits_2(arguments, message):
+    assert message in run(*arguments, code=2)
