@@ -90,7 +90,7 @@ class BreakComparison:
         first = _simplest(self.fits)
         if not self._asks_for_partners(first):
             return _why(first, self.fits)
-        return f"{_why(first, self.fits)}; by who broke what, {_why(self.chosen, self.fits_by_partner)}"
+        return f"{_why(first, self.fits)}; by who broke what, {_why(self.chosen, self.fits_by_partner, 'allows all that was seen')}"
 
     def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
         """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""
@@ -175,12 +175,12 @@ def _simplest(fits: Sequence[RateFit]) -> RateFit:
     return min((fit for fit in fits if fit.aic <= least + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
 
 
-def _why(chosen: RateFit, fits: Sequence[RateFit]) -> str:
-    """Why that one of these, in a sentence."""
+def _why(chosen: RateFit, fits: Sequence[RateFit], alone: str = "was fitted") -> str:
+    """Why that one of these, in a sentence; `alone` says what sets it apart where it is the only one."""
     best = min(fits, key=lambda fit: fit.aic)
     others = sorted((fit for fit in fits if fit is not chosen), key=lambda fit: fit.aic)
     if not others:
-        return f"{chosen.model.name} is the only break model that allows what was seen"
+        return f"{chosen.model.name} is the only break model that {alone}"
     if chosen is best:
         return (
             f"{chosen.model.name} has the smallest AIC, {others[0].aic - chosen.aic:.1f} below that of "

@@ -30,9 +30,9 @@ class Expectations(NamedTuple):
 
 def chain_of(space: StateSpace) -> DiscreteChain:
     """The uniformised chain of a space; what leaves a projection is lost."""
-    rows, columns, rates, leaks = space.transitions()
-    exits = np.bincount(rows, rates, minlength=len(space)) + leaks
-    return DiscreteChain.from_rates(rows, columns, rates, exits, most_out=len(space.network.channels))
+    jumps = space.transitions()
+    most_out = len(space.network.channels)
+    return DiscreteChain.from_rates(jumps.rows, jumps.columns, jumps.rates, jumps.exits, most_out)
 
 
 def expected_after(chain: DiscreteChain, functions: Floats, gap: float) -> Expectations | None:
