@@ -38,7 +38,16 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
-    from kinetics.solving import Dense, Distribution, FiniteStateProjection, StateSpace, Transient, reachable, solve
+    from kinetics.solving import (
+        Collocation,
+        Dense,
+        Distribution,
+        FiniteStateProjection,
+        StateSpace,
+        Transient,
+        reachable,
+        solve,
+    )
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
@@ -60,7 +69,7 @@ _HOMES = {
         *("sample_path", "simulate", "simulate_statistics"),
     ),
     "kinetics.solving": (
-        *("Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
+        *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
     ),
     "kinetics.trust": ("Verification", "verify"),
@@ -73,6 +82,7 @@ __all__ = [
     "BreakModel",
     "ChannelRate",
     "ClassRates",
+    "Collocation",
     "Committor",
     "CompositionRejection",
     "Convention",

@@ -1,6 +1,7 @@
 """Solution of the master equation: the probability of every state over time, one file per method."""
 
 from kinetics.solving.base import SolvingMethod
+from kinetics.solving.collocation import Collocation
 from kinetics.solving.dense import Dense
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.methods import SOLVING_METHODS, solve
@@ -10,6 +11,7 @@ from kinetics.solving.transient import Transient
 
 __all__ = [
     "SOLVING_METHODS",
+    "Collocation",
     "Dense",
     "Distribution",
     "FiniteStateProjection",
