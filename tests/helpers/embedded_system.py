@@ -1,8 +1,8 @@
 """The embedded control system of Muppala, Ciardo & Trivedi (1994): 3,478 states, rates from 3e-8 to 3e-2 per second.
 
 Stochastic reward nets for reliability prediction, Communications in Reliability, Maintainability and Serviceability
-1(2); its form here is that of the PRISM benchmark suite (Kwiatkowska, Norman & Parker 2012), whose numbers of states and
-transitions it has.
+1(2); its form here is that of the PRISM benchmark suite (Kwiatkowska, Norman & Parker 2012), whose numbers of states
+and transitions it has.
 """
 
 from __future__ import annotations
