@@ -41,7 +41,7 @@ class Collocation(SolvingMethod):
     bound is proven whatever was rounded before it. It is an estimate where rates come from rate laws, whose own
     rounding is not known.
 
-    tolerance : largest summed error of the steps; reading a time off its polynomial adds about 1e-14
+    tolerance : largest bound on the summed error of the steps; reading a time off its polynomial adds about 1e-14
     max_states : networks with more reachable states are refused
     max_seconds : work roughly estimated to take longer is refused before it starts, or ended once it has
 
