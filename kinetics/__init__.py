@@ -39,7 +39,16 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
-    from kinetics.solving import Dense, Distribution, FiniteStateProjection, StateSpace, Transient, reachable, solve
+    from kinetics.solving import (
+        Collocation,
+        Dense,
+        Distribution,
+        FiniteStateProjection,
+        StateSpace,
+        Transient,
+        reachable,
+        solve,
+    )
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
@@ -62,7 +71,7 @@ _HOMES = {
         *("sample_path", "simulate", "simulate_statistics"),
     ),
     "kinetics.solving": (
-        *("Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
+        *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
     ),
     "kinetics.trust": ("Verification", "verify"),
@@ -77,6 +86,7 @@ __all__ = [
     "ChainAnswer",
     "ChannelRate",
     "ClassRates",
+    "Collocation",
     "Committor",
     "CompositionRejection",
     "Convention",

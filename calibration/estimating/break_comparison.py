@@ -90,7 +90,8 @@ class BreakComparison:
         first = _simplest(self.fits)
         if not self._asks_for_partners(first):
             return _why(first, self.fits)
-        return f"{_why(first, self.fits)}; by who broke what, {_why(self.chosen, self.fits_by_partner, 'allows all that was seen')}"
+        by_partner = _why(self.chosen, self.fits_by_partner, "allows all that was seen")
+        return f"{_why(first, self.fits)}; by who broke what, {by_partner}"
 
     def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
         """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""

@@ -1,6 +1,7 @@
 """Solution of the master equation: the probability of every state over time, one file per method."""
 
 from kinetics.solving.base import ListingMethod, SolvingMethod
+from kinetics.solving.collocation import Collocation
 from kinetics.solving.dense import Dense
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.methods import SOLVING_METHODS, solve
@@ -11,6 +12,7 @@ from kinetics.solving.transitions import Transitions
 
 __all__ = [
     "SOLVING_METHODS",
+    "Collocation",
     "Dense",
     "Distribution",
     "FiniteStateProjection",

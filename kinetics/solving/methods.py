@@ -13,6 +13,7 @@ from kinetics.support.families import members
 
 from kinetics.solving.transient import Transient
 from kinetics.solving.dense import Dense
+from kinetics.solving.collocation import Collocation
 from kinetics.solving.projection import FiniteStateProjection
 
 SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMethod)

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from kinetics.solving.base import ListingMethod, ProbabilityTable
-from kinetics.solving.dense import MAX_DENSE, Dense
+from kinetics.solving.collocation import Collocation, CollocationPlan
+from kinetics.solving.dense import CERTIFIED, MAX_DENSE, Dense
 from kinetics.solving.states import MAX_STATES, StateSpace
 from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
 from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays small
+DENSE_SECONDS = 2e-8  # of the dense method, for the cube of the number of states, on a common machine
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,8 @@ class Transient(ListingMethod):
     Source: Jensen (1953), doi:10.1080/03461238.1953.10419459; weights after Fox & Glynn (1988),
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
     times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
-    of up to 2000 states are solved by `Dense`, whose error is proven up to 500 states and an estimate above. Where
+    of up to 500 states are solved by `Dense`, with a proven error, and larger ones by whichever of uniformisation,
+    `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is foretold to be quickest. Where
     rates come from rate laws, whose own rounding is not known, the error is an estimate.
     """
 
@@ -50,18 +57,21 @@ class Transient(ListingMethod):
         check_memory(
             f"{n} states at {grid.size} times", 8.0 * n * grid.size + min(8.0 * n * BLOCK, BLOCK_BYTES), advice
         )
-        chain = DiscreteChain.of(transitions.generator())
+        generator = transitions.generator()
+        chain = DiscreteChain.of(generator)
         events = chain.rate * float(grid[-1])
         steps = chain.steps_until(grid[-1], self.tolerance) if events < np.inf else np.inf
-        if steps > MANY_STEPS and n <= MAX_DENSE:
-            return Dense().probabilities(transitions, start, grid, space)
+        seconds = steps * chain.step_seconds
+        if steps > MANY_STEPS:
+            other = self._quicker(generator, float(grid[-1]), seconds if steps <= MAX_STEPS else np.inf)
+            if other:
+                return other.probabilities(transitions, start, grid, space)
         if steps > MAX_STEPS:
             raise ValueError(
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
-                f"{MAX_STEPS}, and its {n} states are too many for the dense method, at most {MAX_DENSE}; ask for "
-                f"earlier times, start from fewer copies, or sample with the direct method"
+                f"{MAX_STEPS}, and its {n} states are too many for collocation and the dense method; ask for earlier "
+                f"times, start from fewer copies, or sample with the direct method"
             )
-        seconds = steps * chain.step_seconds
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take {steps:.3g} steps until {grid[-1]:g} tu, up to {seconds:.3g} s; "
@@ -70,3 +80,16 @@ class Transient(ListingMethod):
             )
         found, _, error = mixtures(chain, start, grid, self.tolerance)
         return ProbabilityTable(found, error, transitions.is_certified)
+
+    def _quicker(self, generator: csr_array, last: float, seconds: float) -> ListingMethod | None:
+        """The quickest method for many steps, as foretold; None where that is uniformisation, in `seconds`."""
+        n = generator.shape[0]
+        if n <= CERTIFIED:
+            return Dense()
+        others: list[tuple[float, ListingMethod]] = [(DENSE_SECONDS * n**3, Dense())] if n <= MAX_DENSE else []
+        tolerance = max(self.tolerance, Collocation.least_tolerance or 0.0)
+        with suppress(ValueError):  # too stiff, or too large to factorise
+            plan = CollocationPlan.of(generator, last, tolerance, min(self.max_seconds, seconds))
+            others.append((plan.seconds, Collocation(tolerance, self.max_states, self.max_seconds)))
+        quickest, other = min(others, key=lambda each: each[0], default=(np.inf, None))
+        return other if quickest < seconds else None
