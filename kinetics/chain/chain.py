@@ -35,7 +35,6 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.solving.uniformisation import MAX_STEPS
-from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
 
 Mask = NDArray[np.bool_]
