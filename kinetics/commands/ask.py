@@ -48,6 +48,7 @@ def ask(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     edges: tuple[float, float, float] | None,
     questions: tuple[str, ...],
     stop: str | None,
@@ -70,12 +71,13 @@ def ask(
         )
     asked = [parse(question) for question in questions]  # before any state is explored
     if Path(book).suffix.lower() == ".tra":
-        chain = _from_files(book, {"--rates": rates_name, "--cubes": cubes, "--initial": initial, "--stop": stop})
+        given = {"--rates": rates_name, "--cubes": cubes, "--initial": initial, "--stop": stop}
+        chain = _from_files(book, given | {"--copies-per-unit": copies_per_unit})
         if edges is not None:
             raise ValueError(f"{book} brings its own rates; leave out --tank")
         model = None
     else:
-        model = start(book, rates_name, cubes, initial, edges).model
+        model = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit).model
         chain = _of_network(model, stop, max_states)
     if out_file:
         _write(out_file, chain, model)

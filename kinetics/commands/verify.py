@@ -49,6 +49,7 @@ def verify(
     rates_name: str | None,
     cubes: int | None,
     initial: str | None,
+    copies_per_unit: float | None,
     edges: tuple[float, float, float] | None,
     times: tuple[float, ...],
     method: str,
@@ -68,7 +69,7 @@ def verify(
     from kinetics.trust.solver_agreement import compare_solvers
     from kinetics.trust.verification import Reference, verify_against
 
-    model = start(book, rates_name, cubes, initial, edges).model
+    model = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit).model
     grid = list(times) or [DURATION / 10, DURATION]
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}

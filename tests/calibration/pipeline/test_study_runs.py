@@ -67,6 +67,6 @@ def test_studies_judge_their_runs_by_the_break_model_and_the_pieces():
     assert p_of_breaks(held_out) != p_of_breaks(ValidationStudy((), by_collision, known))
     assert any("same pieces" in f.variant for f in held_out.diagnosis.results)
     assert not any("same pieces" in f.variant for f in ValidationStudy((), plain, unknown).diagnosis.results)
-    calibrated = {name: CalibrationStudy(None, known, {}, name) for name in ("first-order", "collision")}
+    calibrated = {name: CalibrationStudy(Scene.load("line4"), known, {}, name) for name in ("first-order", "collision")}
     assert p_of_breaks(calibrated["first-order"]) == pytest.approx(p_of_breaks(held_out))
     assert p_of_breaks(calibrated["collision"]) != p_of_breaks(held_out)
