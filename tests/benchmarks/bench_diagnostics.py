@@ -4,7 +4,7 @@
 
 A line a diagnostic: how often it fails at 5 % on runs that are sound and on runs that are doubtful in its own way, and
 how often the latter at 0.02 %, which is what the correction for some 50 tests leaves. Then all diagnostics together, on
-calibration runs of the T of five (25 channels): how often any fails at 1 % after correction, for sound runs and where
+assemblies of the T of five (25 channels): how often any fails at 1 % after correction, for sound runs and where
 half of the runs have three times the rates; and on runs of the line of four whose cubes are known, how often rebinding
 fails after correction.
 """

@@ -8,8 +8,10 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import binom
 from synthetic_runs import breaking_run, line_network, restarted_run
+from used_up import used_up_run
 
 from calibration import DIAGNOSTICS, MassActionRates, diagnose, fit_rates
+from calibration.estimating.diagnosing.between_runs import BetweenRuns
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
@@ -105,3 +107,27 @@ def test_sound_runs_fail_as_often_as_they_may(test):
     found = [next(e.p_value for e in judged(test, full_runs(rng)) if e.p_value is not None) for _ in range(40)]
     assert binom.sf(sum(p < 0.05 for p in found) - 1, len(found), 0.05) > 1e-6
     assert len(set(found)) > 10  # control: it does look at the runs
+
+
+def failures_where_events_end_exposure(test):
+    """Of 30 studies of runs that are over with their few reactants: how many fail at 5 %, of how many tested."""
+    rng = np.random.default_rng(3)
+    studies = [judged(test, [used_up_run(rng, copies=1 + i % 2) for i in range(20)]) for _ in range(30)]
+    found = [p[0] for p in ([e.p_value for e in study if e.p_value is not None] for study in studies) if p]
+    return sum(p < 0.05 for p in found), len(found)
+
+
+def test_an_event_may_use_up_its_reactant(test):
+    """Such runs are sound: no more fail than chance allows with 1e-6."""
+    failed, n = failures_where_events_end_exposure(test)
+    assert binom.sf(failed - 1, n, 0.05) > 1e-6
+
+
+def test_taking_exposure_as_given_fails_them():
+    """Control: runs compared by Pearson's chi-square."""
+
+    class Pearsons(BetweenRuns):
+        by_expected = True
+
+    failed, n = failures_where_events_end_exposure(Pearsons())
+    assert binom.sf(failed - 1, n, 0.05) < 1e-6

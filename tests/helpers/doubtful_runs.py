@@ -17,6 +17,7 @@ from calibration.estimating.diagnosing.waits import Waits
 from kinetics.assembly import RuleBook, derive
 from kinetics.network import Network
 from kinetics.runs import RESTART, JumpPath
+from kinetics.sampling import sample_path
 
 END = 100.0  # tu of each run of one channel
 
@@ -187,42 +188,18 @@ CASES = {
 }  # fmt: skip
 
 
-def t5_tanks(derivation, cubes=60):
-    """Tanks (composition, whether joins are open) in which each channel of a book is seen: all species in equal shares
-    of cubes, each join's reactants, and, without joins, that mixture with half of it a species that breaks."""
-    network = derivation.network
-    sizes = {name: len(structure) for name, structure in derivation.structures.items()}
-    crowd = dict.fromkeys(network.species, 1.0)
-
-    def mixture(shares):
-        whole = sum(shares.values())
-        counts = {name: int(cubes * share / whole / sizes[name]) for name, share in shares.items()}
-        counts["monomer"] = counts.get("monomer", 0) + cubes - sum(sizes[name] * n for name, n in counts.items())
-        return {name: n for name, n in counts.items() if n}
-
-    tanks = [(mixture(crowd), True)]
-    for reactants in network.reactants:
-        before = [network.species[s] for s in np.flatnonzero(reactants)]
-        if reactants.sum() == 2:
-            tanks.append((mixture(dict.fromkeys(before, 1.0)), True))
-        else:
-            tanks.append((mixture(crowd | {before[0]: 1.0 + len(crowd)}), False))
-    return list({repr(tank): tank for tank in tanks}.values())
-
-
-def t5_runs(rates, rng):
-    """Runs of the T of five (25 channels) with 60 cubes, restarted after every event; joins at 3e-5 and breaks at 4e-5
-    per tu, times `rates`, which the runs take in turn."""
-    derivation = derive(RuleBook.load("t5"))
-    network, runs = derivation.network, []
-    is_join = network.reactants.sum(axis=1) == 2
-    for composition, joins in t5_tanks(derivation):
-        is_open = np.ones(is_join.size, bool) if joins else ~is_join
-        for _ in range(2 if joins else 8):
-            k = np.where(is_join, 3e-5, 4e-5) * is_open * rates[len(runs) % len(rates)]
-            drawn = restarted_run(network.with_rates(k), network.state(composition), 500.0, rng)
-            runs.append(JumpPath(network, drawn.initial, drawn.times, drawn.channels, 500.0, is_open))
-    return runs
+def t5_runs(rates, rng, runs=40, end=2000.0):
+    """Assemblies of the T of five (25 channels) from 60 cubes, as calibration makes them; joins at 3e-5 and breaks at
+    4e-5 per tu, times `rates`, which the runs take in turn."""
+    network = derive(RuleBook.load("t5")).network
+    slow = np.where(network.reactants.sum(axis=1) == 2, 3e-5, 4e-5)
+    starts = np.where(np.array(network.species) == "monomer", 60, 0)
+    made = []
+    for i in range(runs):
+        known = network.with_rates(slow * rates[i % len(rates)])
+        drawn = sample_path(known, starts, end, seed=int(rng.integers(2**31)))
+        made.append(JumpPath(network, drawn.initial, drawn.times, drawn.channels, end))
+    return made
 
 
 def broken(share, rng, runs=34):

@@ -67,8 +67,9 @@ class DiagnosticResult:
 class Diagnostic(ABC):
     """One question to runs: is what a model of rates assumes true of them?
 
-    Every test conditions on the number of events of a channel, so that the size of its rate drops out and only the
-    shape of the hazard is judged; waits that an end or a restart cut short count in full.
+    The size of a channel's rate drops out of every test, so that only the shape of the hazard is judged; waits that an
+    end or a restart cut short count in full. An event may end its own exposure, by using up its last reactant: a test
+    must hold for that, which the contract tries.
 
     To add a diagnostic:
     1. write a frozen dataclass with a `name` and a `question`, whose docstring states the test and its source;

@@ -12,10 +12,15 @@ from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
 
 @dataclass(frozen=True)
 class BetweenRuns(SpreadDiagnostic):
-    """Pearson's test of one rate in all runs, whatever they started from (Cox & Lewis 1966)."""
+    """Test of one rate in all runs, whatever they started from, by the plain squares of seen less expected events.
+
+    Pearson's chi-square takes a short exposure with an event in it for a high rate (Cox & Lewis 1966); in a run whose
+    event used up the reactant it is only an early event.
+    """
 
     name = "runs"
     question = "Is a rate the same in all runs?"
+    by_expected = False
     single = "one run alone could fire it"
     remedy = "runs differ by more than chance: look for a setting that they do not share, and calibrate at each value"
     measured = (

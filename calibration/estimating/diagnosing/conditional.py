@@ -106,20 +106,27 @@ class Independent:
         return np.sum([table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)], axis=0)
 
 
-def spread_test(events: Ints, exposure: Floats, rng: np.random.Generator) -> tuple[float, float]:
-    """Pearson's dispersion, about 1 where one rate holds in all groups (G,), and its p-value (one-sided: too large).
+def spread_test(
+    events: Ints, exposure: Floats, rng: np.random.Generator, *, by_expected: bool = True
+) -> tuple[float, float]:
+    """The dispersion of counts, about 1 under one rate in all groups (G,), and its p-value (one-sided: too large).
+
+    Statistic: squares of seen less expected events, each over the expected number (Pearson), or, not `by_expected`, as
+    they are. The mean of (n - kx)^2 is that of kx whatever ends the exposure x, as n - kx is a martingale; that of
+    (n - kx)^2 / kx is above 1 where an event uses up its own reactant, and so ends x early.
 
     Every group needs exposure, there are two or more, and one event at least.
     """
     n, share = int(events.sum()), exposure / exposure.sum()
     expected = n * share
+    scale = expected if by_expected else np.ones(share.size)
     proposals = [DirichletMultinomial(n, share, inflation) for inflation in INFLATIONS if inflation < n]
 
     def statistic(counts: Ints) -> Floats:
-        return np.asarray(((counts - expected) ** 2 / expected).sum(axis=-1))
+        return np.asarray(((counts - expected) ** 2 / scale).sum(axis=-1))
 
     p_value = weighted_p_value(events, Multinomial(n, share, share), proposals, statistic, rng)
-    return float(statistic(events)) / (events.size - 1), p_value
+    return float(statistic(events) / (expected * (1 - share) / scale).sum()), p_value
 
 
 class Trended(NamedTuple):

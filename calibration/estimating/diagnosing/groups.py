@@ -62,9 +62,10 @@ class GroupRates:
 
 
 class SpreadDiagnostic(ChannelDiagnostic):
-    """A diagnostic of the spread of a channel's rate over groups. Statistic: Pearson's chi-square over its degrees of
-    freedom, about 1 under one rate; the p-value is of the multinomial spread of the events, and at least valid."""
+    """A diagnostic of the spread of a channel's rate over groups. Statistic: Pearson's chi-square, or the plain sum of
+    squares, in units of its mean under one rate; the p-value is of the multinomial spread of the events."""
 
+    by_expected: ClassVar[bool] = True  # Pearson's; plain squares where groups are so small that one event ends them
     single: ClassVar[str]  # why there is nothing to compare, where all exposure is in one group
     remedy: ClassVar[str]
 
@@ -84,7 +85,8 @@ class SpreadDiagnostic(ChannelDiagnostic):
         )
         if not found.events.any():
             return "its events fell into stretches without duration"
-        dispersion, p_value = spread_test(found.events, found.exposure, diagnosed.random(self.name, channel))
+        rng = diagnosed.random(self.name, channel)
+        dispersion, p_value = spread_test(found.events, found.exposure, rng, by_expected=self.by_expected)
         high, low = int(np.argmax(found.rates)), int(np.argmin(found.rates))
         if len(chosen) <= 4:
             seen = (

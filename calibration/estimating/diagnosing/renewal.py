@@ -24,7 +24,12 @@ class WaitingTimes:
     total : integrated hazard of all runs
 
     Setting runs end to end joins a censored wait to the first wait of the next run: for exponential waits that is one
-    whole wait, so no data are lost.
+    whole wait.
+
+    What ends the watching may be the events themselves: where one uses up its last reactant, nothing is left of the
+    clock after it. So events are not uniform on the whole clock given their number, and what follows the last one is
+    no wait. The tests judge only the waits up to an event, the first ones of a Poisson process: for each n, the chance
+    of n events with a p-value of at most alpha is at most alpha, whatever ends the watching.
     """
 
     name: str
@@ -33,24 +38,39 @@ class WaitingTimes:
 
     @property
     def residuals(self) -> Floats:
-        """Waits (n,) in units of their estimated mean, which are unit exponential if the hazard is right."""
-        return np.diff(self.positions, prepend=0.0) * self.positions.size / self.total
+        """Waits (n,) in units of their mean, which are unit exponential if the hazard is right."""
+        return np.diff(self.positions, prepend=0.0) * self.positions.size / self.positions[-1]
+
+    def untestable(self, fewest: int) -> str:
+        """Why there is nothing to test; empty if there are enough events, and hazard before them."""
+        n = self.positions.size
+        if n < fewest:
+            return f"{n} event{'s' * (n > 1)}, fewer than {fewest}" if n else "no events"
+        return "" if self.positions[-1] > 0 else "its events fell into stretches without duration"
 
     def drift_test(self) -> tuple[float, float]:
-        """Kolmogorov-Smirnov distance of the positions from uniform, and its p-value (exact); one event or more."""
+        """Kolmogorov-Smirnov distance of the events from uniform, and its p-value; one event or more.
+
+        The larger of two one-sided distances, of which each p-value is exact or too large, counts twice. Events come
+        too late: given the last, those before it are uniform up to it. Too early: on the clock up to one event more,
+        all n are; the clock ends before that event, which makes them look later than they are.
+        """
         from scipy.stats import kstest
 
-        result = kstest(self.positions / self.total, "uniform")
-        return float(result.statistic), float(result.pvalue)
+        early = kstest(self.positions / self.total, "uniform", alternative="greater")
+        if self.positions.size == 1:
+            return float(early.statistic), min(2 * float(early.pvalue), 1.0)
+        late = kstest(self.positions[:-1] / self.positions[-1], "uniform", alternative="less")
+        least = min(early, late, key=lambda side: side.pvalue)
+        return float(least.statistic), min(2 * float(least.pvalue), 1.0)
 
     def shape_test(self, rng: np.random.Generator) -> tuple[float, float]:
         """Anderson-Darling statistic of the waits against an exponential of unknown mean, and its p-value.
 
-        The n + 1 gaps between n uniform points are exponentials divided by their sum, so the test with an unknown mean
-        is that of the gaps, the last one included; its p-value is by weighted draws of such gaps, valid for any n. A
-        gap of 0 (two events in one mechanics step) counts as a very small one.
+        Exponentials divided by their sum are the gaps between uniform points: the p-value is by weighted draws of such
+        gaps, valid for any n from two on. A wait of 0 (two events in one mechanics step) counts as a very small one.
         """
-        return spacing_test(np.diff(self.positions, prepend=0.0, append=self.total), rng)
+        return spacing_test(np.diff(self.positions, prepend=0.0), rng)
 
     def plot(self, ax: Axes) -> Axes:
         """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""

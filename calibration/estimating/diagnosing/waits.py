@@ -34,8 +34,7 @@ class Waits(Diagnostic):
     def _result(self, diagnosed: DiagnosedRuns, channel: int | None) -> DiagnosticResult:
         waits = waiting_times(diagnosed, channel)
         n = waits.positions.size
-        if n < FEWEST:
-            reason = f"{n} events, fewer than {FEWEST}" if n else "no events"
+        if reason := waits.untestable(FEWEST):
             return DiagnosticResult(self.name, waits.name, n, reason=reason)
         statistic, p_value = waits.shape_test(diagnosed.random(self.name, waits.name))
         spread = float(np.std(waits.residuals) / np.mean(waits.residuals))

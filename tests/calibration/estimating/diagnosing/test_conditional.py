@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, chi2
+from scipy.stats import binom, binomtest, chi2
 
 from calibration.estimating.diagnosing.conditional import (
     Multinomial,
@@ -46,6 +46,17 @@ def test_size_with_few_events_is_at_most_the_level(test):
     found = np.array([test(rng.multinomial(12, share), share, rng)[1] for _ in range(600)])
     for level in (0.05, 0.01):
         assert np.mean(found <= level) <= level + 6 * np.sqrt(level / 600)
+
+
+def test_exposure_may_end_with_its_event():
+    """Runs of one event each, which uses up the reactant: plain squares are valid, Pearson's, the control, are not."""
+    rng = np.random.default_rng(7)
+    once, exposures = np.ones(12, int), rng.exponential(size=(100, 12))
+    plain, pearson = (
+        sum(spread_test(once, x, rng, by_expected=by)[1] <= 0.05 for x in exposures) for by in (False, True)
+    )
+    assert binom.sf(plain - 1, 100, 0.05) > 1e-6
+    assert binom.sf(pearson - 1, 100, 0.05) < 1e-6
 
 
 def test_plain_draws_end_at_one_over_their_number():

@@ -1,8 +1,12 @@
+"""Waits on the clock of their hazard: their p-values, whatever ends the clock, and what they see."""
+
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import binom, kstest
 from synthetic_runs import line_network, restarted_run
+from used_up import used_up_run
 
+from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.renewal import WaitingTimes, waiting_times
 from kinetics.sampling import sample_path
@@ -19,6 +23,12 @@ def assert_not_uniform(p_values):
         assert_uniform(p_values)
 
 
+def assert_valid(p_values):
+    """No level has more p-values at or below it than chance allows."""
+    for level in (0.1, 0.01, 0.001):
+        assert binom.sf(np.sum(np.array(p_values) <= level) - 1, len(p_values), level) > FALSE_ALARM
+
+
 def waits_of(waits):
     """Waits end to end, the last one cut off in the middle of a further wait."""
     moments = np.cumsum(waits)
@@ -26,11 +36,50 @@ def waits_of(waits):
 
 
 @pytest.mark.parametrize("n", [5, 60])
-def test_p_values_are_uniform_for_exponential_waits(n):
+def test_p_values_of_exponential_waits(n):
+    """On a clock of known length, and up to an event: exact for the shape, at least valid for the drift."""
     rng = np.random.default_rng(n)
-    samples = [WaitingTimes("c", np.sort(rng.random(n)) * 7, 7.0) for _ in range(400)]
-    assert_uniform([sample.drift_test()[1] for sample in samples])
+    samples = [WaitingTimes("c", np.sort(rng.random(n)) * 7, 7.0) for _ in range(100)]
+    moments = [np.cumsum(rng.exponential(size=n)) for _ in range(100)]
+    samples += [WaitingTimes("c", each, float(each[-1])) for each in moments]
+    assert_valid([sample.drift_test()[1] for sample in samples])
     assert_uniform([sample.shape_test(rng)[1] for sample in samples])
+
+
+@pytest.mark.parametrize("runs", [1, 3, 6])
+def test_an_event_may_end_its_own_clock(runs):
+    """Runs with one B each, which most of them break: sound, as both tests now say. The controls are the tests as they
+    were, which fail too many: uniform on the whole clock, and with the last gap taken for a wait."""
+    rng = np.random.default_rng(runs)
+    judged = [
+        waiting_times(DiagnosedRuns(tuple(used_up_run(rng) for _ in range(runs))), 0)
+        for _ in range(300 if runs < 6 else 150)
+    ]
+    judged = [waits for waits in judged if waits.positions.size]
+    assert_valid([waits.drift_test()[1] for waits in judged])
+    if runs < 6:
+        with pytest.raises(AssertionError):
+            assert_valid([kstest(waits.positions / waits.total, "uniform").pvalue for waits in judged])
+        return
+    judged = [waits for waits in judged if waits.positions.size >= 5]
+    assert_valid([waits.shape_test(rng)[1] for waits in judged])
+    gaps = [np.diff(waits.positions, prepend=0.0, append=waits.total) for waits in judged]
+    with pytest.raises(AssertionError):
+        assert_valid([spacing_test(each, rng)[1] for each in gaps])
+
+
+def test_one_event_at_the_end_of_its_exposure_is_no_sign():
+    """What whole assemblies show: p was 0 for the only event of a channel, which had used up its reactant."""
+    (waits,) = [waiting_times(DiagnosedRuns((used_up_run(np.random.default_rng(1), end=99.0),)), 0)]
+    assert waits.positions[-1] == waits.total
+    assert waits.drift_test()[1] == 1.0
+    assert kstest(waits.positions / waits.total, "uniform").pvalue == 0.0
+
+
+def test_a_rate_that_stops_is_seen():
+    """Though what follows the last event is no wait: ten events in the first half of the clock are too early."""
+    assert WaitingTimes("c", np.linspace(0.05, 0.5, 10), 1.0).drift_test()[1] < 0.02
+    assert WaitingTimes("c", np.linspace(0.5, 1.0, 11), 1.0).drift_test()[1] < 0.02
 
 
 def test_wrong_waits_are_seen():
