@@ -1,4 +1,4 @@
-"""Markov chains in continuous time, from anywhere, and every exact question to them: each answer with its limits."""
+"""Markov chains in continuous time, from anywhere, and questions to them: each answer with its limits."""
 
 from kinetics.chain.answers import ChainAnswer, ChainDistribution, ChainPath
 from kinetics.chain.chain import Chain

@@ -1,4 +1,4 @@
-"""`Chain`: a Markov chain in continuous time as one object, and every exact question to it."""
+"""`Chain`: a Markov chain in continuous time as one object, and questions to it with limits."""
 
 from __future__ import annotations
 
