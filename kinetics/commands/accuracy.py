@@ -8,6 +8,7 @@ import numpy as np
 from kinetics.commands.start import start
 from kinetics.support.cli.options import (
     DURATION,
+    AskedStart,
     csv_option,
     echo_json,
     json_option,
@@ -43,11 +44,7 @@ TIMES = 101  # at which distributions are compared
 @seed_option
 @json_option
 def kinetics(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     duration: float,
     budget: float,
     csv_file: str | None,
@@ -66,13 +63,13 @@ def kinetics(
 
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
-    begin = start(book, rates_name, cubes, initial, copies_per_unit=copies_per_unit)
+    begin = start(**asked._asdict())
     network = begin.model.network
     counts = ", ".join(f"{name}={n}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
     with progress_line() as progress:
         made = measure(
-            f"{book}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed, budget=60 * budget,
-            report=lambda text: click.echo(text, err=as_json), progress=progress,
+            f"{asked.source}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed,
+            budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
     if csv_file:
         made.to_dataframe().to_csv(csv_file, index=False, float_format="%.6g")
@@ -82,7 +79,7 @@ def kinetics(
 
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:
-        echo_json({"rates": rates_name, "convention": begin.convention, **begin.conditions, **made.as_dict()})
+        echo_json({"rates": asked.rates_name, "convention": begin.convention, **begin.conditions, **made.as_dict()})
     else:
         click.echo(str(made))
     if not made.is_complete:

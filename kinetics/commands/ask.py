@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from kinetics.commands.start import start
-from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options, tank_option
+from kinetics.support.cli.options import AskedStart, echo_json, in_a_folder, json_option, starting_options, tank_option
 
 if TYPE_CHECKING:
     from kinetics.chain import Chain
@@ -44,11 +44,7 @@ MODELS = (".sm", ".prism")
 )
 @json_option
 def ask(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     edges: tuple[float, float, float] | None,
     questions: tuple[str, ...],
     stop: str | None,
@@ -69,22 +65,24 @@ def ask(
         raise ValueError(
             "nothing to do; ask a question, as in 'P=? [ F<=100 quadmer >= 1 ]', or write the chain by --out"
         )
-    asked = [parse(question) for question in questions]  # before any state is explored
-    if Path(book).suffix.lower() == ".tra":
-        given = {"--rates": rates_name, "--cubes": cubes, "--initial": initial, "--stop": stop}
-        chain = _from_files(book, given | {"--copies-per-unit": copies_per_unit})
+    queries = [parse(question) for question in questions]  # before any state is explored
+    if Path(asked.source).suffix.lower() == ".tra":
+        given = {"--rates": asked.rates_name, "--cubes": asked.cubes, "--initial": asked.initial, "--stop": stop}
+        chain = _from_files(asked.source, given | {"--copies-per-unit": asked.copies_per_unit})
         if edges is not None:
-            raise ValueError(f"{book} brings its own rates; leave out --tank")
+            raise ValueError(f"{asked.source} brings its own rates; leave out --tank")
         model = None
     else:
-        model = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit).model
+        model = start(**asked._asdict(), edges=edges).model
         chain = _of_network(model, stop, max_states)
     if out_file:
         _write(out_file, chain, model)
-    answers = [question.of(chain) for question in asked]
+    answers = [question.of(chain) for question in queries]
     if as_json:
         found = [{"question": text, **vars(answer)} for text, answer in zip(questions, answers, strict=True)]
-        echo_json({"model": book, "states": len(chain), "rates": chain.transitions.rates.size, "answers": found})
+        echo_json(
+            {"model": asked.source, "states": len(chain), "rates": chain.transitions.rates.size, "answers": found}
+        )
         return
     for text, answer in zip(questions, answers, strict=True):
         click.echo(f"{text}  {answer}")

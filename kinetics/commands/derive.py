@@ -7,7 +7,7 @@ import click
 from kinetics.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.commands.start import Start, is_network_file, network_of_book, start
 from kinetics.formats import SUFFIXES
-from kinetics.support.cli.options import echo_json, in_a_folder, json_option, starting_options
+from kinetics.support.cli.options import AskedStart, echo_json, in_a_folder, json_option, starting_options
 
 MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
 
@@ -29,11 +29,7 @@ MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
 )
 @json_option
 def derive(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     out_file: str | None,
     break_name: str | None,
     as_json: bool,
@@ -43,17 +39,17 @@ def derive(
     NETWORK is a rule book or a network file; --out writes it in another format, for which a book needs --rates, and
     --cubes or --initial; the rates say how bonds break. The command draws no random numbers.
     """
-    if break_name and (out_file or is_network_file(book)):
+    if break_name and (out_file or is_network_file(asked.source)):
         raise ValueError(
             "--breaks shows the network of a rule book without rates; with --out the rates say how bonds break, and a "
             "network file has the channels that it has"
         )
     begin: Start | None = None
-    if out_file or is_network_file(book):
-        begin = start(book, rates_name, cubes, initial, copies_per_unit=copies_per_unit)
+    if out_file or is_network_file(asked.source):
+        begin = start(**asked._asdict())
         network = begin.model.network
     else:
-        network, _ = network_of_book(book)
+        network, _ = network_of_book(asked.source)
         if break_name:
             network = Expansion.of(network, break_model(break_name)).network
     entries = len(network.species) * len(network.channels)
@@ -76,7 +72,7 @@ def derive(
     titles = ("name", "reaction", "ways")
     echo_json(
         {
-            "book": book,
+            "book": asked.source,
             "breaks": begin.conditions["breaks"] if begin else {"model": break_name or "first-order"},
             "species": network.species,
             "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],

@@ -8,7 +8,15 @@ import click
 import numpy as np
 
 from kinetics.commands.start import start
-from kinetics.support.cli.options import echo_json, json_option, plot_option, seed_option, starting_options, tank_option
+from kinetics.support.cli.options import (
+    AskedStart,
+    echo_json,
+    json_option,
+    plot_option,
+    seed_option,
+    starting_options,
+    tank_option,
+)
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -37,11 +45,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @seed_option
 @json_option
 def passage(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     edges: tuple[float, float, float] | None,
     species: str,
     copies: int,
@@ -59,7 +63,7 @@ def passage(
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
-    begin = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit)
+    begin = start(**asked._asdict(), edges=edges)
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
@@ -71,8 +75,8 @@ def passage(
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         echo_json(
             {
-                "book": book,
-                "rates": rates_name,
+                "book": asked.source,
+                "rates": asked.rates_name,
                 "convention": begin.convention,
                 **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),

@@ -10,6 +10,7 @@ from kinetics.commands.start import start
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.solving import SOLVING_METHODS, SolvingMethod
 from kinetics.support.cli.options import (
+    AskedStart,
     NumbersCommand,
     csv_option,
     echo_json,
@@ -82,11 +83,7 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 @seed_option
 @json_option
 def predict(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     edges: tuple[float, float, float] | None,
     duration: float | None,
     times: tuple[float, ...],
@@ -113,9 +110,11 @@ def predict(
     """
     from kinetics.predicting import predict as make
 
-    begin = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit)
+    begin = start(**asked._asdict(), edges=edges)
     if (with_elasticity or elasticity_file) and begin.rates is None:
-        raise ValueError(f"elasticities are those to the parameters of a rates file; {book} brings rates of its own")
+        raise ValueError(
+            f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
+        )
     grid, sums = time_grid(duration, times), begin.shown(shown)
     with progress_line() as progress:
         made = make(
@@ -142,8 +141,8 @@ def predict(
         has_interval = made.low is not None
         echo_json(
             {
-                "book": book,
-                "rates": rates_name,
+                "book": asked.source,
+                "rates": asked.rates_name,
                 "convention": begin.convention,
                 **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),

@@ -8,6 +8,7 @@ from kinetics.commands.start import start
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.support.cli.options import (
     DURATION,
+    AskedStart,
     NumbersCommand,
     echo_json,
     json_option,
@@ -45,11 +46,7 @@ ALL = "all"
 @seed_option
 @json_option
 def verify(
-    book: str,
-    rates_name: str | None,
-    cubes: int | None,
-    initial: str | None,
-    copies_per_unit: float | None,
+    asked: AskedStart,
     edges: tuple[float, float, float] | None,
     times: tuple[float, ...],
     method: str,
@@ -69,7 +66,7 @@ def verify(
     from kinetics.trust.solver_agreement import compare_solvers
     from kinetics.trust.verification import Reference, verify_against
 
-    model = start(book, rates_name, cubes, initial, edges, copies_per_unit=copies_per_unit).model
+    model = start(**asked._asdict(), edges=edges).model
     grid = list(times) or [DURATION / 10, DURATION]
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}
@@ -92,8 +89,8 @@ def verify(
     if as_json:
         echo_json(
             {
-                "book": book,
-                "rates": rates_name,
+                "book": asked.source,
+                "rates": asked.rates_name,
                 "initial": dict(zip(model.network.species, model.initial.tolist(), strict=True)),
                 "times": grid,
                 "seed": seed,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -143,8 +145,28 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def starting_options(command: Any) -> Any:
-    """The argument and options of a start: rule book or network file, rates, counts at time 0."""
+class AskedStart(NamedTuple):
+    """What the command line says about a start: the arguments of `commands.start.start`, but for the tank."""
+
+    source: str
+    rates_name: str | None
+    cubes: int | None
+    initial: str | None
+    copies_per_unit: float | None
+
+
+def starting_options(command: Callable[..., None]) -> Any:
+    """The argument and options of a start: rule book or network file, rates, counts at time 0.
+
+    The command gets them as one argument, `asked`.
+    """
+
+    @wraps(command)
+    def with_start(**given: Any) -> None:
+        asked = AskedStart(*(given.pop(name) for name in AskedStart._fields))
+        command(asked=asked, **given)
+
+    decorated: Any = with_start
     for decorate in (
         click.option(
             "--copies-per-unit",
@@ -160,7 +182,7 @@ def starting_options(command: Any) -> Any:
             metavar="NAME|FILE",
             help="Rate constants: a shipped table such as table3, or a .toml file.",
         ),
-        click.argument("book", metavar="NETWORK"),
+        click.argument("source", metavar="NETWORK"),
     ):
-        command = decorate(command)
-    return command
+        decorated = decorate(decorated)
+    return decorated
