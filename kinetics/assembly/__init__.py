@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.assembly.checking.checker import Finding, Report, check
+    from kinetics.assembly.checking.checker import check
+    from kinetics.assembly.checking.findings import Finding, Report
     from kinetics.assembly.deriving.derive import Derivation, derive
     from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
     from kinetics.assembly.deriving.ways import RateClass
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from kinetics.assembly.structure import Placement, Structure, placements
 
 _HOMES = {
-    "kinetics.assembly.checking.checker": ("Finding", "Report", "check"),
+    "kinetics.assembly.checking.checker": ("check",),
+    "kinetics.assembly.checking.findings": ("Finding", "Report"),
     "kinetics.assembly.deriving.derive": ("Derivation", "derive"),
     "kinetics.assembly.deriving.explore": ("Exploration", "StructureEvent", "explore"),
     "kinetics.assembly.deriving.ways": ("RateClass",),

@@ -145,6 +145,12 @@ class Structure:
         """The same structure turned about the lattice's origin; rotation is an index into ROTATIONS."""
         return self.moved(Placement(rotation, (0, 0, 0)))
 
+    def reordered(self, cubes: Sequence[int]) -> Structure:
+        """The same structure with its cubes numbered in another order."""
+        columns = zip(*((self.positions[c], self.rotations[c], self.letters[c]) for c in cubes), strict=True)
+        positions, rotations, letters = columns
+        return Structure.unchecked(positions, rotations, letters)
+
     def with_letters(self, letters: Sequence[str]) -> Structure:
         """The same cubes with other letters."""
         changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
@@ -176,13 +182,19 @@ class Structure:
         """
         return _canonical(self, scheme)[0]
 
+    def canonical_cubes(self, scheme: str) -> tuple[int, ...]:
+        """Of each cube, its number in the canonical form; where symmetry leaves a choice, one of them."""
+        codes = _codes(self, scheme)[0]
+        smallest = min(codes, key=lambda turned: sorted(turned.tolist()))
+        return tuple(np.argsort(np.argsort(smallest)).tolist())
+
     def symmetry_number(self, scheme: str) -> int:
         """How many of the 24 rotations map the structure onto itself, as far as the scheme can see."""
         return _canonical(self, scheme)[1]
 
     def symmetries(self, scheme: str) -> tuple[Placement, ...]:
         """The placements that put the structure onto itself, as far as the scheme can see; the identity first."""
-        codes = _codes(self, scheme)[0].tolist()
+        codes = np.sort(_codes(self, scheme)[0], axis=1).tolist()
         found = []
         for rotation in (r for r in range(24) if codes[r] == codes[0]):
             turned_places = [Placement(rotation, (0, 0, 0)).of(p) for p in self.positions]
@@ -255,8 +267,8 @@ def _reduced_compose(scheme: str) -> IntArray:
 
 
 def _codes(structure: Structure, scheme: str) -> tuple[np.ndarray, int, list[str]]:
-    """The 24 turned copies (24, n), every cube coded as one integer, sorted; with the base of the code of places and
-    the alphabet. Codes are ordered as (position, seen rotation, letter).
+    """The 24 turned copies (24, n), every cube coded as one integer; with the base of the code of places and the
+    alphabet. Codes are ordered as (position, seen rotation, letter).
     """
     places = ROTATIONS @ np.array(structure.positions).T  # (24, 3, n)
     places -= places.min(axis=2, keepdims=True)
@@ -266,7 +278,6 @@ def _codes(structure: Structure, scheme: str) -> tuple[np.ndarray, int, list[str
     seen = _reduced_compose(scheme)[:, structure.rotations]  # (24, n)
     codes = (places[:, 0] * span + places[:, 1]) * span + places[:, 2]
     codes = (codes * 24 + seen) * len(alphabet) + letters
-    codes.sort(axis=1)
     return codes, span, alphabet
 
 
@@ -274,7 +285,7 @@ def _codes(structure: Structure, scheme: str) -> tuple[np.ndarray, int, list[str
 def _canonical(structure: Structure, scheme: str) -> tuple[Structure, int]:
     """Canonical form and symmetry number."""
     codes, span, alphabet = _codes(structure, scheme)
-    copies = codes.tolist()
+    copies = np.sort(codes, axis=1).tolist()
     smallest = min(copies)
     cubes = []
     for code in smallest:

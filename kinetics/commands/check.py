@@ -64,6 +64,7 @@ def check(
                 "correct": report.is_correct,
                 "structures": report.n_structures,
                 "events": report.n_events,
+                "coming_home": report.home._asdict(),
                 "findings": [
                     {
                         "kind": finding.kind,

@@ -46,6 +46,7 @@ class Exploration:
     squeezed : ways of a join in which a cube has to slip in between two opposite ones
     livelocks : events after which the internal rules never come to rest, in words; left out of the events
     stopped : why the exploration ended early; "" if it is complete
+    slow_waves : whether internal rules act on one cube at a time
     """
 
     book: RuleBook
@@ -57,6 +58,7 @@ class Exploration:
     squeezed: Mapping[StructureEvent, float]
     livelocks: tuple[str, ...]
     stopped: str
+    slow_waves: bool
 
     @property
     def is_closed(self) -> bool:
@@ -105,6 +107,7 @@ def explore(
         explorer.squeezed,
         tuple(explorer.livelocks),
         stopped,
+        slow_waves,
     )
 
 
@@ -195,7 +198,7 @@ class _Explorer:
         what = f"a break of {self.order[new]}"
         try:
             for fragments, share, rate_class in breaks(self.book, self.order[new], not self.slow_waves):
-                ends = sorted(self.entered(part, what) for part in fragments)
+                ends = sorted(self.entered(part.structure, what) for part in fragments)
                 self.events[StructureEvent((new,), tuple(ends))][rate_class] += share
         except LivelockError as error:
             self.livelocks.append(f"{what}: {error}")

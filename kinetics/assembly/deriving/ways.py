@@ -37,17 +37,24 @@ class Site(NamedTuple):
     turns: tuple[int, ...]  # rotations that keep structure and face
 
 
+class Fragment(NamedTuple):
+    """A part that a break leaves: its cubes as they were numbered in the whole, and its structure."""
+
+    members: tuple[int, ...]
+    structure: Structure
+
+
 def joins(book: RuleBook, a: Structure, b: Structure) -> Iterator[tuple[Structure, float, RateClass]]:
     """Every way to join two structures: (joined structure, its share in N, rate class); alike ways come as one.
 
-    N counts pairs of open faces, each of the four twists a quarter.
+    The joined structure has a's cubes first, then b's. N counts pairs of open faces, each of the four twists a quarter.
     """
     return joins_at(book, a, sites_of(book, a), b, sites_of(book, b))
 
 
 def breaks(
     book: RuleBook, structure: Structure, settle: bool = True
-) -> Iterator[tuple[tuple[Structure, Structure], float, RateClass]]:
+) -> Iterator[tuple[tuple[Fragment, Fragment], float, RateClass]]:
     """Every way to break one bond of a structure: (the two fragments, their share in N, rate class)."""
     for i, j in structure.bonds:
         if structure.sides(i, j) is None:
@@ -55,8 +62,9 @@ def breaks(
         face_i, face_j = (structure.face_towards(c, structure.positions[d]) for c, d in ((i, j), (j, i)))
         bonds = [(i, j), (j, i)] if book.semantics.update == "sequential" else [(i, j)]
         for bond in bonds:
-            (_, first), (_, second) = book.break_bond(structure, *bond, settle=settle)
-            sizes = (len(first), len(second)) if bond == (i, j) else (len(second), len(first))
+            first, second = (Fragment(*side) for side in book.break_bond(structure, *bond, settle=settle))
+            parts = (first, second) if bond == (i, j) else (second, first)
+            sizes = (len(parts[0].members), len(parts[1].members))
             yield (first, second), 1 / len(bonds), class_of(book, "break", sizes, (face_i, face_j))
 
 
@@ -80,6 +88,8 @@ def joins_at(
         for first, i, second, j, placement, alike in ways:
             made = book.join(first, i, second, j, placement, settle=settle)
             if made is not None:
+                if first is not a:  # written first, so its cubes come first
+                    made = made.reordered((*range(len(b), len(made)), *range(len(b))))
                 yield made, s.alike * t.alike * alike / total, rate_class
 
 

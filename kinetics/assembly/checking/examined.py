@@ -1,0 +1,141 @@
+"""An exploration, examined: what the checks look up in it, and the faults that single structures show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+
+from kinetics.assembly.checking.cubes import Cube
+from kinetics.assembly.checking.findings import Finding
+from kinetics.assembly.checking.home import lost_cubes
+from kinetics.assembly.deriving.derive import named
+from kinetics.assembly.deriving.explore import Exploration, StructureEvent
+from kinetics.assembly.deriving.history import Change, fits_into, shortest, way_to
+from kinetics.assembly.structure import Structure
+
+
+class Examined:
+    """An exploration with what the checks look up in it."""
+
+    def __init__(self, found: Exploration):
+        self.found, self.book = found, found.book
+        names = {structure: name for name, structure in named(found).structures.items()}
+        self.names = [names[structure] for structure in found.structures]
+
+    @cached_property
+    def target(self) -> int | None:
+        """Index of the target; None where the book names none or never makes it."""
+        if self.book.target is None:
+            return None
+        canonical = self.book.target.canonical(self.book.scheme)
+        return self.found.structures.index(canonical) if canonical in self.found.structures else None
+
+    def closure(self) -> Iterable[Finding]:
+        """Structures without end, explorations without end, rules without rest."""
+        found = self.found
+        if found.beyond is not None:
+            a, b, made = found.beyond
+            known = {structure: index for index, structure in enumerate(found.structures)}
+            steps, changes = self.as_steps(self.way(known[a], known[b]))
+            last = f"{self.names[known[a]]} + {self.names[known[b]]} -> {len(made)} cubes: {made}"
+            text = f"structures grow beyond {found.max_cubes} cubes; the smallest join that does makes {len(made)}"
+            yield Finding("not closed", True, text, (*steps, last), made, (*changes, Change((a, b), (made,))))
+        if found.stopped:
+            yield Finding("not proven", True, found.stopped)
+        for text in found.livelocks[:1]:
+            yield Finding("livelock", True, f"{text} ({len(found.livelocks)} such events)")
+
+    def shapes(self) -> Iterable[Finding]:
+        """What is no part of the target, and what never becomes it."""
+        target, structures = self.book.target, self.found.structures
+        if target is None:
+            return
+        off = [n for n, structure in enumerate(structures) if not fits_into(structure, target, self.book.scheme)]
+        if off:
+            worst = min(off, key=lambda n: (self.costs[n], len(structures[n])))
+            text = f"{len(off)} of {len(structures)} structures are no part of the target; the nearest"
+            yield self.finding("off-target", True, text, worst)
+        if self.target is None:
+            yield from self._missing(target)
+            return
+        growing = [e for e in self.found.events if self.target in e.before and len(e.before) == 2]
+        if growing:
+            text = f"the finished structure still bonds: {self.words(growing[0])}"
+            yield self.at_event("target not final", True, text, growing[0])
+        if self.found.is_closed:
+            yield from self._lost()
+
+    def _missing(self, target: Structure) -> Iterable[Finding]:
+        """The target is not among the structures."""
+        canonical, scheme = target.canonical(self.book.scheme), self.book.scheme
+        structures = self.found.structures
+        same = [n for n, s in enumerate(structures) if len(s) == len(target) and fits_into(s, target, scheme)]
+        if same:
+            text = f"its shape is made with other letters; the book's target is {canonical}"
+            yield self.finding("target not reached", True, text, same[0])
+        elif not self.found.stopped:
+            yield Finding("target not reached", True, "no structure has the target's shape", (), canonical)
+
+    def _lost(self) -> Iterable[Finding]:
+        """Structures with a cube that no chain of events leads into the target."""
+        if not self.lost:
+            return
+        active = {n for event in self.found.events for n in event.before}
+        lost = {cube.structure for cube in self.lost}
+        for kind, which, text in (
+            ("dead end", lost - active, "structures can neither grow nor break"),
+            ("trap", lost & active, "structures hold a cube that changes on but never becomes part of the target"),
+        ):
+            if which:
+                nearest = min(which, key=lambda n: (self.costs[n], len(self.found.structures[n])))
+                yield self.finding(kind, True, f"{len(which)} {text}; the nearest", nearest)
+
+    @cached_property
+    def lost(self) -> list[Cube]:
+        """The cubes that never come home; none where the book names no target or never makes it."""
+        return [] if self.target is None else lost_cubes(self.found, self.target)
+
+    def squeezes(self) -> Iterable[Finding]:
+        """Joins that put a cube between two others."""
+        tight = self.found.squeezed
+        if tight:
+            event = min(tight, key=lambda e: sum(self.costs[n] for n in e.before))
+            text = f"{len(tight)} joins put a cube between two opposite ones, where it hardly gets in; the nearest"
+            yield self.at_event("squeezed", False, text, event)
+
+    @cached_property
+    def costs(self) -> list[float]:
+        """The fewest events that make each structure."""
+        return self._shortest[0]
+
+    @cached_property
+    def _shortest(self) -> tuple[list[float], dict[int, StructureEvent]]:
+        starts = range(1 if self.book.seed_letter is None else 2)
+        return shortest(len(self.found.structures), starts, self.found.events)
+
+    def way(self, *indices: int) -> tuple[StructureEvent, ...]:
+        """The shortest way to make some structures."""
+        return way_to(indices, self._shortest[1])
+
+    def finding(self, kind: str, is_error: bool, text: str, index: int) -> Finding:
+        """A finding about one structure, with the shortest way to it."""
+        steps, changes = self.as_steps(self.way(index))
+        return Finding(kind, is_error, text, steps, self.found.structures[index], changes)
+
+    def at_event(self, kind: str, is_error: bool, text: str, event: StructureEvent) -> Finding:
+        """A finding about a join, with the shortest way to it."""
+        steps, changes = self.as_steps((*self.way(*event.before), event))
+        return Finding(kind, is_error, text, steps, self.found.structures[event.after[0]], changes)
+
+    def as_steps(self, events: Iterable[StructureEvent]) -> tuple[tuple[str, ...], tuple[Change, ...]]:
+        """Events in words and as structures."""
+        steps = [
+            (self.words(e), Change(*(tuple(self.found.structures[n] for n in side) for side in e))) for e in events
+        ]
+        return tuple(words for words, _ in steps), tuple(change for _, change in steps)
+
+    def words(self, event: StructureEvent) -> str:
+        """`monomer + dimer -> trimer`, with the structure that a join makes."""
+        before, after = (" + ".join(self.names[n] for n in side) for side in event)
+        shown = f": {self.found.structures[event.after[0]]}" if len(event.after) == 1 else ""
+        return f"{before} -> {after}{shown}"
