@@ -98,7 +98,7 @@ report.findings[0].plot(ax)
 
 # %%
 compiled = compile_book(Target.load("t5"))
-print(f"{compiled.letters} letters, proven the fewest: {compiled.minimal}; {compiled.capability}")
+print(f"{compiled.letters} letters, proven the fewest for its joins: {compiled.minimal}; {compiled.capability}")
 print(*compiled.verified, sep="\n")
 fig, ax = plt.subplots(figsize=(7, 4))
 compiled.book.plot(ax)

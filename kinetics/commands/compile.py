@@ -89,7 +89,7 @@ def compile_(
         if shows:
             click.echo("\r\033[K", err=True, nl=False)
     book = made.book
-    fewest = ", fewer are proven not to do" if made.minimal else ""
+    fewest = ", the fewest for these joins" if made.minimal else ""
     counts = f"{len(book.combine)} + {len(book.dissociate)} + {len(book.internal)}"
     summary = [
         f"{book.name}: {made.letters} letters{fewest}; {counts} rules for joins, breaks, and what follows",

@@ -46,7 +46,7 @@ def compile_book(
     seed: int = 0,
     progress: Notify | None = None,
 ) -> Compiled:
-    """A rule book that builds the target and nothing else, with as few letters as there can be.
+    """A rule book that builds the target and nothing else, with as few letters as its joins allow.
 
     joins : those to allow, no others, by sizes (`1+2`) or names (`2.a+1->3.b`); None: what the target asks for, or else
         as many as cubes with these senses can tell from mistakes

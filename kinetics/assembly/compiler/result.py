@@ -23,7 +23,8 @@ class UndecidedError(ValueError):
 class Compiled:
     """A rule book made from a target.
 
-    minimal : whether no book of the same kind has fewer letters; False: not proven
+    minimal : whether no book with these joins has fewer letters, of those in which both cubes need a rule to bond and
+        all structures of one shape have the same letters; False: not proven
     joins : the joins it allows, as `2.a+1->3.b`; structures of one size are lettered in the order of their
         canonical forms. For a book that grows from a seed, empty
     seconds : wall time of search and proof

@@ -3,9 +3,9 @@
 What is sought: one letter for each unknown of a plan and three tables of rules, such that
 - the joins asked for are open, both cubes having a rule, and no other meeting of two parts is;
 - after every join and every break, internal rules lead to the letters of what was made, and none acts in it then.
-Each part has one set of letters; a free cube's letter is its own. Cubes that join or lose a bond, and those that
-follow, write their final letter at once unless another event that looks the same to them has settled otherwise;
-`deferred` lets them write any letter.
+Each part has one set of letters, and a free cube's may stand in larger parts, where its neighbours tell it apart.
+Cubes that join or lose a bond, and those that follow, write their final letter at once unless another event that looks
+the same to them has settled otherwise; `deferred` lets them write any letter.
 """
 
 from __future__ import annotations
@@ -260,7 +260,7 @@ class _LetterSearch:
         if known is not None:
             return (known,)
         if self.deferred:
-            return dict.fromkeys((final, *(() if own is None else (own,)), *range(1, self.n_letters)))
+            return dict.fromkeys((final, *(() if own is None else (own,)), *range(self.n_letters)))
         return (final,) if writes or own is None or own == final else (final, own)
 
     def settled(self, table: dict[Key, Any], key: Key, letter: int) -> bool:
@@ -341,7 +341,7 @@ def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:
     if n == 0:
         yield ()
         return
-    for letter in range(1, min(highest + 1, n_letters - 1) + 1):
+    for letter in range(min(highest + 1, n_letters - 1) + 1):
         for rest in _namings(n - 1, max(highest, letter), n_letters):
             yield (letter, *rest)
 
