@@ -12,7 +12,9 @@ from mechsim.accuracy.diagram import Accuracy, SettingResult
 from mechsim.accuracy.quantities import BY_NAME
 
 MARKERS = ("o", "s", "^", "D", "v")
-LOWEST, STOPPED, TOP = 1e-3, 1.0, 10.0  # the least error shown, where the crosses begin, and room for the legend
+LOWEST, TOP = 1e-3, 10.0  # the least error shown, and room for the crosses
+STOPPED, APART = 0.95, 0.055  # the highest cross and how far below it the next one is, shares of the panel
+LEAST_RATIO = 0.01
 RED = "#CC0000"
 
 
@@ -24,22 +26,29 @@ def draw(accuracy: Accuracy, figure: Any) -> Any:
     grid = figure.add_gridspec(rows, n, height_ratios=[1, 1][:rows])
     for column, name in enumerate(accuracy.means):
         errors(figure.add_subplot(grid[0, column]), accuracy, name)
+    shown: dict[str, Any] = {}  # one legend for all panels: they show the same settings
+    for ax in figure.axes:
+        handles, labels = ax.get_legend_handles_labels()
+        shown = dict(zip(labels, handles, strict=True)) | shown
+    figure.legend(
+        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown), frameon=False, fontsize=8,
+        title=f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu at each "
+        f"step, half as much at other settings; reference: step {accuracy.reference.setting.label} tu",
+    )  # fmt: skip
     if accuracy.model:
         sensitivity(figure.add_subplot(grid[1, :]), accuracy)
-    figure.suptitle(
-        f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu at each "
-        f"step, half as much at other settings; reference: step {accuracy.reference.setting.label} tu",
-        fontsize=10,
-    )
     return figure
 
 
 def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
     """Magnitude of the error of one quantity against CPU s a tu, with 95 % whiskers; returns `ax`.
 
-    A whisker that leaves the panel below holds an error of zero. Crosses: stopped by the guard, at their cost.
+    A whisker that leaves the panel below holds an error of zero. Crosses: stopped by the guard, at their cost; their
+    height says nothing.
     """
     from matplotlib.ticker import LogLocator
+
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}  # labels stay readable on whiskers
 
     floor = accuracy.floor.get(name)
     curves: dict[str, list[SettingResult]] = {}
@@ -54,18 +63,22 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
         ax.errorbar(x, y, spread, fmt=f"-{MARKERS[i % len(MARKERS)]}", color=colour(i), label=knob, capsize=2, ms=4)
         for k, (point, height) in enumerate(zip(shown, y, strict=True)):
             # Steps lie apart and are labelled beside the point; what costs the same is labelled in a pile.
-            at, side = ((5, 4), "left") if knob.startswith("step") else ((-6, 7 * k - 8), "right")
+            offset, side = ((5.0, 4.0), "left") if knob.startswith("step") else ((-6.0, 7.0 * k - 8.0), "right")
             ax.annotate(
-                point.setting.label, (point.cost, height), at, ha=side, textcoords="offset points", fontsize=6,
-                color=colour(i),
+                point.setting.label, (point.cost, height), offset, ha=side, textcoords="offset points", fontsize=7,
+                color=colour(i), bbox=ground,
             )  # fmt: skip
     stopped = [point for point in accuracy.numerical if point.stopped and name not in point.changes]
+    costs = [accuracy.reference.cost, *(point.cost for point in accuracy.numerical)]
     for k, point in enumerate(stopped):
-        height = STOPPED * 0.6**k  # they have no error to be placed at
-        ax.plot(point.cost, height, "x", color=RED, ms=7, mew=2, label="stopped by the guard" if k == 0 else None)
+        at = point.cost, STOPPED - APART * k
+        ax.plot(*at, "x", transform=ax.get_xaxis_transform(), color=RED, ms=6, mew=2,
+                label="stopped by the guard" if k == 0 else None)  # fmt: skip
+        is_right = point.cost**2 > min(costs) * max(costs)
         ax.annotate(
-            f"{point.setting.curve} {point.setting.label}", (point.cost, height), (7, -2),
-            textcoords="offset points", fontsize=6, color=RED,
+            f"{point.setting.curve} {point.setting.label}", at, (-7, 0) if is_right else (7, 0),
+            ha="right" if is_right else "left", va="center", xycoords=ax.get_xaxis_transform(),
+            textcoords="offset points", fontsize=7, color=RED, bbox=ground,
         )  # fmt: skip
     if floor is not None:
         ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
@@ -75,25 +88,36 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("")
     ax.set_ylabel(f"|error| of {BY_NAME[name].title}")
-    ax.legend(frameon=False, fontsize=6, ncols=2, loc="upper center")
     return ax
 
 
 def sensitivity(ax: Any, accuracy: Accuracy) -> Any:
-    """Change of each quantity where a setting of the model is another, with 95 % intervals; returns `ax`."""
+    """Ratio of each quantity, where a setting of the model is another, to the scene's, with 95 % intervals; returns
+    `ax`."""
+    from matplotlib.ticker import LogLocator
+
     points: Sequence[SettingResult] = accuracy.model
     rows = np.arange(len(points))[::-1]
+    for row in rows[::2]:
+        ax.axhspan(row - 0.5, row + 0.5, color="0.95", lw=0)
     for i, name in enumerate(accuracy.means):
-        changes = [point.changes.get(name) for point in points]
-        shown = [k for k, change in enumerate(changes) if change is not None]
+        shown = [(row, point.changes[name]) for row, point in zip(rows, points, strict=True) if name in point.changes]
+        ratio = np.array([max(1 + change.value, LEAST_RATIO) for _, change in shown])
+        half = np.array([change.half_width for _, change in shown])
         ax.errorbar(
-            [100 * changes[k].value for k in shown],  # type: ignore[union-attr]
-            rows[shown] + 0.15 * (len(accuracy.means) - 1 - 2 * i),
-            xerr=[100 * changes[k].half_width for k in shown],  # type: ignore[union-attr]
+            ratio,
+            [row + 0.15 * (len(accuracy.means) - 1 - 2 * i) for row, _ in shown],
+            xerr=[ratio - np.maximum(ratio - half, LEAST_RATIO), half],
             fmt=MARKERS[i], color=colour(i), ms=4, capsize=2, label=BY_NAME[name].title,
         )  # fmt: skip
-    ax.axvline(0, color="0.6", lw=0.8)
-    ax.set_yticks(rows, [f"{point.setting.curve}: {point.setting.label}" for point in points], fontsize=7)
-    ax.set_xlabel("change against the scene as it is (%): the model's own sensitivity, no error")
-    ax.legend(frameon=False, fontsize=7)
+    ax.axvline(1, color="0.6", lw=0.8)
+    ax.set(xscale="log", ylim=(-0.5, len(points) - 0.5))
+    low, high = ax.get_xlim()
+    ax.set_xlim(min(low, 0.5), max(high, 2.0))  # room for ticks where hardly anything depends on a setting
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
+    ax.set_yticks(rows, [f"{point.setting.curve}: {point.setting.label}" for point in points], fontsize=8)
+    ax.set_xlabel("ratio to the scene as it is, with 95 % intervals: the model's own sensitivity, no error")
+    ax.legend(frameon=False, fontsize=8, loc="center right")
     return ax

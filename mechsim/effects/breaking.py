@@ -11,10 +11,10 @@ from pydantic import Field
 
 from kinetics.assembly import Structure
 from mechsim.effects.base import Action, Effect, EventKind
-from mechsim.effects.bridges import SLACK, Bridges
+from mechsim.effects.bridges import Bridges
 from mechsim.effects.hits import Hit
-from mechsim.effects.view import ViewOfBodies, ViewOfScene, ViewOfTouch, ViewOfWorld
-from mechsim.kernels.loads import bond_loads
+from mechsim.effects.view import ViewOfScene, ViewOfTouch, ViewOfWorld
+from mechsim.kernels.loads import bond_loads, hit_bound
 
 
 def _pull(load: np.ndarray) -> np.ndarray:
@@ -30,21 +30,13 @@ CRITERIA: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
     "velocity": lambda load, change: change * _pull(load) / max(_pull(load).max(), np.finfo(float).tiny),
 }
 
-# By criterion, (b, c) such that no bond carries more than the sum over the impulses J of |J| (b + c a), with a the
-# distance of the contact point from the centre of mass. Bonds in loops carry nothing that we judge.
-BOUNDS: dict[str, Callable[[Bridges, Structure, ViewOfBodies], tuple[float, float]]] = {
-    "impulse": lambda bridges, held, bodies: _scaled(bridges.push_bound(np.array(held.positions, float)), bodies),
-    "wrench": lambda bridges, held, bodies: _scaled(bridges.wrench_bound(np.array(held.positions, float)), bodies),
-    # The change of velocity is at most the sum of |J| over the mass, and the other factor at most 1.
-    "velocity": lambda bridges, held, bodies: (
-        (SLACK / (len(held) * bodies.cube_mass), 0.0) if len(bridges.bonds) else (0.0, 0.0)
-    ),
+# By criterion, (of_pull, of_moment, of_change) such that no bond carries more than of_pull times its pull and shear +
+# of_moment times its moment + of_change times the structure's change of velocity. For "wrench" by Cauchy and Schwarz.
+BOUNDS = {
+    "impulse": (1.0, 0.0, 0.0),
+    "wrench": (math.sqrt(1.25), 1.0, 0.0),
+    "velocity": (0.0, 0.0, 1.0),
 }
-
-
-def _scaled(bound: tuple[float, float], bodies: ViewOfBodies) -> tuple[float, float]:
-    """From arms in edges to arms in length."""
-    return bound[0], bound[1] / bodies.edge
 
 
 class Breaking(Effect):
@@ -58,7 +50,7 @@ class Breaking(Effect):
         collision
     log_above : the run's record keeps every hit whose load on the most loaded bond is above this, in the threshold's
         unit and at most the threshold, also those that break nothing; none: no log. It changes nothing that happens.
-        In a tank of 120 assembled cubes a step takes 5 % longer with half the threshold, 2 % with .6 of it
+        Down to .6 of the threshold a step takes hardly longer (`tests.benchmarks.bench_load_log`)
 
     Bonds in a loop carry a load that rigid-body mechanics leaves open; they do not break one at a time.
     The paper breaks a bond whose face gap exceeds a threshold; in a constraint solver that gap shrinks with the
@@ -93,17 +85,16 @@ class _Breaking(Action):
     def __init__(self, settings: Breaking, world: ViewOfWorld):
         self.settings, self.world = settings, world
         self.notable = settings.threshold if settings.log_above is None else settings.log_above
-        self.known: dict[Structure, tuple[Bridges, tuple[float, float]]] = {}
-        self.bounds = [(0.0, 0.0)] * world.bodies.n_cubes  # by slot
+        self.known: dict[Structure, tuple[Bridges, np.ndarray, np.ndarray]] = {}  # and their levers, cubes in edges
         world.on_change(self.renew)
 
     def renew(self, slot: int) -> None:
-        """Note what a hit can do at most to the structure that a slot has got."""
-        structure = self.world.bodies.held(slot)
+        """Note what hits do to the structure that a slot has got."""
+        bodies = self.world.bodies
+        structure = bodies.held(slot)
         if structure not in self.known:
-            bridges = Bridges.of(structure)
-            self.known[structure] = bridges, BOUNDS[self.settings.criterion](bridges, structure, self.world.bodies)
-        self.bounds[slot] = self.known[structure][1]
+            bridges, cubes = Bridges.of(structure), bodies.offset[list(bodies.members[slot])] / bodies.edge
+            self.known[structure] = bridges, bridges.levers(cubes), cubes
 
     def after_step(self) -> None:
         """Judge all bodies that were hit hard enough, then break bonds: partners are seen as they were."""
@@ -121,18 +112,25 @@ class _Breaking(Action):
                 self.world.part(hit.slot, self.world.book.break_bond(hit.struck, *hit.bond), hit)
 
     def may_matter(self, slot: int, touches: list[ViewOfTouch]) -> bool:
-        """False only where no bond can carry a notable load, by the bound of the structure; most bodies are so."""
+        """False only where no bond can carry a notable load, by the sum of bounds of its contacts; mostly so."""
         bodies = self.world.bodies
-        fixed, by_arm = self.bounds[slot]
-        centre = bodies.position[slot].tolist()
-        most = sum(math.hypot(*t.impulse) * (fixed + by_arm * math.dist(t.place, centre)) for t in touches)
-        return most > self.notable and self.world.time - bodies.born[slot] >= self.settings.grace
+        bridges, levers, cubes = self.known[bodies.held(slot)]
+        if not len(levers) or self.world.time - bodies.born[slot] < self.settings.grace:
+            return False
+        of_pull, of_moment, of_change = BOUNDS[self.settings.criterion]
+        most = 0.0
+        for touch in touches:
+            most += hit_bound(
+                levers, bridges.sides, cubes, bodies.position, bodies.orientation, slot, touch.place, touch.impulse,
+                1.0 if touch.a == slot else -1.0, bodies.edge, of_pull, of_moment, of_change / bodies.mass[slot],
+            )  # fmt: skip
+        return most > self.notable
 
     def judge(self, slot: int, touches: list[ViewOfTouch]) -> Hit | None:
         """The load on the most loaded bond of a body, and who put it there; None where it is not notable."""
         bodies = self.world.bodies
         structure = bodies.held(slot)
-        bridges, _ = self.known[structure]
+        bridges, _, _ = self.known[structure]
         loads = np.zeros((len(bridges.bonds), 3))
         place = np.array([touch.place for touch in touches])
         impulse = np.array([t.impulse if t.a == slot else [-x for x in t.impulse] for t in touches])

@@ -1,4 +1,4 @@
-"""Bridges: the bonds whose loss parts a structure, and the largest load that a collision can put on one."""
+"""Bridges: the bonds whose loss parts a structure, and what an impulse puts on them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.assembly import Structure
-
-SLACK = 1 + 1e-6  # rounding, in the loads and in the poses they are computed from
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,44 +31,30 @@ class Bridges:
                 sides.append([cube in parts[0] for cube in range(len(structure))])
         return cls(np.array(bonds, np.int64).reshape(-1, 2), np.array(sides, bool).reshape(-1, len(structure)))
 
-    def push_bound(self, places: np.ndarray) -> tuple[float, float]:
-        """(b, c) such that no bridge carries a push above the sum over the impulses J of |J| (b + c a / edge).
+    def levers(self, places: np.ndarray) -> np.ndarray:
+        """What an impulse J and its torque T = x × J put on each bridge, (n, 2, 6, 6): mass and edge 1.
 
-        places : (k, 3) the structure's cubes, in edges
-        a : distance of the contact point from the structure's centre of mass
+        places : (k, 3) the cubes about the structure's centre of mass, from which x is counted
+        Second axis: whether J hit the second cube's side or the first's. Rows: tension, two components of the shear,
+        and the moment over half an edge; columns: J, T.
 
-        Proof, with mass and edge 1. The push P through a bond is linear in each impulse J at x from the centre of mass:
-        P = (f - s) J + m ((I^-1 (x × J)) × d), where m is one side's mass, f its share of the whole, d its centre from
-        the whole's, and s is 1 where J hit this side, else 0 (kernels.loads.bond_loads). By the operator norm and
-        |x × J| <= a |J|, |P| <= |J| (max(f, 1 - f) + m |[d]x I^-1| a); pushes of several impulses add up at most.
+        As `kernels.loads.bond_loads` has it, the push through a bond is P = (f - s) J + m ((I^-1 T) × d), where m is
+        the mass of one side, f its share of the whole, d its centre, and s is 1 where J hit this side, else 0. The
+        moment about the bond, at h from that centre, is (I_side I^-1 - s) T + s d × J - h × P.
         """
-        return self._largest(places, 1.0, 0.0)
-
-    def wrench_bound(self, places: np.ndarray) -> tuple[float, float]:
-        """The same for tension + shear / 2 + moment over half an edge.
-
-        Tension and half the shear are at most sqrt(5/4) |P| (Cauchy and Schwarz). The moment about the bond, at h from
-        the side's centre, is (I_side I^-1 - s) (x × J) + s d × J - h × P, with I_side about the side's own centre.
-        """
-        return self._largest(places, np.sqrt(1.25), 2.0)
-
-    def _largest(self, places: np.ndarray, of_push: float, of_moment: float) -> tuple[float, float]:
-        """Bound of of_push |P| + of_moment |moment|: the largest coefficients over bonds and struck sides."""
-        whole = places - places.mean(axis=0)
-        inverse = np.linalg.inv(_inertia(whole))
-        fixed, by_arm = 0.0, 0.0
-        for (i, j), side in zip(self.bonds, self.sides, strict=True):
-            d = whole[side].mean(axis=0)
-            h = np.linalg.norm((whole[i] + whole[j]) / 2 - d)
-            mass, own = side.sum(), _inertia(whole[side] - d)
-            turn = mass * np.linalg.norm(_cross(d) @ inverse, 2)
-            for struck in (0.0, 1.0):
-                push = abs(side.mean() - struck)
-                moment = struck * np.linalg.norm(d) + h * push
-                moment_arm = np.linalg.norm(own @ inverse - struck * np.eye(3), 2) + h * turn
-                fixed = max(fixed, float(of_push * push + of_moment * moment))
-                by_arm = max(by_arm, float(of_push * turn + of_moment * moment_arm))
-        return fixed * SLACK, by_arm * SLACK
+        inverse = np.linalg.inv(_inertia(places))
+        found = np.zeros((len(self.bonds), 2, 6, 6))
+        for n, ((i, j), side) in enumerate(zip(self.bonds, self.sides, strict=True)):
+            d = places[side].mean(axis=0)
+            arm = _cross((places[i] + places[j]) / 2 - d)
+            along = places[j] - places[i]
+            frame = np.vstack([along, np.linalg.svd(along[None])[2][1:]])  # and two directions across it
+            own = _inertia(places[side] - d) @ inverse
+            for struck in (0, 1):
+                push = np.hstack([(side.mean() - struck) * np.eye(3), -side.sum() * _cross(d) @ inverse])
+                moment = np.hstack([struck * _cross(d), own - struck * np.eye(3)]) - arm @ push
+                found[n, struck] = np.vstack([frame @ push, 2 * moment])
+        return found
 
 
 def _inertia(places: np.ndarray) -> np.ndarray:

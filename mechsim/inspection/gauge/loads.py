@@ -67,14 +67,24 @@ class Loads:
 
 def loads_of(records: Sequence[RunRecord]) -> Loads:
     """Pool the logs of runs; tanks and compositions may differ. ValueError: no log, or runs of another physics."""
+    return pooled(logs_of(records))
+
+
+def logs_of(records: Sequence[RunRecord]) -> list[Loads]:
+    """The log of each run; errors as in `loads_of`."""
     if not records:
         raise ValueError("no runs; expected at least one finished run with a log (log_above of the effect breaking)")
     physics = {_physics(record) for record in records}
     if len(physics) > 1:
         raise ValueError("the runs differ in effects, cubes or rules; expected one physics: gauge them one by one")
-    total = _loads_of(records[0])
-    for record in records[1:]:
-        total += _loads_of(record)
+    return [_loads_of(record) for record in records]
+
+
+def pooled(runs: Sequence[Loads]) -> Loads:
+    """All hits and exposures together; at least one run."""
+    total, *others = runs
+    for run in others:
+        total += run
     return total
 
 

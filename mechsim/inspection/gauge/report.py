@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from kinetics.support.intervals import exact_limits
 from kinetics.support.tables import columns
-from mechsim.inspection.gauge.loads import Loads, loads_of
+from mechsim.inspection.gauge.loads import Loads, logs_of, pooled
 from mechsim.inspection.gauge.rates import (
     BreakRate,
     CountedBreaks,
@@ -23,11 +24,12 @@ from mechsim.inspection.gauge.rates import (
     hit_rates,
     levels_of,
 )
+from mechsim.inspection.gauge.tanks import TankRow, compare_tanks, tank_doubts
 from mechsim.runs.record import RunRecord
 
 SOURCES = ("all", "bodies", "walls")
 MOST_SHOWN = 2.0  # thresholds, in the figure
-FIFTH = 5  # a gauge from every fifth run is checked against the breaks in the others
+FIFTH = 5  # a gauge from every fifth run of each kind of tank is checked against the breaks in the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,9 @@ class Gauge:
 
     cpu_seconds : of all runs
     missing : species and sources with too few hits for a tail, and why
-    checks : a gauge from every fifth run against the breaks counted in the others; empty below five runs
+    tanks : rates of hits compared between tanks of different size or number of cubes; empty where all are alike
+    checks : a gauge from every fifth run of each kind of tank against the breaks counted in the others; empty below
+        five runs
     """
 
     loads: Loads
@@ -47,6 +51,7 @@ class Gauge:
     exponent_doubts: tuple[str, ...]
     breaks: tuple[BreakRate, ...]
     missing: tuple[str, ...]
+    tanks: tuple[TankRow, ...]
     checks: tuple[CountedBreaks, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -61,6 +66,8 @@ class Gauge:
             "exponent_doubts": self.exponent_doubts,
             "breaks": [asdict(row) | {"is_trustworthy": row.is_trustworthy} for row in self.breaks],
             "missing": self.missing,
+            "tanks": [asdict(row) for row in self.tanks],
+            "tank_doubts": tank_doubts(self.tanks),
             "checks": [asdict(row) for row in self.checks],
         }
 
@@ -80,15 +87,17 @@ class Gauge:
                 what = f"{row.species} by {row.source} at {row.threshold:g}"
                 parts.append(f"extrapolation not trustworthy, {what}: {'; '.join(row.doubts)}")
         parts += list(self.missing)
+        parts += tank_doubts(self.tanks)
         if self.checks:
-            title = "a gauge from every fifth run against the breaks counted in the others"
+            title = "a gauge from every fifth run of each tank against the breaks counted in the others"
             parts.append(f"{title}\n" + columns([asdict(row) for row in self.checks]))
         return "\n\n".join(parts)
 
 
 def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gauge:
     """Read the logs of runs of one physics. thresholds: at which rates are wanted; none: the runs' own."""
-    loads = loads_of(records)
+    runs, tanks = logs_of(records), [_tank_of(record) for record in records]
+    loads = pooled(runs)
     for value in thresholds:
         if not value > loads.log_above:
             raise ValueError(f"threshold {value:g}; the logs begin at {loads.log_above:g}: expected one above")
@@ -106,8 +115,7 @@ def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gau
                     breaks.append(break_rate(loads, s, source, threshold, alpha))
                 except ValueError as error:
                     missing.append(f"{loads.species[s]} by {source} at {threshold:g}: {error}")
-    fifth = [record for k, record in enumerate(records) if k % FIFTH == 0]
-    others = [record for k, record in enumerate(records) if k % FIFTH]
+    fifth, others = _split(runs, tanks)
     can_check = len(records) >= FIFTH and loads.threshold > loads.log_above
     return Gauge(
         loads,
@@ -118,8 +126,25 @@ def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gau
         tuple(exponent_doubts(exponents)) if exponents else (),
         tuple(breaks),
         tuple(missing),
-        tuple(check(loads_of(fifth), loads_of(others), len(others))) if can_check else (),
+        tuple(compare_tanks(runs, tanks, alpha)),
+        tuple(check(pooled(fifth), pooled(others), len(others))) if can_check and others else (),
     )
+
+
+def _tank_of(record: RunRecord) -> str:
+    """The kind of tank of a run, in words."""
+    spec = record.spec
+    return f"{spec.n_cubes} cubes in {' x '.join(f'{edge:g}' for edge in spec.scene.tank.size)}"
+
+
+def _split(runs: Sequence[Loads], tanks: Sequence[str]) -> tuple[list[Loads], list[Loads]]:
+    """Every fifth run of each kind of tank, and the others: both parts hold the same mix of tanks."""
+    seen: Counter[str] = Counter()
+    parts: tuple[list[Loads], list[Loads]] = [], []
+    for run, tank in zip(runs, tanks, strict=True):
+        parts[seen[tank] % FIFTH > 0].append(run)
+        seen[tank] += 1
+    return parts
 
 
 def _shown(row: BreakRate) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """Work-precision diagrams: what is compared with what, errors with honest intervals, resumable and within a budget."""
 
 import json
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from mechsim.accuracy import diagram, measuring, plot
-from mechsim.accuracy.changes import change_of
+from mechsim.accuracy.changes import RelativeChange, change_of
 from mechsim.accuracy.measuring import measure
 from mechsim.accuracy.plan import plan
 from mechsim.accuracy.quantities import QUANTITIES, counter
@@ -296,6 +298,36 @@ def test_stopped_settings_are_crosses_at_their_cost(measured):
     assert len(crosses) == 2
     assert {float(line.get_xdata()[0]) for line in crosses} == {0.123}
     assert "stopped: spin" in str(changed)
+
+
+def test_crosses_and_their_names_stand_apart_whatever_they_cost(measured, monkeypatch):
+    """Three stopped settings of one cost; the control draws them at one height."""
+    found, _, _ = measured
+    stopped = [diagram.SettingResult(p.setting, 1, 0.123, {}, "stopped: spin") for p in found.numerical[:3]]
+    changed = replace(found, numerical=(*stopped, *found.numerical), model=())
+
+    def names_overlap():
+        figure = plot.draw(changed, Figure(figsize=(10, 4)))
+        figure.draw_without_rendering()
+        boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_color() == plot.RED]
+        assert len(boxes) == 3
+        return any(a.overlaps(b) for a, b in combinations(boxes, 2))
+
+    assert not names_overlap()
+    monkeypatch.setattr(plot, "APART", 0.0)
+    assert names_overlap()
+
+
+def test_a_model_setting_of_a_multiple_is_shown_as_a_ratio(measured):
+    """Twenty times as much and none at all fit one panel: the axis is one of ratios, and never ends at or below 0."""
+    found, _, _ = measured
+    name = next(iter(found.means))
+    points = [
+        replace(p, changes={name: RelativeChange(x, 0.1)}) for p, x in zip(found.numerical, (20, -1), strict=False)
+    ]
+    ax = plot.sensitivity(Figure().subplots(), replace(found, model=tuple(points)))
+    assert ax.get_xscale() == "log"
+    assert sorted(ax.lines[0].get_xdata()) == [plot.LEAST_RATIO, 21.0]
 
 
 def test_a_guarded_trial_keeps_its_reason(line4):

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from mechsim.commands.loads import loads as command
+from mechsim.inspection.gauge import report
 from mechsim.inspection.gauge.loads import loads_of
 from mechsim.inspection.gauge.report import gauge
 from mechsim.runs.record import RunSpec, execute
@@ -63,6 +64,18 @@ def test_the_gauge_of_all_runs(records):
     assert abs(quadmers - expected) < 4 * np.hypot(error, np.sqrt(expected))
     assert gauge(records[:4]).checks == ()  # too few to hold some out
     assert found.cpu_seconds == sum(record.cost["cpu_seconds"] for record in records)
+
+
+def test_the_check_keeps_the_mix_of_tanks(records, monkeypatch):
+    """Every fifth run of each tank: both parts hold both kinds, where every fifth of all would take one kind alone."""
+    seen = {}
+    monkeypatch.setattr(report, "check", lambda gauged, counted, runs: seen.update(parts=(gauged, counted, runs)) or [])
+    kinds = iter(["60 cubes", "120 cubes", "120 cubes", "120 cubes", "120 cubes"] * 2)
+    monkeypatch.setattr(report, "_tank_of", lambda record: next(kinds))
+    gauge([*records, *records])
+    gauged, counted, runs = seen["parts"]
+    assert runs == 7  # one of two at 60 cubes and two of eight at 120 are in the gauge
+    np.testing.assert_allclose(gauged.alone + counted.alone, 2 * loads_of(records).alone)
 
 
 def test_the_command(folder, tmp_path):
