@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, equations, mean_over, relative_error
+from kinetics.passage.certified import leaving_rates
+from kinetics.passage.elimination import equations
 from kinetics.passage.entry import reached_states
 from kinetics.passage.sampled import sampled_jumps
 from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
+from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, Ints, read_only
 
 Target = Callable[[Ints], NDArray[np.bool_]]
@@ -32,8 +33,8 @@ class ChainCommittor:
     never : probability of reaching none, that is, of entering states from which no target can be reached
     mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
     occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
-    error : relative error of all of these
-    is_bound : whether the error is proven; not where the states are too many to eliminate, or by rate laws
+    error : relative error of all of these, rounding of the rates included
+    is_bound : whether the error is proven; not by rate laws
     """
 
     transitions: Transitions
@@ -137,23 +138,42 @@ def committor_of(transitions: Transitions, start: Floats, targets: Mapping[str, 
     committors, occupation = member.astype(float), np.zeros(start.size)
     probabilities, never = member @ start, float(start[lost].sum())
     times = np.where(probabilities > 0, 0.0, np.nan)
-    error, is_bound = 0.0, transitions.is_certified
+    error = 0.0
     if first.any():
         place = np.where(way, np.cumsum(way) - 1, -1)
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]
         here, there, gone = place[rows[out]], columns[out], rates[out]
-        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], totals(here, gone, size))
-        is_bound &= isinstance(chain, Elimination)
+        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving_rates(here, gone, size))
         for k, targeted in enumerate(member):
-            chances = chain.solve(totals(here, gone * targeted[there], size))
-            committors[k, way] = np.minimum(chances, 1.0)
-            if first @ chances > 0:
-                probabilities[k] = min(probabilities[k] + float(first @ committors[k, way]), 1.0)
+            chances = chain.solved(leaving_rates(here, gone * targeted[there], size))
+            committors[k, way] = np.minimum(chances.values, 1.0)
+            chance, wrong = chances.mean(first)
+            error = max(error, chances.relative)
+            if chance > 0:
+                probabilities[k] = min(probabilities[k] + chance, 1.0)
                 # E[time; this end] solves the same equations with the chance of this end as what is earned.
-                times[k] = mean_over(first, chain.solve(chances)) / probabilities[k]
-                error = max(error, relative_error(chain, chances, first))
-        never += float(first @ chain.solve(totals(here, gone * lost[there], size)))
-        occupation[way] = chain.occupation(first)
-    names = tuple(targets)
-    return ChainCommittor(stopped, names, committors, probabilities, never, times, occupation, 2.0 * error, is_bound)
+                time, more = chain.solved(chances.values).mean(first)
+                times[k] = time / probabilities[k]
+                error = max(error, more + chances.relative + wrong)
+        missed, wrong = chain.solved(leaving_rates(here, gone * lost[there], size)).mean(first)
+        never += missed
+        stays = chain.occupied(first)
+        occupation[way] = stays.values
+        error = 1.001 * max(error, wrong, stays.relative) + 2.0 * ROUNDOFF
+        if error == np.inf:
+            raise ValueError(
+                f"the targets are too remote: with {size} states on the way, too many to eliminate, the chances cannot "
+                f"be solved for; start nearer to the targets, or from fewer copies"
+            )
+    return ChainCommittor(
+        stopped,
+        tuple(targets),
+        committors,
+        probabilities,
+        never,
+        times,
+        occupation,
+        error,
+        transitions.is_certified,
+    )

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, SparseFactors, equations, mean_over, relative_error
+from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
+from kinetics.passage.elimination import equations, mean_over
 from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
@@ -34,8 +35,7 @@ class Passage:
     n_states : number of states before the target
     chain : the uniformised chain on these states; its last state is the target
     start : probabilities of its states at time 0
-    is_bound : whether error and sd_error are proven; not where the states are too many to eliminate, or by rate laws
-    is_certified : whether the limits of cdf, survival and quantiles are proven; not by rate laws
+    is_bound : whether errors and limits are proven; not by rate laws
     """
 
     target: str
@@ -48,7 +48,6 @@ class Passage:
     chain: DiscreteChain = field(repr=False)
     start: Floats = field(repr=False)
     is_bound: bool = True
-    is_certified: bool = True
 
     @property
     def is_certain(self) -> bool:
@@ -187,31 +186,30 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     rows, columns, rates, begins = lumped(transitions, is_target, start)
     n, there = begins.size - 1, float(begins[-1])
     chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1))
-    is_certified = transitions.is_certified
+    is_bound = transitions.is_certified
     if not begins[:n].any():
-        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, True, is_certified)
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, is_bound)
     way = _way(rows, columns, rates, begins)
     first, hits = way.first, way.hits
     if not first.any():
-        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, True, is_certified)
+        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_bound)
     chances = equations(way.rows, way.columns, way.rates, hits + way.losses)
-    is_bound = is_certified and isinstance(chances, Elimination)
     if not way.is_certain:
-        reached = _checked(chances, chances.solve(hits), first)
-        error = relative_error(chances, reached, first)
-        chance = min(there + mean_over(first, reached), 1.0)
-        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound, is_certified)
-    means = _checked(chances, chances.solve(np.ones(hits.size)), first)
-    error = relative_error(chances, means, first)
+        chance, error = _checked(chances.solved(hits), first).mean(first)
+        chance = min(there + chance, 1.0)
+        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound)
+    means = _checked(chances.solved(np.ones(hits.size)), first)
+    mean, error = means.mean(first)
     variances, doubt = _variances(chances, way, means)
-    mean, spread, more = _spread(chances, first, there, means)
-    variance = mean_over(first, variances) + spread
+    spread, more = _spread(first, there, means)
+    within, wrong = variances.mean(first)
+    variance = within + spread
     terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
     slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
-    sd_error = 0.5 * (relative_error(chances, variances, first) + slack) + ROUNDOFF
+    sd_error = 0.5 * (wrong + slack) + ROUNDOFF
     sd = float(np.sqrt(variance))
-    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound, is_certified)
+    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound)
 
 
 class _Way(NamedTuple):
@@ -241,60 +239,53 @@ def _way(rows: Ints, columns: Ints, rates: Floats, begins: Floats) -> _Way:
     place, n = np.cumsum(way) - 1, int(way.sum())
     here = way[rows]
     inside, hit, lost = here & way[columns], here & is_last[columns], here & ~leads[columns]
-    hits, losses = (totals(place[rows[out]], rates[out], n) for out in (hit, lost))
+    hits, losses = (leaving_rates(place[rows[out]], rates[out], n) for out in (hit, lost))
     is_certain = not (losses.any() or begins[~leads].any())
     return _Way(place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[way], is_certain)
 
 
-def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats) -> tuple[Floats, Floats]:
+def _variances(chain: Equations, way: _Way, means: BoundedSolution) -> tuple[BoundedSolution, Floats]:
     """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
 
     That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
     a square means are subtracted: what that may be wrong by is added up by the same equations.
     """
     rows, columns, rates, hits, *_ = way
+    mean, each = means
     exits = totals(rows, rates, mean.size) + hits
     onward = mean - 1.0 / exits
     gaps = mean[columns] - onward[rows]
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
-    variance = chain.solve(1.0 / exits + spread)
-    each = _each_error(chain, mean)
+    variance = chain.solved(1.0 / exits + spread)
     wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
     doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
     doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
-    return variance, chain.solve(doubt)
+    return variance, chain.at_most(doubt, variance.values)
 
 
-def _spread(
-    chain: Elimination | SparseFactors, first: Floats, there: float, means: Floats
-) -> tuple[float, float, float]:
-    """Mean of the time over its start, variance between the beginnings, and what that may be wrong by.
+def _spread(first: Floats, there: float, means: BoundedSolution) -> tuple[float, float]:
+    """Variance of the mean time between the beginnings, and what that may be wrong by.
 
     first : (n,) probabilities of beginning on the way; there : of beginning in the target
     """
-    mean = mean_over(first, means)
     if there == 0.0 and np.count_nonzero(first) == 1:
-        return mean, 0.0, 0.0
-    gaps = means - mean
-    wrong = _each_error(chain, means) + 8.0 * ROUNDOFF * (means + mean)
-    wrong += relative_error(chain, means, first) * mean
+        return 0.0, 0.0
+    mean, relative = means.mean(first)
+    gaps = means.values - mean
+    wrong = means.errors + 8.0 * ROUNDOFF * (means.values + mean) + relative * mean
     doubt = wrong * (2.0 * np.abs(gaps) + wrong)
-    return mean, mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
+    return mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
 
 
-def _each_error(chain: Elimination | SparseFactors, mean: Floats) -> Floats:
-    return chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
-
-
-def _checked(chain: Elimination | SparseFactors, solution: Floats, first: Floats) -> Floats:
+def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
     """The solution, where its entries are numbers and its mean over the beginnings is known to three digits."""
-    if not np.isfinite(solution).all():
+    if not np.isfinite(solution.values).all():
         raise ValueError(
             "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
         )
-    if not relative_error(chain, solution, first) < 1e-3:
+    if not solution.mean(first)[1] < 1e-3:
         raise ValueError(
-            f"the target is too remote: with {solution.size} states on the way, too many to eliminate, it cannot be "
+            f"the target is too remote: with {first.size} states on the way, too many to eliminate, it cannot be "
             f"solved for to three digits; start nearer to the target, or from fewer copies"
         )
     return solution
@@ -302,12 +293,8 @@ def _checked(chain: Elimination | SparseFactors, solution: Floats, first: Floats
 
 def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Rows, columns and rates with all targets as one last state, which is never left; and the start among these."""
-    from scipy.sparse import csr_array
-
     n = int((~is_target).sum())
     place = np.where(is_target, n, np.cumsum(~is_target) - 1)
     goes = ~is_target[transitions.rows]
-    places = (place[transitions.rows[goes]], place[transitions.columns[goes]])
-    entries = csr_array((transitions.rates[goes], places), shape=(n + 1, n + 1)).tocoo()
     begins = np.append(start[~is_target], start[is_target].sum())
-    return entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, begins
+    return place[transitions.rows[goes]], place[transitions.columns[goes]], transitions.rates[goes], begins
