@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,17 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
+from kinetics.passage.arrival import Arrival
+from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.passage.elimination import equations, mean_over
 from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
-from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.support.arrays import Floats, Ints, reals, whole_number
-
-TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
-NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +32,8 @@ class Passage:
     error : relative error of mean and probability
     sd_error : relative error of sd, likewise
     n_states : number of states before the target
-    chain : the uniformised chain on these states; its last state is the target
-    start : probabilities of its states at time 0
+    transitions : among these states and the target, which is the last
+    start : probabilities of these states at time 0
     is_bound : whether errors and limits are proven; not by rate laws
     """
 
@@ -45,7 +44,7 @@ class Passage:
     error: float
     sd_error: float
     n_states: int
-    chain: DiscreteChain = field(repr=False)
+    transitions: Transitions = field(repr=False)
     start: Floats = field(repr=False)
     is_bound: bool = True
 
@@ -55,43 +54,29 @@ class Passage:
         return bool(np.isfinite(self.mean))
 
     @cached_property
-    def _absorption(self) -> Absorption:
-        return Absorption(self.chain, self.start)
+    def _arrival(self) -> Arrival:
+        return Arrival(self.transitions, self.start, self.target)
 
     def cdf(self, times: ArrayLike) -> Floats:
         """Probability (...) that the target has been reached by `times` (...), tu."""
-        return self._at(times)[0]
+        return _at(times, self._arrival.cdf)[0]
 
     def survival(self, times: ArrayLike) -> Floats:
-        """Probability (...) that it has not been reached; summed separately, so accurate even where it is tiny."""
-        return self._at(times)[1]
+        """Probability (...) that it has not been reached."""
+        return _at(times, self._arrival.survival)[0]
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included."""
-        value, _, error = self._at(times)
-        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included.
+
+        Where it is small, they are close relative to it.
+        """
+        low, high = _at(times, self._arrival.cdf)[1:]
+        return low, high
 
     def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the survival (...)."""
-        _, value, error = self._at(times)
-        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
-
-    def _at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        asked = np.asarray(times, dtype=float)
-        flat = reals("times", asked.ravel(), (None,), minimum=0)
-        self._check_steps(flat.max(initial=0.0))
-        found = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 3)
-        absorbed, alive, error = found.T.reshape(3, *asked.shape)
-        return absorbed, alive, error
-
-    def _check_steps(self, time: float) -> None:
-        steps = self.chain.steps_until(time, TOLERANCE)
-        if steps > MAX_STEPS:
-            raise ValueError(
-                f"the distribution of the time until {self.target} needs {steps:.3g} steps at {time:g} tu, at most "
-                f"{MAX_STEPS}; mean and sd are exact without them, and a time much longer than the single waits is "
-                f"nearly exponential"
-            )
+        """Lower and upper limits of the survival (...), likewise."""
+        low, high = _at(times, self._arrival.survival)[1:]
+        return low, high
 
     def quantile(self, q: ArrayLike) -> Floats:
         """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
@@ -105,35 +90,15 @@ class Passage:
         return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
 
     def _quantile_bounds(self, q: float) -> tuple[float, float]:
-        """Quantiles of a little less and a little more: by as much as the cdf may be wrong up to twice the time."""
-        middle = self._quantile(q)
-        if middle == 0.0:
-            return 0.0, 0.0
-        if middle == np.inf:
-            # Reached with just about this probability, or never.
-            if q > self.probability * (1.0 + self.error):
-                return np.inf, np.inf
-            low = self._quantile(max(self.probability * (1.0 - self.error) - NEARLY, 0.0))
-            return low if float(self._at(low)[2]) <= NEARLY else 0.0, np.inf
-        error = float(self._at(2.0 * middle)[2])
-        low, high = self._quantile(max(q - error, 0.0)), self._quantile(q + error)
-        return low, high if high <= 2.0 * middle else np.inf
+        if not self.is_certain and q > self.probability * (1.0 + self.error):
+            return np.inf, np.inf
+        ever = 1.0 if self.is_certain else self.probability * (1.0 - self.error)
+        return self._arrival.quantile_bounds(q, ever)
 
     def _quantile(self, q: float) -> float:
-        """Inverts the cdf by bisection, down to the last bit."""
-        if self.cdf(0.0) >= q:
-            return 0.0
-        if q >= self.probability:
-            return float("inf")
-        late = 1.0 / self.chain.rate
-        while self.cdf(late) < q:
-            late *= 2.0
-        early = 0.0
-        while True:
-            middle = 0.5 * (early + late)
-            if not early < middle < late:
-                return late
-            early, late = (middle, late) if self.cdf(middle) < q else (early, middle)
+        if q > self.start[-1] and q >= self.probability:
+            return np.inf
+        return self._arrival.quantile(q)
 
     def __str__(self) -> str:
         if self.is_certain:
@@ -147,6 +112,16 @@ class Passage:
         last = self._quantile(0.99 * self.probability) or 1.0
         times = np.linspace(0.0, last, 201)
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
+
+
+def _at(times: ArrayLike, question: Callable[[float], LimitedValue]) -> tuple[Floats, Floats, Floats]:
+    """Values (...) at times (...), and their limits."""
+    asked = np.asarray(times, dtype=float)
+    flat = reals("times", asked.ravel(), (None,), minimum=0)
+    latest = question(float(flat.max(initial=0.0)))  # one pass serves all
+    found = [latest if time == flat.max() else question(float(time)) for time in flat]
+    values, low, high = np.array([each[:3] for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    return values, low, high
 
 
 def _probabilities(q: ArrayLike) -> Floats:
@@ -183,13 +158,12 @@ def first_passage(
 
 def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str) -> Passage:
     """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
-    rows, columns, rates, begins = lumped(transitions, is_target, start)
+    chain, begins = lumped(transitions, is_target, start)
     n, there = begins.size - 1, float(begins[-1])
-    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1))
     is_bound = transitions.is_certified
     if not begins[:n].any():
         return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, is_bound)
-    way = _way(rows, columns, rates, begins)
+    way = _way(chain, begins)
     first, hits = way.first, way.hits
     if not first.any():
         return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_bound)
@@ -230,9 +204,9 @@ class _Way(NamedTuple):
     is_certain: bool
 
 
-def _way(rows: Ints, columns: Ints, rates: Floats, begins: Floats) -> _Way:
+def _way(chain: Transitions, begins: Floats) -> _Way:
     """Of a chain whose last state is the target."""
-    chain = Transitions(rows, columns, rates, np.zeros(begins.size))
+    rows, columns, rates, *_ = chain
     is_last = np.arange(begins.size) == begins.size - 1
     leads = chain.leading_to(is_last)
     way = leads & chain.reached_from(begins > 0) & ~is_last
@@ -291,10 +265,11 @@ def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
     return solution
 
 
-def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Rows, columns and rates with all targets as one last state, which is never left; and the start among these."""
+def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Transitions, Floats]:
+    """The chain with all targets as one last state, which is never left; and the start among these."""
     n = int((~is_target).sum())
     place = np.where(is_target, n, np.cumsum(~is_target) - 1)
     goes = ~is_target[transitions.rows]
-    begins = np.append(start[~is_target], start[is_target].sum())
-    return place[transitions.rows[goes]], place[transitions.columns[goes]], transitions.rates[goes], begins
+    places = place[transitions.rows[goes]], place[transitions.columns[goes]]
+    chain = Transitions(*places, transitions.rates[goes], np.zeros(n + 1), transitions.is_certified)
+    return chain, np.append(start[~is_target], start[is_target].sum())
