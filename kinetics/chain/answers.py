@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from kinetics.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, Ints, read_only
 
+LOPSIDED = 100.0  # how much wider the upper side is where the chain may be lost
+
 
 @dataclass(frozen=True)
 class ChainAnswer:
@@ -35,6 +37,8 @@ class ChainAnswer:
 
     def __str__(self) -> str:
         kind = "proven" if self.is_bound else "estimated"
+        if self.high - self.value > LOPSIDED * (self.value - self.low):
+            return f"{self.low:.12g} to {self.high:.12g} ({kind}; {self.method})"
         wide = max(self.high - self.value, self.value - self.low)
         relative = f", {wide / abs(self.value):.1e} of it" if self.value and wide else ""
         return f"{self.value:.12g} (+- {wide:.1e}{relative}, {kind}; {self.method})"

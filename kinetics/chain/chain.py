@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,14 @@ from kinetics.chain.checks import (
     checked_reward,
     checked_start,
 )
+from kinetics.chain.listing import Condition, listed
 from kinetics.chain.predicates import StateNames
+from kinetics.chain.rewards import earning, named_reward, wider, with_more
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until
 from kinetics.passage.committor import ChainCommittor, committor_of
-from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import Passage, passage_to
+from kinetics.passage.projected import ProjectedPassage
 from kinetics.passage.sampled import sampled_jumps
 from kinetics.passage.stationary import ChainStationary, stationary_of
 from kinetics.passage.until import UNDERFLOW, always, always_by, earned_until, until, until_by
@@ -33,9 +36,8 @@ from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.solving.dense import MAX_DENSE
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.solving.uniformisation import MAX_STEPS
-from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
+from kinetics.support.arrays import Floats, integers, read_only, real_number, rising_times
 
 Mask = NDArray[np.bool_]
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
@@ -53,6 +55,8 @@ class Chain:
     labels : name -> truths (N,), or a condition as text
     rewards : name -> `Reward`; rates (N,) alone, or a formula in counts as text, for one without impulses
     variables, counts : V names, and their values (N, V) in every state, for conditions such as "A >= 1 and B == 0"
+    lost : states at the edge of a part of a larger chain: entered truly, but what happens from there is not known.
+        Limits then hold whatever that is, and `value` counts nothing of it
 
     Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `ChainAnswer`, with limits that
     are proven unless it says otherwise; small probabilities come with a relative error. ValueError: what is no chain,
@@ -65,6 +69,7 @@ class Chain:
     rewards: Mapping[str, Reward | ArrayLike | str] = field(default_factory=dict)
     variables: Sequence[str] = ()
     counts: ArrayLike | None = None
+    lost: Target | None = None
     _transitions: Transitions = field(init=False, repr=False)
     _space: StateSpace | None = field(init=False, repr=False)
 
@@ -75,6 +80,8 @@ class Chain:
         known = Transitions(entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, np.zeros(n))
         self._set(_transitions=known, _space=None, initial=checked_start(self.initial, n))
         self._describe(n)
+        lost = np.zeros(n, dtype=bool) if self.lost is None else self.states(self.lost, "lost")
+        self._set(_transitions=known.stopped(lost), lost=lost)
 
     def _describe(self, n: int) -> None:
         """Check the names of states and what they earn."""
@@ -111,27 +118,24 @@ class Chain:
         initial: Mapping[str, int] | ArrayLike,
         labels: Mapping[str, Target] | None = None,
         rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
-        stop: str | Callable[[Ints], Mask] | None = None,
+        stop: Condition | None = None,
         max_states: int = MAX_STATES,
+        within: Condition | int | None = None,
     ) -> Chain:
         """The chain of a network from given counts; its variables are the species, its first state is where it starts.
 
         stop : condition in which the chain stops, as text or as a function of states (n, S) with truths (n,); what
             lies beyond is not explored, so that the others may be finitely many
+        within : condition within which it is followed, likewise, or the least number of states, those that the fewest
+            events lead to; beyond, it is `lost`, and answers have limits for all that may happen then
         ValueError: more states than `max_states` can be reached
         """
-
-        def stops(states: Ints) -> Mask:
-            if callable(stop):
-                return stop(states)
-            return StateNames(len(states), network.species, states, {}).holds(str(stop))
-
-        space = reached_states(network, initial, max_states, None if stop is None else stops)
+        space, lost = listed(network, initial, stop, within, max_states)
         chain = cls.__new__(cls)
         start = np.eye(1, len(space))[0]
         chain._set(_transitions=space.transitions(), _space=space, initial=checked_start(start, len(space)))
         chain._set(labels=labels or {}, rewards=rewards or {}, variables=network.species, counts=space.states)
-        chain._set(generator=chain._transitions.generator())
+        chain._set(generator=chain._transitions.generator(), lost=read_only(lost))
         chain._describe(len(space))
         return chain
 
@@ -140,12 +144,25 @@ class Chain:
 
     def __repr__(self) -> str:
         labels, rewards = (", ".join(names) or "none" for names in (self.labels, self.rewards))
-        return f"<Chain: {len(self)} states, {self.transitions.rates.size} rates; labels {labels}; rewards {rewards}>"
+        lost = f", lost in {int(self._lost.sum())}" if self._lost.any() else ""
+        rates = self.transitions.rates.size
+        return f"<Chain: {len(self)} states{lost}, {rates} rates; labels {labels}; rewards {rewards}>"
 
     @property
     def transitions(self) -> Transitions:
         """The rates; of a network, one entry a state and channel."""
         return self._transitions
+
+    @property
+    def _lost(self) -> Mask:
+        return np.asarray(self.lost)
+
+    def _check_whole(self, question: str) -> None:
+        if self._lost.any():
+            raise ValueError(
+                f"{question} cannot be told of a part of a chain, which is lost beyond: list all of its states, or ask "
+                f"for a probability, a committor, passage_limits or a reward"
+            )
 
     @property
     def _names(self) -> StateNames:
@@ -173,6 +190,7 @@ class Chain:
 
     def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:
         """Probabilities of all states at `times` (T,), tu, rising, by a solving method (by default `Transient`)."""
+        self._check_whole("the distribution")
         began, grid = time.process_time(), rising_times(times)
         if not grid.size:
             raise ValueError("times is empty; give at least one time")
@@ -195,16 +213,33 @@ class Chain:
         """
         goal = self.states(target)
         ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
-        if by is None:
-            return self._answer(lambda: until(*self._begun, ways, goal), ELIMINATION)
-        return self._in_time(goal, goal | ~ways, by, method, lambda t: until_by(*self._begun, ways, goal, t))
+
+        def reached(goals: Mask) -> ChainAnswer:
+            if by is None:
+                return self._answer(lambda: until(*self._begun, ways, goals), ELIMINATION)
+            return self._in_time(goals, goals | ~ways, by, method, lambda t: until_by(*self._begun, ways, goals, t))
+
+        return self._either_way(reached, goal, self._lost & ways & ~goal)
 
     def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> ChainAnswer:
         """Probability of not leaving the states, until a time or ever."""
-        kept = self.states(states)
-        if by is None:
-            return self._answer(lambda: always(*self._begun, kept), ELIMINATION)
-        return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
+        wanted = self.states(states)
+
+        def stays(kept: Mask) -> ChainAnswer:
+            if by is None:
+                return self._answer(lambda: always(*self._begun, kept), ELIMINATION)
+            return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
+
+        return self._either_way(stays, wanted & ~self._lost, self._lost & wanted)
+
+    def _either_way(self, question: Callable[[Mask], ChainAnswer], certain: Mask, unsure: Mask) -> ChainAnswer:
+        """The answer for the certain states, with an upper limit for the unsure ones as well."""
+        low = question(certain)
+        if not unsure.any():
+            return low
+        high = question(certain | unsure)
+        seconds = low.cpu_seconds + high.cpu_seconds
+        return replace(low, high=high.high, is_bound=low.is_bound and high.is_bound, cpu_seconds=seconds)
 
     @property
     def _begun(self) -> tuple[Transitions, Floats]:
@@ -251,44 +286,32 @@ class Chain:
         asked = [at is not None, up_to is not None, until is not None, stationary]
         if sum(asked) != 1:
             raise ValueError("give one of at, up_to, until and stationary")
-        given = self._reward_named(name)
+        given = named_reward(name, self.rewards, self.variables, self.counts)  # type: ignore[arg-type]
         if at is not None:
             if given.impulses is not None:
                 raise ValueError(
                     f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time"
                 )
             now = float(rising_times([at])[0])
-            return self._answer(lambda: expected_at(*self._begun, np.asarray(given.rates), now), BACKWARD)
-        earning, rounded = self._earning(given)
+            return self._answer(lambda: self._earned(expected_at, np.asarray(given.rates), given.most, now), BACKWARD)
+        rates, rounded = earning(self.transitions, given)
         if up_to is not None:
             end = float(rising_times([up_to])[0])
-            return self._answer(lambda: _wider(expected_integral(*self._begun, earning, end), rounded), BACKWARD)
+            total = partial(self._earned, expected_integral, rates, given.most, end)
+            return self._answer(lambda: wider(total(), rounded), BACKWARD)
         if until is not None:
             goal = self.states(until)
-            return self._answer(lambda: _wider(earned_until(*self._begun, earning, goal), rounded), ELIMINATION)
-        return self._answer(lambda: _wider(self._in_the_end(earning), rounded), ELIMINATION)
+            unsure = self._lost & ~goal
+            found = self._answer(lambda: wider(earned_until(*self._begun, rates, goal | unsure), rounded), ELIMINATION)
+            return replace(found, high=np.inf) if unsure.any() else found
+        return self._answer(lambda: wider(self._in_the_end(rates), rounded), ELIMINATION)
 
-    def _reward_named(self, name: str | None) -> Reward:
-        if name is None and len(self.rewards) == 1:
-            name = next(iter(self.rewards))
-        known: Any = self.rewards
-        if name in known:
-            return known[name]
-        if name in self.variables:
-            return Reward(np.asarray(self.counts)[:, self.variables.index(name)].astype(float))
-        there = ", ".join([*self.rewards, *self.variables]) or "none"
-        came = "no reward was named" if name is None else f"unknown reward {name!r}"
-        raise ValueError(f"{came}; there are {there}")
-
-    def _earning(self, reward: Reward) -> tuple[Floats, float]:
-        """What is earned (N,) a time unit in each state, impulses included, and its relative error."""
-        rates = np.asarray(reward.rates)
-        if reward.impulses is None:
-            return rates, 0.0
-        rows, columns, speeds, *_ = self.transitions
-        worth = np.asarray(reward.impulses[rows, columns]).ravel()
-        terms = int(np.bincount(rows, minlength=1).max())
-        return rates + totals(rows, speeds * worth, len(self)), ROUNDOFF * (RATE_ERROR + terms + 3)
+    def _earned(
+        self, mean: Callable[..., LimitedValue], rates: Floats, most: float | None, time: float
+    ) -> LimitedValue:
+        """Mean of what is earned by or at a time; where the chain is lost, nothing at least."""
+        known = mean(*self._begun, np.where(self._lost, 0.0, rates), time)
+        return with_more(known, mean(*self._begun, self._lost.astype(float), time), most) if self._lost.any() else known
 
     def in_the_end(self, states: Target) -> ChainAnswer:
         """Probability of the states after infinite time."""
@@ -305,29 +328,40 @@ class Chain:
 
     def stationary(self) -> ChainStationary:
         """The distribution after infinite time, with a relative error a state."""
+        self._check_whole("what holds after infinite time")
         return stationary_of(*self._begun)
 
     def passage(self, target: Target) -> Passage:
         """The first-passage time to the target: moments, distribution and quantiles."""
-        return passage_to(*self._begun, self.states(target), target if isinstance(target, str) else "the target")
+        self._check_whole("a passage time")
+        return self.passage_limits(target).latest
+
+    def passage_limits(self, target: Target, name: str = "") -> ProjectedPassage:
+        """Limits of the first-passage time to the target, which `name` states in words, also where it may be lost."""
+        goal, words = self.states(target), name or (target if isinstance(target, str) else "the target")
+        unsure = self._lost & ~goal
+        latest = passage_to(*self._begun, goal, words)
+        return ProjectedPassage(passage_to(*self._begun, goal | unsure, words) if unsure.any() else latest, latest)
 
     def committor(self, targets: Mapping[str, Target]) -> ChainCommittor:
         """The probabilities that each of several targets, which exclude each other, is reached first."""
         masks = {name: self.states(given, f"target {name!r}") for name, given in targets.items()}
         if not masks:
             raise ValueError("no targets; give at least one, as in {'extinct': 'A == 0'}")
-        twice = np.sum(list(masks.values()), axis=0) > 1
-        if twice.any():
+        twice = np.sum(list(masks.values()), axis=0)
+        if twice.max() > 1:
             raise ValueError(f"state {int(np.argmax(twice))} belongs to two targets; make them exclude each other")
-        return committor_of(*self._begun, masks)
+        return committor_of(*self._begun, masks, self._lost & (twice == 0))
 
     def sample_path(self, end: float, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until `end`, tu; (seed, run) name it."""
+        self._check_whole("a run")
         until_then = float(rising_times([end])[0])
         return self._path(self._begun[1], until_then, seed, run)
 
     def sample_path_to(self, target: Target, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until the target, drawn from the runs that reach it, however few (Doob's h-transform)."""
+        self._check_whole("a run")
         found = self.committor({"target": target})
         chances = found.committors[0]
         weights = self._begun[1] * chances
@@ -355,9 +389,3 @@ class Chain:
         began = time.process_time()
         limited = question()
         return ChainAnswer.of(limited, method, time.process_time() - began)
-
-
-def _wider(limited: LimitedValue, relative: float) -> LimitedValue:
-    """The same, where what was added up has a relative error of its own."""
-    more = 1.001 * relative
-    return limited._replace(low=limited.low * (1.0 - more), high=limited.high * (1.0 + more))

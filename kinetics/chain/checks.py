@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.support.arrays import Floats, read_only, reals
+from kinetics.support.arrays import Floats, read_only, real_number, reals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -23,10 +23,13 @@ class Reward:
     """What a chain earns: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
 
     None is negative; either may be None, for nothing.
+
+    most : what is earned a time unit at most where the chain is lost, impulses included; None where nobody knows
     """
 
     rates: ArrayLike | None = None
     impulses: Any = None
+    most: float | None = None
 
 
 def checked_rates(generator: Any) -> csr_array:
@@ -115,7 +118,10 @@ def checked_reward(name: str, given: Reward, n: int) -> Reward:
         raise ValueError(
             f"reward {name!r} holds {least:g}; expected at least 0: ask for gains and losses as two rewards"
         )
-    return Reward(rates, impulses)
+    most = None if given.most is None else real_number(f"most of reward {name!r}", given.most)
+    if most is not None and not 0.0 <= most < np.inf:
+        raise ValueError(f"most of reward {name!r} is {most}; expected a finite number of at least 0")
+    return Reward(rates, impulses, most)
 
 
 def _off_diagonal(matrix: csr_array) -> csr_array:

@@ -54,8 +54,10 @@ def read_explicit(path: str | Path) -> Chain:
 def write_explicit(chain: Chain, path: str | Path) -> None:
     """Write a chain to a `.tra` file, and beside it its labels, variables and rewards.
 
-    ValueError: it starts in several states, which these files cannot hold
+    ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold
     """
+    if np.any(chain.lost):
+        raise ValueError("the chain is a part of a larger one, which a .tra file cannot say; list all of its states")
     file = Path(path)
     if file.suffix != ".tra":
         raise ValueError(f"{file} must end in .tra")

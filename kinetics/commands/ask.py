@@ -9,7 +9,15 @@ import click
 import numpy as np
 
 from kinetics.commands.start import start
-from kinetics.support.cli.options import AskedStart, echo_json, in_a_folder, json_option, starting_options, tank_option
+from kinetics.support.cli.options import (
+    AskedStart,
+    echo_json,
+    in_a_folder,
+    json_option,
+    starting_options,
+    tank_option,
+    within_option,
+)
 
 if TYPE_CHECKING:
     from kinetics.chain import Chain
@@ -27,6 +35,7 @@ MODELS = (".sm", ".prism")
     metavar="CONDITION",
     help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
 )
+@within_option
 @click.option(
     "--max-states",
     metavar="N",
@@ -48,6 +57,7 @@ def ask(
     edges: tuple[float, float, float] | None,
     questions: tuple[str, ...],
     stop: str | None,
+    within: str | int | None,
     max_states: int,
     out_file: str | None,
     as_json: bool,
@@ -58,6 +68,8 @@ def ask(
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
     'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; U and G take time bounds as F does, R takes I=t, C<=t, F and
     S. Species count as variables and as rewards. Times are in tu.
+
+    A network without end is followed --within some states; limits then hold whatever happens beyond them.
     """
     from kinetics.chain.queries import parse
 
@@ -67,14 +79,20 @@ def ask(
         )
     queries = [parse(question) for question in questions]  # before any state is explored
     if Path(asked.source).suffix.lower() == ".tra":
-        given = {"--rates": asked.rates_name, "--cubes": asked.cubes, "--initial": asked.initial, "--stop": stop}
-        chain = _from_files(asked.source, given | {"--copies-per-unit": asked.copies_per_unit})
+        given: dict[str, Any] = {
+            "--rates": asked.rates_name,
+            "--cubes": asked.cubes,
+            "--initial": asked.initial,
+            "--stop": stop,
+        }
+        given |= {"--copies-per-unit": asked.copies_per_unit, "--within": within}
+        chain = _from_files(asked.source, given)
         if edges is not None:
             raise ValueError(f"{asked.source} brings its own rates; leave out --tank")
         model = None
     else:
         model = start(**asked._asdict(), edges=edges).model
-        chain = _of_network(model, stop, max_states)
+        chain = _of_network(model, stop, max_states, within)
     if out_file:
         _write(out_file, chain, model)
     answers = [question.of(chain) for question in queries]
@@ -99,11 +117,11 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
     return read_explicit(path)
 
 
-def _of_network(model: NetworkModel, stop: str | None, max_states: int) -> Chain:
+def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: str | int | None) -> Chain:
     """The chain of a network, whose observables are rewards as well."""
     from kinetics.chain import Chain
 
-    chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states)
+    chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
     places = model.network.species_places
     counts = np.asarray(chain.counts, dtype=float)
     sums = {}
@@ -123,6 +141,8 @@ def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
         write_explicit(chain, path)
     elif suffix not in MODELS:
         raise ValueError(f"--out {path}: expected a name that ends in .tra, {', '.join(MODELS)}")
+    elif np.any(chain.lost):
+        raise ValueError(f"--out {path}: a model has no edge; leave out --within")
     elif model is None:
         raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")
     else:

@@ -7,7 +7,7 @@ import time
 import click
 import numpy as np
 
-from kinetics.commands.start import start
+from kinetics.commands.start import Start, start
 from kinetics.support.cli.options import (
     AskedStart,
     echo_json,
@@ -16,8 +16,10 @@ from kinetics.support.cli.options import (
     seed_option,
     starting_options,
     tank_option,
+    within_option,
 )
 
+MOST = 1_000_000  # states
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
@@ -41,6 +43,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
+@within_option
 @plot_option
 @seed_option
 @json_option
@@ -50,6 +53,7 @@ def passage(
     species: str,
     copies: int,
     draws: int,
+    within: str | int | None,
     plot_file: str | None,
     seed: int,
     as_json: bool,
@@ -59,11 +63,17 @@ def passage(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
     for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
     time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
+    A network with too many states is followed --within some of them, which gives limits.
     """
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
     begin = start(**asked._asdict(), edges=edges)
+    if within is not None:
+        if plot_file:
+            raise ValueError("--plot draws one curve, and --within gives two limits; leave out one of them")
+        _limits(begin, within, species, copies, as_json)
+        return
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
@@ -104,4 +114,39 @@ def passage(
         click.echo(f"at the posterior mean of each rate constant: {found}")
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
     for note in (*begin.in_words, *made.notes):
+        click.echo(note)
+
+
+def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
+    """Limits of the time within a part of the states, at the rates of the file."""
+    from kinetics.chain import Chain
+
+    began = time.process_time()
+    model = begin.model
+    index = model.network.index(species)
+    chain = Chain.of(
+        model.network, model.initial, stop=lambda states: states[:, index] >= copies, within=within, max_states=MOST
+    )
+    found = chain.passage_limits(np.asarray(chain.counts)[:, index] >= copies, f"{copies} {species}")
+    low, high = found.quantile_bounds(QUANTILES)
+    if as_json:
+        ever = found.probability_bounds
+        echo_json(
+            {
+                "species": species,
+                "copies": copies,
+                "states": len(chain),
+                "mean": {"low": found.mean_low},
+                "probability": dict(zip(("low", "high"), ever, strict=True)),
+                "quantiles": {q: {"low": a, "high": b} for q, a, b in zip(QUANTILES, low, high, strict=True)},
+                "is_bound": found.is_bound,
+                "notes": begin.notes,
+                "cpu_seconds": time.process_time() - began,
+            }
+        )
+        return
+    click.echo(f"{found} ({'proven' if found.is_bound else 'estimated'}; {len(chain)} states)")
+    limits = zip(QUANTILES, low, high, strict=True)
+    click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {a:.6g} to {b:.6g}" for q, a, b in limits))
+    for note in begin.in_words:
         click.echo(note)

@@ -49,46 +49,109 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
 
     The steps are q t and a margin for the tails; ValueError where they are too many.
     """
-    if time == 0.0 or not transitions.rates.any():
-        return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
-    means, errors = _passed_back(transitions, start, values, time)
-    mean = _rate(transitions) * time
-    first, weights = poisson_window(mean, LEFT_OUT)
-    window = slice(first, first + weights.size)
-    terms = weights * means[window]
-    wrong = float(terms @ (errors[window] + _weights_errors(mean, first, weights.size)))
-    wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()))
+    return BackwardPass(transitions, start, values).at(time)
 
 
 def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
     """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
-    if time == 0.0:
-        return LimitedValue(0.0, 0.0, 0.0, True)
-    if not transitions.rates.any():
-        return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
-    means, errors = _passed_back(transitions, start, values, time)
-    rate = _rate(transitions)
-    first, weights = poisson_window(rate * time, LEFT_OUT)
-    # of the number of steps N: P(N > n), whose sum over n is its mean
-    tails, wrongs = np.ones(means.size), np.zeros(means.size)
-    tails[first:] = _sums_after(weights)
-    # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
-    wrongs[first:] = _sums_after(weights * _weights_errors(rate * time, first, weights.size))
-    wrongs += ROUNDOFF * weights.size * tails
-    terms = tails * means / rate
-    wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / rate
-    wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()) * time)
+    return BackwardPass(transitions, start, values).integral(time)
+
+
+class BackwardPass:
+    """Means of `values` (N,), none negative, from a start (N,) at any times; the pass grows with the latest."""
+
+    def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
+        self._transitions, self._start, self._values = transitions, start, values
+        self._rate = _rate(transitions)
+        self._means: Floats = np.empty(0)
+        self._drifts: Floats = np.empty(0)
+        self._roundings = 0.0
+
+    def at(self, time: float) -> LimitedValue:
+        """The mean at a time, tu."""
+        if time == 0.0 or not self._transitions.rates.any():
+            at_once = float(self._start @ self._values)
+            return LimitedValue.within(at_once, ROUNDOFF * self._start.size, True)
+        means, errors = self._until(time)
+        mean = self._rate * time
+        first, weights = poisson_window(mean, LEFT_OUT)
+        window = slice(first, first + weights.size)
+        terms = weights * means[window]
+        wrong = float(terms @ (errors[window] + _weights_errors(mean, first, weights.size)))
+        wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, 1.0)
+
+    def integral(self, time: float) -> LimitedValue:
+        """The mean of the integral from 0 to a time, tu."""
+        if time == 0.0:
+            return LimitedValue(0.0, 0.0, 0.0, True)
+        if not self._transitions.rates.any():
+            stays = float(self._start @ self._values) * time
+            return LimitedValue.within(stays, ROUNDOFF * (self._start.size + 1), True)
+        means, errors = self._until(time)
+        mean = self._rate * time
+        first, weights = poisson_window(mean, LEFT_OUT)
+        # of the number of steps N: P(N > n), whose sum over n is its mean
+        tails, wrongs = np.ones(means.size), np.zeros(means.size)
+        tails[first:] = _sums_after(weights)
+        # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
+        wrongs[first:] = _sums_after(weights * _weights_errors(mean, first, weights.size))
+        wrongs += ROUNDOFF * weights.size * tails
+        terms = tails * means / self._rate
+        wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / self._rate
+        wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, time)
+
+    def _within(self, value: float, wrong: float, scale: float) -> LimitedValue:
+        lost = LOST * float(self._values.max()) * scale
+        return LimitedValue.within(value, 0.0, self._transitions.is_certified, 1.001 * wrong + lost)
+
+    def _until(self, time: float) -> tuple[Floats, Floats]:
+        """start P^n values (n_steps,) for all steps until a time, and bounds (n_steps,) on their relative errors."""
+        steps = steps_until(self._transitions, time)
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
+                f"{MAX_STEPS}; ask for an earlier time"
+            )
+        n_steps = int(steps) + 1
+        if n_steps > self._means.size:
+            # by half as much again each time, so that many small requests cost little
+            self._pass_back(max(n_steps, self._means.size + self._means.size // 2))
+        # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them,
+        # together no longer than the time, as if by so many jumps as are expected.
+        numbers = np.arange(n_steps)
+        jumps = numbers + self._transitions.exits.max() * time
+        relative = numbers * self._roundings + jumps * (RATE_ERROR + 1) + np.count_nonzero(self._start) + 4
+        return self._means[:n_steps], np.expm1(ROUNDOFF * relative + self._drifts[:n_steps])
+
+    def _pass_back(self, n_steps: int) -> None:
+        """Note the mean before each step.
+
+        Where no value changes by more than a step rounds, later ones change no more, because P is positive: they are
+        taken as they are.
+        """
+        matrix, roundings = _matrix(self._transitions)
+        begins = np.flatnonzero(self._start)
+        chances, means = self._start[begins], np.empty(n_steps)
+        scale = float(self._values.max()) or 1.0
+        vector, drifts = self._values / scale, np.zeros(n_steps)
+        for n in range(n_steps):
+            means[n] = chances @ vector[begins]
+            after = matrix @ vector
+            if n % LOOK == 0:
+                change = _largest_change(vector, after)
+                if change <= roundings * ROUNDOFF:
+                    means[n + 1 :] = means[n]
+                    drifts[n + 1 :] = np.arange(1, n_steps - n) * (change + (roundings + 4.0) * ROUNDOFF)
+                    break
+            vector = after
+        self._means, self._drifts, self._roundings = means * scale, drifts, roundings
 
 
 def _sums_after(values: Floats) -> Floats:
     """Of each value, the sum (n,) of those after it."""
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
-
-
-def _within(value: float, wrong: float, transitions: Transitions, lost: float) -> LimitedValue:
-    return LimitedValue.within(value, 0.0, transitions.is_certified, 1.001 * wrong + lost)
 
 
 def _sum_terms(terms: Floats) -> float:
@@ -98,41 +161,6 @@ def _sum_terms(terms: Floats) -> float:
 
 def _rate(transitions: Transitions) -> float:
     return SPARE * float(transitions.exits.max(initial=0.0))
-
-
-def _passed_back(transitions: Transitions, start: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
-    """start P^n values (n_steps,) for all steps until a time, and bounds (n_steps,) on their relative errors.
-
-    Where no value changes by more than a step rounds, later ones change no more, because P is positive: they are taken
-    as they are.
-    """
-    steps = steps_until(transitions, time)
-    if steps > MAX_STEPS:
-        raise ValueError(
-            f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most {MAX_STEPS}; "
-            f"ask for an earlier time"
-        )
-    n_steps = int(steps) + 1
-    matrix, roundings = _matrix(transitions)
-    begins = np.flatnonzero(start)
-    chances, means = start[begins], np.empty(n_steps)
-    scale = float(values.max()) or 1.0
-    vector, drifts = values / scale, np.zeros(n_steps)
-    for n in range(n_steps):
-        means[n] = chances @ vector[begins]
-        after = matrix @ vector
-        if n % LOOK == 0:
-            change = _largest_change(vector, after)
-            if change <= roundings * ROUNDOFF:
-                means[n + 1 :] = means[n]
-                drifts[n + 1 :] = np.arange(1, n_steps - n) * (change + (roundings + 4.0) * ROUNDOFF)
-                break
-        vector = after
-    # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them, together
-    # no longer than the time, as if by so many jumps as are expected.
-    jumps = np.arange(n_steps) + transitions.exits.max() * time
-    relative = ROUNDOFF * (np.arange(n_steps) * roundings + jumps * (RATE_ERROR + 1) + begins.size + 4) + drifts
-    return means * scale, np.expm1(relative)
 
 
 def _matrix(transitions: Transitions) -> tuple[Any, float]:

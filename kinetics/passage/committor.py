@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, equations, mean_over, relative_error
+from kinetics.passage.certified import leaving_rates
+from kinetics.passage.elimination import equations
 from kinetics.passage.entry import reached_states
 from kinetics.passage.sampled import sampled_jumps
 from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
+from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, Ints, read_only
 
 Target = Callable[[Ints], NDArray[np.bool_]]
@@ -32,8 +33,11 @@ class ChainCommittor:
     never : probability of reaching none, that is, of entering states from which no target can be reached
     mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
     occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
-    error : relative error of all of these
-    is_bound : whether the error is proven; not where the states are too many to eliminate, or by rate laws
+    lost : (N,) probability of leaving a part of a larger chain before any target, from each state; all else is then
+        of the runs that do not, so that each committor lies between `committors` and `committors + lost`
+    lost_probability : the same from the start
+    error : relative error of all of these, rounding of the rates included
+    is_bound : whether the error is proven; not by rate laws
     """
 
     transitions: Transitions
@@ -43,12 +47,26 @@ class ChainCommittor:
     never: float
     mean_times: Floats
     occupation: Floats
+    lost: Floats
+    lost_probability: float
     error: float
     is_bound: bool
 
     def __post_init__(self) -> None:
-        for array in (self.committors, self.probabilities, self.mean_times, self.occupation):
+        for array in (self.committors, self.probabilities, self.mean_times, self.occupation, self.lost):
             read_only(array)
+
+    def probability_bounds(self, target: str, row: int | None = None) -> tuple[float, float]:
+        """Limits of the probability that a target is reached first, from the start or from state `row`."""
+        k = self._index(target)
+        value = float(self.probabilities[k] if row is None else self.committors[k, row])
+        lost = self.lost_probability if row is None else float(self.lost[row])
+        return value * (1.0 - self.error), min((value + lost) * (1.0 + self.error), 1.0)
+
+    def _index(self, target: str) -> int:
+        if target not in self.targets:
+            raise ValueError(f"unknown target {target!r}; there are {', '.join(self.targets)}")
+        return self.targets.index(target)
 
     def sample_entries(self, target: str, row: int, seed: int = 0, run: int = 0) -> tuple[Floats, Ints]:
         """Times (n,), tu, and places (n,) in `transitions` of the jumps of one run from state `row` until `target`.
@@ -56,9 +74,7 @@ class ChainCommittor:
         It is drawn from the runs that reach the target first, however few (Doob's h-transform): the chain goes from x
         to y at its rate times committor(y) / committor(x).
         """
-        if target not in self.targets:
-            raise ValueError(f"unknown target {target!r}; there are {', '.join(self.targets)}")
-        chances = self.committors[self.targets.index(target)]
+        chances = self.committors[self._index(target)]
         if chances[row] == 0.0:
             raise ValueError(f"target {target!r} is never reached first; there are no such runs")
         return sampled_jumps(self.transitions, row, np.inf, seed, run, chances)
@@ -126,34 +142,65 @@ def committor(
     return Committor(**vars(found), space=space)
 
 
-def committor_of(transitions: Transitions, start: Floats, targets: Mapping[str, NDArray[np.bool_]]) -> ChainCommittor:
-    """The committors of any chain from a start spread as `start` (N,); targets: name -> states (N,), none in two."""
-    member = np.array(list(targets.values()))
+def committor_of(
+    transitions: Transitions,
+    start: Floats,
+    targets: Mapping[str, NDArray[np.bool_]],
+    lost: NDArray[np.bool_] | None = None,
+) -> ChainCommittor:
+    """The committors of any chain from a start spread as `start` (N,).
+
+    targets : name -> states (N,), none in two; lost : states (N,) in none of them from where the chain is not followed
+    """
+    edge = np.zeros(start.size, dtype=bool) if lost is None else lost
+    member = np.array([*targets.values(), edge])  # being lost is one more end
     is_target: NDArray[np.bool_] = np.logical_or.reduce(member)
     stopped = transitions.stopped(is_target)
     rows, columns, rates, *_ = stopped
     way = stopped.leading_to(is_target) & ~is_target
-    lost, first, size = ~way & ~is_target, start[way], int(way.sum())
+    dead, first, size = ~way & ~is_target, start[way], int(way.sum())
     committors, occupation = member.astype(float), np.zeros(start.size)
-    probabilities, never = member @ start, float(start[lost].sum())
+    probabilities, never = member @ start, float(start[dead].sum())
     times = np.where(probabilities > 0, 0.0, np.nan)
-    error, is_bound = 0.0, transitions.is_certified
+    error = 0.0
     if first.any():
         place = np.where(way, np.cumsum(way) - 1, -1)
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]
         here, there, gone = place[rows[out]], columns[out], rates[out]
-        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], totals(here, gone, size))
-        is_bound &= isinstance(chain, Elimination)
-        for k, targeted in enumerate(member):
-            chances = chain.solve(totals(here, gone * targeted[there], size))
-            committors[k, way] = np.minimum(chances, 1.0)
-            if first @ chances > 0:
-                probabilities[k] = min(probabilities[k] + float(first @ committors[k, way]), 1.0)
+        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving_rates(here, gone, size))
+        for k in np.flatnonzero(member.any(axis=1)):
+            targeted = member[k]
+            chances = chain.solved(leaving_rates(here, gone * targeted[there], size))
+            committors[k, way] = np.minimum(chances.values, 1.0)
+            chance, wrong = chances.mean(first)
+            error = max(error, chances.relative)
+            if chance > 0:
+                probabilities[k] = min(probabilities[k] + chance, 1.0)
                 # E[time; this end] solves the same equations with the chance of this end as what is earned.
-                times[k] = mean_over(first, chain.solve(chances)) / probabilities[k]
-                error = max(error, relative_error(chain, chances, first))
-        never += float(first @ chain.solve(totals(here, gone * lost[there], size)))
-        occupation[way] = chain.occupation(first)
-    names = tuple(targets)
-    return ChainCommittor(stopped, names, committors, probabilities, never, times, occupation, 2.0 * error, is_bound)
+                time, more = chain.solved(chances.values).mean(first)
+                times[k] = time / probabilities[k]
+                error = max(error, more + chances.relative + wrong)
+        missed, wrong = chain.solved(leaving_rates(here, gone * dead[there], size)).mean(first)
+        never += missed
+        stays = chain.occupied(first)
+        occupation[way] = stays.values
+        error = 1.001 * max(error, wrong, stays.relative) + 2.0 * ROUNDOFF
+        if error == np.inf:
+            raise ValueError(
+                f"the targets are too remote: with {size} states on the way, too many to eliminate, the chances cannot "
+                f"be solved for; start nearer to the targets, or from fewer copies"
+            )
+    return ChainCommittor(
+        stopped,
+        tuple(targets),
+        committors[:-1],
+        probabilities[:-1],
+        never,
+        times[:-1],
+        occupation,
+        committors[-1],
+        float(probabilities[-1]),
+        error,
+        transitions.is_certified,
+    )

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.solving import StateSpace, reachable
+from kinetics.solving.states import Search
 from kinetics.support.arrays import Ints, whole_number
 
 
@@ -21,3 +22,27 @@ def reached_states(
     """As `reachable`; missing rates and a limit that is none are refused before any state is explored."""
     network.known_rates  # noqa: B018
     return reachable(network, initial, stop, whole_number("max_states", max_states, 1))
+
+
+def nearest_states(
+    network: Network,
+    initial: Mapping[str, int] | ArrayLike,
+    at_least: int,
+    max_states: int,
+    stop: Callable[[Ints], NDArray[np.bool_]],
+) -> tuple[StateSpace, NDArray[np.bool_]]:
+    """The states that the fewest events lead to, `at_least` so many; those that are not followed are stopped.
+
+    And which of them (N,) are not followed though `stop` does not hold: those that the last event led to.
+    """
+    network.known_rates  # noqa: B018
+    enough = whole_number("within", at_least, 1)
+    search = Search(network, network.state(initial)[None, :], whole_number("max_states", max_states, 1))
+    begin, is_stopped = 0, np.asarray(stop(search.states))
+    while begin < len(search) < enough:
+        end = len(search)
+        search.go_on(begin, end, is_stopped)
+        is_stopped = np.append(is_stopped, stop(search.states[end:]))
+        begin = end
+    lost = ~is_stopped & (np.arange(len(search)) >= begin)
+    return StateSpace(network, search.states.copy(), is_stopped | lost), lost

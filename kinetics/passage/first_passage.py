@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,16 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, SparseFactors, equations, mean_over, relative_error
+from kinetics.passage.arrival import Arrival
+from kinetics.passage.backward import LimitedValue
+from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
+from kinetics.passage.elimination import equations, mean_over
 from kinetics.passage.entry import reached_states
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
-from kinetics.solving.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.support.arrays import Floats, Ints, reals, whole_number
-
-TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
-NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,9 @@ class Passage:
     error : relative error of mean and probability
     sd_error : relative error of sd, likewise
     n_states : number of states before the target
-    chain : the uniformised chain on these states; its last state is the target
-    start : probabilities of its states at time 0
-    is_bound : whether error and sd_error are proven; not where the states are too many to eliminate, or by rate laws
-    is_certified : whether the limits of cdf, survival and quantiles are proven; not by rate laws
+    transitions : among these states and the target, which is the last
+    start : probabilities of these states at time 0
+    is_bound : whether errors and limits are proven; not by rate laws
     """
 
     target: str
@@ -45,10 +44,9 @@ class Passage:
     error: float
     sd_error: float
     n_states: int
-    chain: DiscreteChain = field(repr=False)
+    transitions: Transitions = field(repr=False)
     start: Floats = field(repr=False)
     is_bound: bool = True
-    is_certified: bool = True
 
     @property
     def is_certain(self) -> bool:
@@ -56,43 +54,29 @@ class Passage:
         return bool(np.isfinite(self.mean))
 
     @cached_property
-    def _absorption(self) -> Absorption:
-        return Absorption(self.chain, self.start)
+    def _arrival(self) -> Arrival:
+        return Arrival(self.transitions, self.start, self.target)
 
     def cdf(self, times: ArrayLike) -> Floats:
         """Probability (...) that the target has been reached by `times` (...), tu."""
-        return self._at(times)[0]
+        return _at(times, self._arrival.cdf)[0]
 
     def survival(self, times: ArrayLike) -> Floats:
-        """Probability (...) that it has not been reached; summed separately, so accurate even where it is tiny."""
-        return self._at(times)[1]
+        """Probability (...) that it has not been reached."""
+        return _at(times, self._arrival.survival)[0]
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included."""
-        value, _, error = self._at(times)
-        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included.
+
+        Where it is small, they are close relative to it.
+        """
+        low, high = _at(times, self._arrival.cdf)[1:]
+        return low, high
 
     def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the survival (...)."""
-        _, value, error = self._at(times)
-        return np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
-
-    def _at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        asked = np.asarray(times, dtype=float)
-        flat = reals("times", asked.ravel(), (None,), minimum=0)
-        self._check_steps(flat.max(initial=0.0))
-        found = np.array([self._absorption.at(float(time), TOLERANCE) for time in flat]).reshape(-1, 3)
-        absorbed, alive, error = found.T.reshape(3, *asked.shape)
-        return absorbed, alive, error
-
-    def _check_steps(self, time: float) -> None:
-        steps = self.chain.steps_until(time, TOLERANCE)
-        if steps > MAX_STEPS:
-            raise ValueError(
-                f"the distribution of the time until {self.target} needs {steps:.3g} steps at {time:g} tu, at most "
-                f"{MAX_STEPS}; mean and sd are exact without them, and a time much longer than the single waits is "
-                f"nearly exponential"
-            )
+        """Lower and upper limits of the survival (...), likewise."""
+        low, high = _at(times, self._arrival.survival)[1:]
+        return low, high
 
     def quantile(self, q: ArrayLike) -> Floats:
         """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
@@ -106,35 +90,15 @@ class Passage:
         return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
 
     def _quantile_bounds(self, q: float) -> tuple[float, float]:
-        """Quantiles of a little less and a little more: by as much as the cdf may be wrong up to twice the time."""
-        middle = self._quantile(q)
-        if middle == 0.0:
-            return 0.0, 0.0
-        if middle == np.inf:
-            # Reached with just about this probability, or never.
-            if q > self.probability * (1.0 + self.error):
-                return np.inf, np.inf
-            low = self._quantile(max(self.probability * (1.0 - self.error) - NEARLY, 0.0))
-            return low if float(self._at(low)[2]) <= NEARLY else 0.0, np.inf
-        error = float(self._at(2.0 * middle)[2])
-        low, high = self._quantile(max(q - error, 0.0)), self._quantile(q + error)
-        return low, high if high <= 2.0 * middle else np.inf
+        if not self.is_certain and q > self.probability * (1.0 + self.error):
+            return np.inf, np.inf
+        ever = 1.0 if self.is_certain else self.probability * (1.0 - self.error)
+        return self._arrival.quantile_bounds(q, ever)
 
     def _quantile(self, q: float) -> float:
-        """Inverts the cdf by bisection, down to the last bit."""
-        if self.cdf(0.0) >= q:
-            return 0.0
-        if q >= self.probability:
-            return float("inf")
-        late = 1.0 / self.chain.rate
-        while self.cdf(late) < q:
-            late *= 2.0
-        early = 0.0
-        while True:
-            middle = 0.5 * (early + late)
-            if not early < middle < late:
-                return late
-            early, late = (middle, late) if self.cdf(middle) < q else (early, middle)
+        if q > self.start[-1] and q >= self.probability:
+            return np.inf
+        return self._arrival.quantile(q)
 
     def __str__(self) -> str:
         if self.is_certain:
@@ -148,6 +112,16 @@ class Passage:
         last = self._quantile(0.99 * self.probability) or 1.0
         times = np.linspace(0.0, last, 201)
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
+
+
+def _at(times: ArrayLike, question: Callable[[float], LimitedValue]) -> tuple[Floats, Floats, Floats]:
+    """Values (...) at times (...), and their limits."""
+    asked = np.asarray(times, dtype=float)
+    flat = reals("times", asked.ravel(), (None,), minimum=0)
+    latest = question(float(flat.max(initial=0.0)))  # one pass serves all
+    found = [latest if time == flat.max() else question(float(time)) for time in flat]
+    values, low, high = np.array([each[:3] for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    return values, low, high
 
 
 def _probabilities(q: ArrayLike) -> Floats:
@@ -184,34 +158,32 @@ def first_passage(
 
 def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str) -> Passage:
     """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
-    rows, columns, rates, begins = lumped(transitions, is_target, start)
+    chain, begins = lumped(transitions, is_target, start)
     n, there = begins.size - 1, float(begins[-1])
-    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1))
-    is_certified = transitions.is_certified
+    is_bound = transitions.is_certified
     if not begins[:n].any():
-        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, True, is_certified)
-    way = _way(rows, columns, rates, begins)
+        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, is_bound)
+    way = _way(chain, begins)
     first, hits = way.first, way.hits
     if not first.any():
-        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, True, is_certified)
+        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_bound)
     chances = equations(way.rows, way.columns, way.rates, hits + way.losses)
-    is_bound = is_certified and isinstance(chances, Elimination)
     if not way.is_certain:
-        reached = _checked(chances, chances.solve(hits), first)
-        error = relative_error(chances, reached, first)
-        chance = min(there + mean_over(first, reached), 1.0)
-        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound, is_certified)
-    means = _checked(chances, chances.solve(np.ones(hits.size)), first)
-    error = relative_error(chances, means, first)
+        chance, error = _checked(chances.solved(hits), first).mean(first)
+        chance = min(there + chance, 1.0)
+        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound)
+    means = _checked(chances.solved(np.ones(hits.size)), first)
+    mean, error = means.mean(first)
     variances, doubt = _variances(chances, way, means)
-    mean, spread, more = _spread(chances, first, there, means)
-    variance = mean_over(first, variances) + spread
+    spread, more = _spread(first, there, means)
+    within, wrong = variances.mean(first)
+    variance = within + spread
     terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
     slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
-    sd_error = 0.5 * (relative_error(chances, variances, first) + slack) + ROUNDOFF
+    sd_error = 0.5 * (wrong + slack) + ROUNDOFF
     sd = float(np.sqrt(variance))
-    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound, is_certified)
+    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound)
 
 
 class _Way(NamedTuple):
@@ -232,82 +204,72 @@ class _Way(NamedTuple):
     is_certain: bool
 
 
-def _way(rows: Ints, columns: Ints, rates: Floats, begins: Floats) -> _Way:
+def _way(chain: Transitions, begins: Floats) -> _Way:
     """Of a chain whose last state is the target."""
-    chain = Transitions(rows, columns, rates, np.zeros(begins.size))
+    rows, columns, rates, *_ = chain
     is_last = np.arange(begins.size) == begins.size - 1
     leads = chain.leading_to(is_last)
     way = leads & chain.reached_from(begins > 0) & ~is_last
     place, n = np.cumsum(way) - 1, int(way.sum())
     here = way[rows]
     inside, hit, lost = here & way[columns], here & is_last[columns], here & ~leads[columns]
-    hits, losses = (totals(place[rows[out]], rates[out], n) for out in (hit, lost))
+    hits, losses = (leaving_rates(place[rows[out]], rates[out], n) for out in (hit, lost))
     is_certain = not (losses.any() or begins[~leads].any())
     return _Way(place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[way], is_certain)
 
 
-def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats) -> tuple[Floats, Floats]:
+def _variances(chain: Equations, way: _Way, means: BoundedSolution) -> tuple[BoundedSolution, Floats]:
     """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
 
     That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
     a square means are subtracted: what that may be wrong by is added up by the same equations.
     """
     rows, columns, rates, hits, *_ = way
+    mean, each = means
     exits = totals(rows, rates, mean.size) + hits
     onward = mean - 1.0 / exits
     gaps = mean[columns] - onward[rows]
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
-    variance = chain.solve(1.0 / exits + spread)
-    each = _each_error(chain, mean)
+    variance = chain.solved(1.0 / exits + spread)
     wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
     doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
     doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
-    return variance, chain.solve(doubt)
+    return variance, chain.at_most(doubt, variance.values)
 
 
-def _spread(
-    chain: Elimination | SparseFactors, first: Floats, there: float, means: Floats
-) -> tuple[float, float, float]:
-    """Mean of the time over its start, variance between the beginnings, and what that may be wrong by.
+def _spread(first: Floats, there: float, means: BoundedSolution) -> tuple[float, float]:
+    """Variance of the mean time between the beginnings, and what that may be wrong by.
 
     first : (n,) probabilities of beginning on the way; there : of beginning in the target
     """
-    mean = mean_over(first, means)
     if there == 0.0 and np.count_nonzero(first) == 1:
-        return mean, 0.0, 0.0
-    gaps = means - mean
-    wrong = _each_error(chain, means) + 8.0 * ROUNDOFF * (means + mean)
-    wrong += relative_error(chain, means, first) * mean
+        return 0.0, 0.0
+    mean, relative = means.mean(first)
+    gaps = means.values - mean
+    wrong = means.errors + 8.0 * ROUNDOFF * (means.values + mean) + relative * mean
     doubt = wrong * (2.0 * np.abs(gaps) + wrong)
-    return mean, mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
+    return mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
 
 
-def _each_error(chain: Elimination | SparseFactors, mean: Floats) -> Floats:
-    return chain.error * (mean if isinstance(chain, Elimination) else np.full(mean.size, mean.max()))
-
-
-def _checked(chain: Elimination | SparseFactors, solution: Floats, first: Floats) -> Floats:
+def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
     """The solution, where its entries are numbers and its mean over the beginnings is known to three digits."""
-    if not np.isfinite(solution).all():
+    if not np.isfinite(solution.values).all():
         raise ValueError(
             "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
         )
-    if not relative_error(chain, solution, first) < 1e-3:
+    if not solution.mean(first)[1] < 1e-3:
         raise ValueError(
-            f"the target is too remote: with {solution.size} states on the way, too many to eliminate, it cannot be "
+            f"the target is too remote: with {first.size} states on the way, too many to eliminate, it cannot be "
             f"solved for to three digits; start nearer to the target, or from fewer copies"
         )
     return solution
 
 
-def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Rows, columns and rates with all targets as one last state, which is never left; and the start among these."""
-    from scipy.sparse import csr_array
-
+def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Transitions, Floats]:
+    """The chain with all targets as one last state, which is never left; and the start among these."""
     n = int((~is_target).sum())
     place = np.where(is_target, n, np.cumsum(~is_target) - 1)
     goes = ~is_target[transitions.rows]
-    places = (place[transitions.rows[goes]], place[transitions.columns[goes]])
-    entries = csr_array((transitions.rates[goes], places), shape=(n + 1, n + 1)).tocoo()
-    begins = np.append(start[~is_target], start[is_target].sum())
-    return entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, begins
+    places = place[transitions.rows[goes]], place[transitions.columns[goes]]
+    chain = Transitions(*places, transitions.rates[goes], np.zeros(n + 1), transitions.is_certified)
+    return chain, np.append(start[~is_target], start[is_target].sum())

@@ -12,7 +12,6 @@ from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import lumped
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
 from kinetics.support.arrays import Floats, rising_times, whole_number
 
@@ -65,8 +64,8 @@ def restricted_passage(
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     if space.is_stopped[0] or end == 0.0:
         return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
-    rows, columns, rates, start = lumped(space.transitions(), space.is_stopped, np.eye(1, len(space))[0])
-    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, start.size))
+    going, start = lumped(space.transitions(), space.is_stopped, np.eye(1, len(space))[0])
+    chain = DiscreteChain.from_rates(going.rows, going.columns, going.rates, going.exits)
     # The window's own arrays have a place for each step, so the bound comes first.
     steps = chain.steps_until(end, TOLERANCE) if chain.rate * end < np.inf else np.inf
     if steps > MAX_STEPS or not steps * chain.step_seconds <= max_seconds:

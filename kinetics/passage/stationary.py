@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.passage.elimination import Elimination, TooLargeError
+from kinetics.passage.certified import leaving_rates
+from kinetics.passage.elimination import Elimination, TooLargeError, equations
 from kinetics.passage.entry import reached_states
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
+
+FINE = 1e-12  # an error known beforehand that needs no proof afterwards
+ANCHORS = 3  # that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +152,12 @@ def _weights(
     place[passing] = np.arange(passing.size)
     inside = (place[rows] >= 0) & (place[columns] >= 0)
     out = (place[rows] >= 0) & (place[columns] < 0)
-    leaving = totals(place[rows[out]], rates[out], passing.size)
-    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
-    times = chain.occupation(start[passing])
-    weights += totals(label[columns[out]], times[place[rows[out]]] * rates[out], weights.size)
-    return weights, chain.error + 2.0 * ROUNDOFF * int(np.count_nonzero(start) - 1)
+    leaving = leaving_rates(place[rows[out]], rates[out], passing.size)
+    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+    times = chain.occupied(start[passing])
+    weights += totals(label[columns[out]], times.values[place[rows[out]]] * rates[out], weights.size)
+    # the flows in are added up
+    return weights, times.relative + ROUNDOFF * (2.0 * int(np.count_nonzero(start) - 1) + int(out.sum()) + 1)
 
 
 def _rest_within(
@@ -162,5 +167,45 @@ def _rest_within(
     place = np.full(n, -1)
     place[members] = np.arange(members.size)
     inside = place[rows] >= 0
-    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], np.zeros(members.size))
-    return chain.stationary(), chain.error
+    inner = place[rows[inside]], place[columns[inside]], rates[inside]
+    try:
+        chain = Elimination(*inner, np.zeros(members.size))
+    except TooLargeError as refusal:
+        return _rest_of_many(*inner, members.size, refusal)
+    found = chain.stationary()
+    if chain.error <= FINE:
+        return found, chain.error
+    better, error = _anchored(*inner, members.size, int(np.argmax(found)))
+    return (better, error) if error < chain.error else (found, chain.error)
+
+
+def _rest_of_many(
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, refusal: TooLargeError
+) -> tuple[Floats, float]:
+    """The same between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
+    fastest = np.lexsort((rates, rows))
+    likeliest = columns[fastest[np.append(np.flatnonzero(np.diff(rows[fastest])), rows.size - 1)]]
+    anchor = 0
+    for _ in range(n):
+        anchor = int(likeliest[anchor])
+    for _ in range(ANCHORS):
+        found, error = _anchored(rows, columns, rates, n, anchor)
+        if error <= 1e-9:
+            break
+        anchor = int(np.argmax(found))
+    if not error < 1e-3:
+        raise refusal
+    return found, error
+
+
+def _anchored(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, anchor: int) -> tuple[Floats, float]:
+    """The same as time spent in each state between two visits to one, whose limits are proven afterwards."""
+    place = np.arange(n) - (np.arange(n) > anchor)
+    begins, inside, ends = rows == anchor, (rows != anchor) & (columns != anchor), columns == anchor
+    leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
+    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+    stays = chain.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
+    found = np.insert(stays.values, anchor, 1.0)
+    total = float(found.sum())
+    error = stays.relative + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2)
+    return found / total, float(np.nan_to_num(1.001 * error, nan=np.inf, posinf=np.inf))

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.passage.backward import LimitedValue, expected_at
-from kinetics.passage.elimination import Elimination, equations, relative_error
+from kinetics.passage.certified import leaving_rates
+from kinetics.passage.elimination import equations
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.transitions import Transitions, totals
+from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats
 
 UNDERFLOW = 1e-290  # what probabilities may lose below
@@ -31,8 +32,9 @@ def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) 
     at_once = float(start[target].sum())
     if not start[leads & ~target].any():
         return LimitedValue.within(at_once, ROUNDOFF * start.size, True)
-    reached, relative, is_bound = _solved(chain, start, leads & seen & ~target, target, None)
-    found = LimitedValue.within(at_once + reached, relative + ROUNDOFF * (start.size + 1), is_bound, UNDERFLOW)
+    reached, relative = _solved(chain, start, leads & seen & ~target, target, None)
+    wide = relative + ROUNDOFF * (start.size + 1)
+    found = LimitedValue.within(at_once + reached, wide, chain.is_certified, UNDERFLOW)
     return found._replace(value=min(found.value, 1.0), high=min(found.high, 1.0))
 
 
@@ -69,28 +71,24 @@ def earned_until(transitions: Transitions, start: Floats, earning: Floats, targe
     way = seen & ~target
     if not start[way].any():
         return IMPOSSIBLE
-    earned, relative, is_bound = _solved(chain, start, way, target, earning)
-    return LimitedValue.within(earned, relative, is_bound)
+    return LimitedValue.within(*_solved(chain, start, way, target, earning), chain.is_certified)
 
 
-def _solved(
-    chain: Transitions, start: Floats, way: Mask, target: Mask, earning: Floats | None
-) -> tuple[float, float, bool]:
+def _solved(chain: Transitions, start: Floats, way: Mask, target: Mask, earning: Floats | None) -> tuple[float, float]:
     """What is earned on the way, or without earnings the probability of leaving it for the target.
 
-    With its relative error, and whether that is proven.
+    With its relative error.
     """
     rows, columns, rates, *_ = chain
     place, n = np.cumsum(way) - 1, int(way.sum())
     inside, out = way[rows] & way[columns], way[rows] & ~way[columns]
     here = place[rows[out]]
-    equation = equations(place[rows[inside]], place[columns[inside]], rates[inside], totals(here, rates[out], n))
-    weights = totals(here, rates[out] * target[columns[out]], n) if earning is None else earning[way]
-    solution, first = equation.solve(weights), start[way]
-    if not np.isfinite(solution).all():
+    equation = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving_rates(here, rates[out], n))
+    weights = leaving_rates(here, rates[out] * target[columns[out]], n) if earning is None else earning[way]
+    solution, first = equation.solved(weights), start[way]
+    if not np.isfinite(solution.values).all():
         raise ValueError("the target is too remote: what is earned until then is beyond 1e308; start nearer to it")
-    is_bound = chain.is_certified and isinstance(equation, Elimination)
-    return float(first @ solution), relative_error(equation, solution, first), is_bound
+    return solution.mean(first)
 
 
 def _probability(limited: LimitedValue) -> LimitedValue:

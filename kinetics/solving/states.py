@@ -263,8 +263,9 @@ class Search:
             )
         return (
             f"over {self._max_states} states are reachable{pace}. Start from fewer copies, "
-            f"stop the network's growth, keep only the likely states by the method 'fsp', sample with the direct "
-            f"method instead, or raise max_states"
+            f"stop the network's growth, keep only the likely states by the method 'fsp', follow the chain within "
+            f"some of them (`Chain.of(..., within=...)`, --within), sample with the direct method instead, or raise "
+            f"max_states"
         )
 
 

@@ -36,6 +36,20 @@ tank_option = click.option(
     help="Edges of the tank in which it happens; meetings become rarer with its volume.  [default: as in the rates]",
 )
 
+
+def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | int | None:
+    """A number of states where it is one, else a condition."""
+    return int(value) if value is not None and value.strip().isdigit() else value
+
+
+within_option = click.option(
+    "--within",
+    metavar="CONDITION|N",
+    callback=_part,
+    help="Follow the chain while this condition holds, or within the N states nearest to its start; limits allow for "
+    "all that may happen beyond.",
+)
+
 PICTURES = (".png", ".pdf", ".svg")
 
 

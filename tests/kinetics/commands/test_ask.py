@@ -10,6 +10,14 @@ from kinetics.commands.start import start
 from wellmixed import main
 
 LINE = ["ask", "line4", "--rates", "table3", "--cubes", "12"]
+BIRTHS = """begin species
+  1 X() 2
+end species
+begin reactions
+  1 1 1,1 2.0
+  2 1 0 1.0
+end reactions
+"""
 WITHIN = "P=? [ F<=100 quadmer >= 1 ]"
 
 
@@ -46,6 +54,27 @@ def test_a_stopped_chain_has_fewer_states():
     whole, part = (json.loads(run(*LINE, WITHIN, "--json", *more)) for more in ((), ("--stop", "quadmer >= 1")))
     assert part["states"] < whole["states"]
     assert abs(part["answers"][0]["value"] - whole["answers"][0]["value"]) < 1e-12
+
+
+def test_a_network_without_end(tmp_path):
+    """Births beat deaths: by a time the limits are close, and one state more than is followed is known."""
+    path = tmp_path / "births.net"
+    path.write_text(BIRTHS, encoding="utf-8")
+    question = "P=? [ F<=1 X >= 4 ]"
+    run("ask", path, question, "--max-states", "1000", code=2)
+    (near,) = json.loads(run("ask", path, question, "--within", "X <= 80", "--json"))["answers"]
+    (same,) = json.loads(run("ask", path, question, "--within", "80", "--json"))["answers"]
+    assert near["low"] <= near["value"] <= near["high"] < near["low"] + 1e-9
+    assert abs(near["value"] - same["value"]) < 1e-12
+    known = first_passage(start(str(path), None, None, None).model.network, [2], "X", 4)
+    assert near["low"] <= known.cdf(1.0) <= near["high"]
+    text = run("ask", path, "P=? [ F X = 0 ]", "--within", "X <= 40")
+    assert " to 1 (proven; elimination)" in text
+    data = json.loads(run("passage", path, "--species", "X", "--copies", "4", "--within", "X <= 80", "--json"))
+    assert data["probability"]["low"] <= data["probability"]["high"] <= 1.0
+    assert data["quantiles"]["0.025"]["low"] <= data["quantiles"]["0.025"]["high"]
+    assert "reached with probability" in run("passage", path, "--species", "X", "--copies", "4", "--within", "3")
+    run("passage", path, "--species", "X", "--within", "3", "--plot", tmp_path / "a.png", code=2)
 
 
 @pytest.mark.parametrize(

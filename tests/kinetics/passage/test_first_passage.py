@@ -1,5 +1,6 @@
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 from known_systems import FALSE_ALARM, assert_follows_cdf, decay, line, network, switch, walk
@@ -63,11 +64,38 @@ def test_bounds_of_the_distribution(stages):
     assert not law.cdf_bounds(times[6])[0] <= wrong <= law.cdf_bounds(times[6])[1]
 
 
+@pytest.mark.parametrize("stages", [7, 40])
+def test_early_and_late_times_have_digits(stages):
+    """Down to 1e-200, by the incomplete gamma function in a hundred digits."""
+    law = erlang(stages)
+    with mpmath.workdps(100):
+        early = 10.0 ** np.linspace(-200 / stages, -1.0, 5)
+        for bounds, values, times, ends in (
+            (law.cdf_bounds, law.cdf, early, lambda t: (0, 2 * mpmath.mpf(t))),
+            (law.survival_bounds, law.survival, np.linspace(3.0, 8.0, 4) * law.mean, lambda t: (2 * mpmath.mpf(t),)),
+        ):
+            exact = [mpmath.gammainc(stages, *ends(float(t)), regularized=True) for t in times]
+            low, high = bounds(times)
+            assert all(a <= truth <= b for a, truth, b in zip(low, exact, high, strict=True))
+            assert (high / low - 1).max() < 2e-12
+            assert float(min(exact)) < 1e-8
+            assert_allclose(values(times), [float(truth) for truth in exact], rtol=1e-13)
+            wrong = bounds(times * (1 + 1e-11))
+            control = [a <= truth <= b for a, truth, b in zip(wrong[0], exact, wrong[1], strict=True)]
+            assert not any(control)
+    q = law.cdf(early[0])
+    assert law.quantile(q) == pytest.approx(early[0], rel=1e-14)
+    low, high = law.quantile_bounds(q)
+    assert low <= early[0] <= high < low * (1 + 1e-12)
+
+
 def test_bounds_of_quantiles_at_the_edge_of_what_is_ever_reached():
     reactions = {"good": ((1, 0, 0), (0, 1, 0)), "bad": ((1, 0, 0), (0, 0, 1))}
     law = first_passage(network("ABC", reactions, [1.0, 3.0]), [1, 0, 0], "B")
     low, high = law.quantile_bounds([0.125, 0.25, 0.3])
     assert low[0] < np.log(2) / 4 < high[0] < low[0] + 1e-12
+    near = law.quantile_bounds(law.probability * (1 - 1e-14))
+    assert near[0] < np.inf == near[1]
     assert 4.0 < low[1] < high[1] == np.inf  # exp(-4 t) = 1e-9 / 0.25 at 4.8
     assert low[2] == high[2] == np.inf
     assert first_passage(decay(), [3], "X", 2).quantile_bounds(0.5) == (0.0, 0.0)

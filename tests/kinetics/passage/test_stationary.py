@@ -134,8 +134,19 @@ def test_out_of_reach(monkeypatch):
     with pytest.raises(ValueError, match="over 1000 states are reachable"):
         stationary(birth, [0], max_states=1000)
     monkeypatch.setattr(elimination, "MAX_WORK", 10)
-    with pytest.raises(ValueError, match="the stationary distribution is out of reach: 15 states, up to"):
-        stationary(line(), [8, 0, 0, 0])
+    with pytest.raises(ValueError, match="the stationary distribution is out of reach: 1101 states, up to"):
+        stationary(walk(1100, 1.0, 2.0), np.eye(1, 1101, dtype=int)[0])
+
+
+def test_chains_too_large_to_eliminate(monkeypatch):
+    eliminated = stationary(line(), [40, 0, 0, 0])
+    monkeypatch.setattr(elimination, "MAX_WORK", 10)
+    factored = stationary(line(), [40, 0, 0, 0])
+    assert eliminated.probabilities.min() < 1e-50
+    wide = eliminated.error + factored.error
+    assert_allclose(factored.probabilities, eliminated.probabilities, rtol=wide)
+    assert factored.is_bound
+    assert wide < 1e-10
 
 
 def test_plot():
