@@ -33,7 +33,7 @@ from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.solving.dense import MAX_DENSE
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import RATE_ERROR, totals
+from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
 
@@ -47,8 +47,8 @@ MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a 
 class Chain:
     """A Markov chain on N states in continuous time.
 
-    generator : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal; where the diagonal holds
-        anything, rows must sum to zero
+    generator : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal, exact as given; where the
+        diagonal holds anything, rows must sum to zero
     initial : (N,) probabilities at time 0, or the number of one state
     labels : name -> truths (N,), or a condition as text
     rewards : name -> `Reward`; rates (N,) alone, or a formula in counts as text, for one without impulses
@@ -72,7 +72,8 @@ class Chain:
         rates = checked_rates(self.generator)
         entries = rates.tocoo()
         n = rates.shape[0]
-        known = Transitions(entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, np.zeros(n))
+        ends = entries.row.astype(np.int64), entries.col.astype(np.int64)
+        known = Transitions(*ends, entries.data, np.zeros(n), rate_error=0.0)
         self._set(_transitions=known, _space=None, initial=checked_start(self.initial, n))
         self._describe(n)
 
@@ -288,7 +289,7 @@ class Chain:
         rows, columns, speeds, *_ = self.transitions
         worth = np.asarray(reward.impulses[rows, columns]).ravel()
         terms = int(np.bincount(rows, minlength=1).max())
-        return rates + totals(rows, speeds * worth, len(self)), ROUNDOFF * (RATE_ERROR + terms + 3)
+        return rates + totals(rows, speeds * worth, len(self)), ROUNDOFF * (self.transitions.roundings + terms + 3)
 
     def in_the_end(self, states: Target) -> ChainAnswer:
         """Probability of the states after infinite time."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window
-from kinetics.solving.transitions import RATE_ERROR, Transitions
+from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
 
@@ -50,7 +50,9 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
     The steps are q t and a margin for the tails; ValueError where they are too many.
     """
     if time == 0.0 or not transitions.rates.any():
-        return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
+        return LimitedValue.within(
+            float(start @ values), ROUNDOFF * start.size, time == 0.0 or transitions.is_certified
+        )
     means, errors = _passed_back(transitions, start, values, time)
     mean = _rate(transitions) * time
     first, weights = poisson_window(mean, LEFT_OUT)
@@ -66,7 +68,7 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     if time == 0.0:
         return LimitedValue(0.0, 0.0, 0.0, True)
     if not transitions.rates.any():
-        return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
+        return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), transitions.is_certified)
     means, errors = _passed_back(transitions, start, values, time)
     rate = _rate(transitions)
     first, weights = poisson_window(rate * time, LEFT_OUT)
@@ -131,7 +133,9 @@ def _passed_back(transitions: Transitions, start: Floats, values: Floats, time: 
     # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them, together
     # no longer than the time, as if by so many jumps as are expected.
     jumps = np.arange(n_steps) + transitions.exits.max() * time
-    relative = ROUNDOFF * (np.arange(n_steps) * roundings + jumps * (RATE_ERROR + 1) + begins.size + 4) + drifts
+    relative = (
+        ROUNDOFF * (np.arange(n_steps) * roundings + jumps * (transitions.roundings + 1.0) + begins.size + 4) + drifts
+    )
     return means * scale, np.expm1(relative)
 
 

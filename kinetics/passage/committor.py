@@ -33,7 +33,7 @@ class ChainCommittor:
     mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
     occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
     error : relative error of all of these
-    is_bound : whether the error is proven; not where the states are too many to eliminate, or by rate laws
+    is_bound : whether the error is proven; not where the states are too many to eliminate, or a rate law unbounded
     """
 
     transitions: Transitions
@@ -143,7 +143,8 @@ def committor_of(transitions: Transitions, start: Floats, targets: Mapping[str, 
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]
         here, there, gone = place[rows[out]], columns[out], rates[out]
-        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], totals(here, gone, size))
+        leaving = totals(here, gone, size)
+        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, stopped.roundings)
         is_bound &= isinstance(chain, Elimination)
         for k, targeted in enumerate(member):
             chances = chain.solve(totals(here, gone * targeted[there], size))

@@ -25,6 +25,8 @@ class TooLargeError(ValueError):
 class Elimination:
     """A chain on n states that goes from rows (K,) to columns (K,) at rates (K,), and is left at `leaving` (n,).
 
+    rate_error : relative error of each rate, in roundings
+
     The states are ordered so that the rates lie in a narrow band (Cuthill & McKee 1969,
     doi:10.1145/800195.805928); the cost is n * width**2.
 
@@ -37,7 +39,14 @@ class Elimination:
     count these states.
     """
 
-    def __init__(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+    def __init__(
+        self,
+        rows: NDArray[Any],
+        columns: NDArray[Any],
+        rates: Floats,
+        leaving: Floats,
+        rate_error: float = RATE_ERROR,
+    ) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -57,9 +66,9 @@ class Elimination:
         self._exits = np.empty(n)
         changes = elimination.reduce(self._band, leaving[self._order].copy(), self._exits)
         # In the rates that come: their own roundings, and sums of those that lead to one place or out of the chain.
-        given = RATE_ERROR + int(np.bincount(rows, minlength=1).max())
+        given = rate_error + int(np.bincount(rows, minlength=1).max())
         # On the way back each figure is a sum of `width` products, of figures found so.
-        self.error = 1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * given + 8.0))
+        self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * given + 8.0))))
 
     def solve(self, weights: Floats) -> Floats:
         """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out."""
@@ -124,10 +133,12 @@ class SparseFactors:
         return self._factors.solve(start, trans="T")
 
 
-def equations(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> Elimination | SparseFactors:
+def equations(
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
+) -> Elimination | SparseFactors:
     """Elimination where the chain is small or narrow enough, else sparse LU."""
     try:
-        return Elimination(rows, columns, rates, leaving)
+        return Elimination(rows, columns, rates, leaving, rate_error)
     except TooLargeError:
         return SparseFactors(rows, columns, rates, leaving)
 

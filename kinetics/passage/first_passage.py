@@ -34,8 +34,8 @@ class Passage:
     n_states : number of states before the target
     chain : the uniformised chain on these states; its last state is the target
     start : probabilities of its states at time 0
-    is_bound : whether error and sd_error are proven; not where the states are too many to eliminate, or by rate laws
-    is_certified : whether the limits of cdf, survival and quantiles are proven; not by rate laws
+    is_bound : whether error and sd_error are proven; not where states are too many to eliminate, or a law unbounded
+    is_certified : whether the limits of cdf, survival and quantiles are proven; not where a rate law is unbounded
     """
 
     target: str
@@ -186,15 +186,16 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
     rows, columns, rates, begins = lumped(transitions, is_target, start)
     n, there = begins.size - 1, float(begins[-1])
-    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1))
+    roundings = transitions.roundings
+    chain = DiscreteChain.from_rates(rows, columns, rates, totals(rows, rates, n + 1), rate_error=roundings)
     is_certified = transitions.is_certified
     if not begins[:n].any():
         return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, True, is_certified)
     way = _way(rows, columns, rates, begins)
     first, hits = way.first, way.hits
     if not first.any():
-        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, True, is_certified)
-    chances = equations(way.rows, way.columns, way.rates, hits + way.losses)
+        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_certified, is_certified)
+    chances = equations(way.rows, way.columns, way.rates, hits + way.losses, roundings)
     is_bound = is_certified and isinstance(chances, Elimination)
     if not way.is_certain:
         reached = _checked(chances, chances.solve(hits), first)
@@ -203,10 +204,10 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
         return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound, is_certified)
     means = _checked(chances, chances.solve(np.ones(hits.size)), first)
     error = relative_error(chances, means, first)
-    variances, doubt = _variances(chances, way, means)
+    variances, doubt = _variances(chances, way, means, roundings)
     mean, spread, more = _spread(chances, first, there, means)
     variance = mean_over(first, variances) + spread
-    terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
+    terms = roundings + 8 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
     slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
     sd_error = 0.5 * (relative_error(chances, variances, first) + slack) + ROUNDOFF
@@ -246,7 +247,7 @@ def _way(rows: Ints, columns: Ints, rates: Floats, begins: Floats) -> _Way:
     return _Way(place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[way], is_certain)
 
 
-def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats) -> tuple[Floats, Floats]:
+def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats, rate_error: float) -> tuple[Floats, Floats]:
     """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
 
     That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
@@ -259,9 +260,11 @@ def _variances(chain: Elimination | SparseFactors, way: _Way, mean: Floats) -> t
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
     variance = chain.solve(1.0 / exits + spread)
     each = _each_error(chain, mean)
-    wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
+    # a mean wait is as wrong as the rates and their sum
+    roundings = rate_error + int(np.bincount(rows, minlength=1).max()) + 8.0
+    wrong = each[columns] + each[rows] + roundings * ROUNDOFF * (mean[columns] + mean[rows])
     doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
-    doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
+    doubt += hits * (each + roundings * ROUNDOFF * mean) * (2.0 * onward + each)
     return variance, chain.solve(doubt)
 
 
@@ -302,12 +305,8 @@ def _checked(chain: Elimination | SparseFactors, solution: Floats, first: Floats
 
 def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Rows, columns and rates with all targets as one last state, which is never left; and the start among these."""
-    from scipy.sparse import csr_array
-
     n = int((~is_target).sum())
     place = np.where(is_target, n, np.cumsum(~is_target) - 1)
     goes = ~is_target[transitions.rows]
-    places = (place[transitions.rows[goes]], place[transitions.columns[goes]])
-    entries = csr_array((transitions.rates[goes], places), shape=(n + 1, n + 1)).tocoo()
-    begins = np.append(start[~is_target], start[is_target].sum())
-    return entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, begins
+    rows, columns = place[transitions.rows[goes]], place[transitions.columns[goes]]
+    return rows, columns, transitions.rates[goes], np.append(start[~is_target], start[is_target].sum())

@@ -27,7 +27,7 @@ class ChainStationary:
     weights : (C,) probability of ending up in each closed class
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
-    is_bound : whether the error is proven; not by rate laws, whose own rounding is not known
+    is_bound : whether the error is proven; not by a rate law that cannot be bounded
     """
 
     probabilities: Floats
@@ -98,7 +98,7 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
     from scipy.sparse.csgraph import connected_components
 
-    rows, columns, rates, *_ = transitions
+    rows, columns, *_ = transitions
     n = transitions.size
     n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
     is_closed = np.ones(n_classes, dtype=bool)
@@ -114,7 +114,7 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
             classes.append(members)
             rest, own_error = (np.ones(1), 0.0)
             if members.size > 1:
-                rest, own_error = _rest_within(rows, columns, rates, members, n)
+                rest, own_error = _rest_within(transitions, members)
             probabilities[members] = weights[number] * rest
             rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
@@ -149,18 +149,18 @@ def _weights(
     inside = (place[rows] >= 0) & (place[columns] >= 0)
     out = (place[rows] >= 0) & (place[columns] < 0)
     leaving = totals(place[rows[out]], rates[out], passing.size)
-    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], leaving, transitions.roundings)
     times = chain.occupation(start[passing])
     weights += totals(label[columns[out]], times[place[rows[out]]] * rates[out], weights.size)
     return weights, chain.error + 2.0 * ROUNDOFF * int(np.count_nonzero(start) - 1)
 
 
-def _rest_within(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, members: NDArray[np.intp], n: int
-) -> tuple[Floats, float]:
+def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[Floats, float]:
     """Stationary distribution of one closed class."""
-    place = np.full(n, -1)
+    rows, columns, rates, *_ = transitions
+    place = np.full(transitions.size, -1)
     place[members] = np.arange(members.size)
     inside = place[rows] >= 0
-    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], np.zeros(members.size))
+    nowhere = np.zeros(members.size)
+    chain = Elimination(place[rows[inside]], place[columns[inside]], rates[inside], nowhere, transitions.roundings)
     return chain.stationary(), chain.error
