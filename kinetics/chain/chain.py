@@ -49,8 +49,8 @@ MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a 
 class Chain:
     """A Markov chain on N states in continuous time.
 
-    generator : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal; where the diagonal holds
-        anything, rows must sum to zero
+    generator : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal, exact as given; where the
+        diagonal holds anything, rows must sum to zero
     initial : (N,) probabilities at time 0, or the number of one state
     labels : name -> truths (N,), or a condition as text
     rewards : name -> `Reward`; rates (N,) alone, or a formula in counts as text, for one without impulses
@@ -77,7 +77,8 @@ class Chain:
         rates = checked_rates(self.generator)
         entries = rates.tocoo()
         n = rates.shape[0]
-        known = Transitions(entries.row.astype(np.int64), entries.col.astype(np.int64), entries.data, np.zeros(n))
+        ends = entries.row.astype(np.int64), entries.col.astype(np.int64)
+        known = Transitions(*ends, entries.data, np.zeros(n), rate_error=0.0)
         self._set(_transitions=known, _space=None, initial=checked_start(self.initial, n))
         self._describe(n)
         lost = np.zeros(n, dtype=bool) if self.lost is None else self.states(self.lost, "lost")

@@ -11,7 +11,7 @@ from kinetics.chain.checks import Reward
 from kinetics.passage.backward import LimitedValue
 from kinetics.solving import Transitions
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.transitions import RATE_ERROR, totals
+from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
 
 
@@ -38,7 +38,7 @@ def earning(transitions: Transitions, reward: Reward) -> tuple[Floats, float]:
     rows, columns, speeds, *_ = transitions
     worth = np.asarray(reward.impulses[rows, columns]).ravel()
     terms = int(np.bincount(rows, minlength=1).max())
-    return rates + totals(rows, speeds * worth, transitions.size), ROUNDOFF * (RATE_ERROR + terms + 3)
+    return rates + totals(rows, speeds * worth, transitions.size), ROUNDOFF * (transitions.roundings + terms + 3)
 
 
 def wider(limited: LimitedValue, relative: float) -> LimitedValue:

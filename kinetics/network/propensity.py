@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.program import Code, Step, evaluate, steps_of
 from kinetics.support.arrays import Floats, Ints
@@ -26,6 +27,9 @@ COMBINATIONS = ("distinct", "ordered", "product")
 # So many like reactants among 2**63 - 1 copies still have fewer combinations than a float can hold.
 LOW_ORDER = 16
 LOG_LARGEST = 710.0  # of a float, rounded up
+ROUNDING = 2.0**-53  # largest relative error of one operation
+WORST = 1e-3  # relative error; what is known no better is taken as not known
+PIECE = 2**15  # states whose laws are enclosed at a time, which then stay in the cache
 # What becomes of a rate law that is above 0 although reactants are missing:
 #   block   the channel waits until they are there
 #   refuse  a ValueError that names the channel and the state
@@ -113,6 +117,34 @@ class ChannelLaw:
     @cached_property
     def _bare(self) -> list[Step]:
         return steps_of(self.law, self.places)
+
+    @cached_property
+    def _unrounded(self) -> list[Step]:
+        """The program with all of its operations, none done beforehand."""
+        guards = [step for step in self.program if step.code == Code.GUARD]
+        return [*guards, *steps_of(self.law, self.places, folds=False)]
+
+    def rate_error(self, states: Ints, constant: float, ways: float) -> float:
+        """Bound on the relative error of the rates constant * ways * h at states (N, S), in roundings of 2**-53.
+
+        The largest over the states, beside the law's real value (see `laws.enclosure`); inf where it is not known to
+        three digits, or not whether it is 0. The law depends on no time.
+        """
+        factors = [Step(Code.CONSTANT, 0, constant), Step(Code.MULTIPLY), Step(Code.CONSTANT, 0, ways)]
+        steps = [*self._unrounded, *factors, Step(Code.MULTIPLY)]
+        worst = 0.0
+        for begin in range(0, len(states), PIECE):
+            part = states[begin : begin + PIECE]
+            found = constant * ways * evaluate(self.program, part, 0.0)
+            low, high = enclosed(steps, part)
+            wrong, least = np.maximum(high - found, found - low), np.minimum(low, found)
+            with np.errstate(all="ignore"):
+                relative = np.where((low == found) & (high == found), 0.0, wrong / least)
+            is_known = (least > 0.0) | (relative == 0.0)
+            worst = max(worst, float(np.where(is_known, relative, np.inf).max()))
+            if not worst <= WORST:
+                return np.inf
+        return 1.001 * worst / ROUNDING
 
     def values(self, states: Ints, time: float) -> Floats:
         """h (...) at states (..., S) and a time in tu; a ValueError where it is below 0, infinite or undefined."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window
-from kinetics.solving.transitions import RATE_ERROR, Transitions
+from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
 
@@ -71,7 +71,9 @@ class BackwardPass:
         """The mean at a time, tu."""
         if time == 0.0 or not self._transitions.rates.any():
             at_once = float(self._start @ self._values)
-            return LimitedValue.within(at_once, ROUNDOFF * self._start.size, True)
+            return LimitedValue.within(
+                at_once, ROUNDOFF * self._start.size, time == 0.0 or self._transitions.is_certified
+            )
         means, errors = self._until(time)
         mean = self._rate * time
         first, weights = poisson_window(mean, LEFT_OUT)
@@ -87,7 +89,7 @@ class BackwardPass:
             return LimitedValue(0.0, 0.0, 0.0, True)
         if not self._transitions.rates.any():
             stays = float(self._start @ self._values) * time
-            return LimitedValue.within(stays, ROUNDOFF * (self._start.size + 1), True)
+            return LimitedValue.within(stays, ROUNDOFF * (self._start.size + 1), self._transitions.is_certified)
         means, errors = self._until(time)
         mean = self._rate * time
         first, weights = poisson_window(mean, LEFT_OUT)
@@ -122,7 +124,9 @@ class BackwardPass:
         # together no longer than the time, as if by so many jumps as are expected.
         numbers = np.arange(n_steps)
         jumps = numbers + self._transitions.exits.max() * time
-        relative = numbers * self._roundings + jumps * (RATE_ERROR + 1) + np.count_nonzero(self._start) + 4
+        relative = (
+            numbers * self._roundings + jumps * (self._transitions.roundings + 1.0) + np.count_nonzero(self._start) + 4
+        )
         return self._means[:n_steps], np.expm1(ROUNDOFF * relative + self._drifts[:n_steps])
 
     def _pass_back(self, n_steps: int) -> None:

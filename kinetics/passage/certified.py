@@ -53,16 +53,26 @@ class BoundedSolution(NamedTuple):
 
 
 class Equations(ABC):
-    """A chain on n states that goes from rows (K,) to columns (K,) at rates (K,), and is left at `leaving` (n,)."""
+    """A chain on n states that goes from rows (K,) to columns (K,) at rates (K,), and is left at `leaving` (n,).
+
+    rate_error : bound on the relative error of each rate, in roundings
+    """
 
     error = np.inf  # relative error of what `solve` and `occupation` give, as far as it is known beforehand
 
-    def __init__(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+    def __init__(
+        self,
+        rows: NDArray[Any],
+        columns: NDArray[Any],
+        rates: Floats,
+        leaving: Floats,
+        rate_error: float = RATE_ERROR,
+    ) -> None:
         self._rates = (rows.astype(np.int64), columns.astype(np.int64), np.asarray(rates, dtype=float), leaving)
         # In the rates that come: their own roundings, and sums of those that lead to one place or out of the chain.
-        self.given = RATE_ERROR + int(np.bincount(rows, minlength=1).max())
+        self.given = rate_error + int(np.bincount(rows, minlength=1).max())
         # Every figure is a ratio of sums of spanning forests: see `elimination`. Leaving and weights round once, too.
-        self.rates_error = 1.001 * ROUNDOFF * 2.0 * leaving.size * (self.given + 2.0)
+        self.rates_error = float(np.expm1(1.001 * ROUNDOFF * 2.0 * leaving.size * (self.given + 2.0)))
         self._terms = 4.0 + float(np.bincount(columns, minlength=1).max()) + self.given
 
     @abstractmethod

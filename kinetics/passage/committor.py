@@ -37,7 +37,7 @@ class ChainCommittor:
         of the runs that do not, so that each committor lies between `committors` and `committors + lost`
     lost_probability : the same from the start
     error : relative error of all of these, rounding of the rates included
-    is_bound : whether the error is proven; not by rate laws
+    is_bound : whether the error is proven; not by a rate law that cannot be bounded
     """
 
     transitions: Transitions
@@ -168,7 +168,8 @@ def committor_of(
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]
         here, there, gone = place[rows[out]], columns[out], rates[out]
-        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving_rates(here, gone, size))
+        leaving = leaving_rates(here, gone, size)
+        chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, stopped.roundings)
         for k in np.flatnonzero(member.any(axis=1)):
             targeted = member[k]
             chances = chain.solved(leaving_rates(here, gone * targeted[there], size))

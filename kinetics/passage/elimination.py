@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinetics.passage.certified import Equations
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.transitions import totals
+from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.support.arrays import Floats
 
 MAX_WORK = 3e10  # multiplications, some ten seconds
@@ -39,13 +39,20 @@ class Elimination(Equations):
     count these states.
     """
 
-    def __init__(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+    def __init__(
+        self,
+        rows: NDArray[Any],
+        columns: NDArray[Any],
+        rates: Floats,
+        leaving: Floats,
+        rate_error: float = RATE_ERROR,
+    ) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
         from kinetics.kernels import elimination
 
-        super().__init__(rows, columns, rates, leaving)
+        super().__init__(rows, columns, rates, leaving, rate_error)
         n = leaving.size
         pattern: Any = csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
         self._order = np.asarray(reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
@@ -60,7 +67,7 @@ class Elimination(Equations):
         self._exits = np.empty(n)
         changes = elimination.reduce(self._band, leaving[self._order].copy(), self._exits)
         # On the way back each figure is a sum of `width` products, of figures found so.
-        self.error = 1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))
+        self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))))
 
     def solve(self, weights: Floats) -> Floats:
         """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out."""
@@ -105,11 +112,18 @@ class SparseFactors(Equations):
     faster than a narrow band here (George & Liu 1989, doi:10.1137/1031001).
     """
 
-    def __init__(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+    def __init__(
+        self,
+        rows: NDArray[Any],
+        columns: NDArray[Any],
+        rates: Floats,
+        leaving: Floats,
+        rate_error: float = RATE_ERROR,
+    ) -> None:
         from scipy.sparse import csc_array, dia_array
         from scipy.sparse.linalg import splu
 
-        super().__init__(rows, columns, rates, leaving)
+        super().__init__(rows, columns, rates, leaving, rate_error)
         n = leaving.size
         self._exits = totals(rows, rates, n) + leaving
         jumps: Any = csc_array((rates, (rows, columns)), shape=(n, n))
@@ -151,12 +165,14 @@ class SparseFactors(Equations):
         return found + wide * float(((np.abs(left) + doubt) / reached).max(initial=0.0))
 
 
-def equations(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> Equations:
+def equations(
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
+) -> Equations:
     """Elimination where the chain is small or narrow enough, else sparse LU."""
     try:
-        return Elimination(rows, columns, rates, leaving)
+        return Elimination(rows, columns, rates, leaving, rate_error)
     except TooLargeError:
-        return SparseFactors(rows, columns, rates, leaving)
+        return SparseFactors(rows, columns, rates, leaving, rate_error)
 
 
 def mean_over(start: Floats, values: Floats) -> float:

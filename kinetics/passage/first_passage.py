@@ -34,7 +34,7 @@ class Passage:
     n_states : number of states before the target
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
-    is_bound : whether errors and limits are proven; not by rate laws
+    is_bound : whether errors and limits are proven; not by a rate law that cannot be bounded
     """
 
     target: str
@@ -167,7 +167,7 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     first, hits = way.first, way.hits
     if not first.any():
         return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_bound)
-    chances = equations(way.rows, way.columns, way.rates, hits + way.losses)
+    chances = equations(way.rows, way.columns, way.rates, hits + way.losses, transitions.roundings)
     if not way.is_certain:
         chance, error = _checked(chances.solved(hits), first).mean(first)
         chance = min(there + chance, 1.0)
@@ -178,7 +178,7 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     spread, more = _spread(first, there, means)
     within, wrong = variances.mean(first)
     variance = within + spread
-    terms = 16 + int(np.bincount(way.rows, minlength=1).max()) + int(np.count_nonzero(first))
+    terms = 8.0 + chances.given + int(np.count_nonzero(first))
     slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
     sd_error = 0.5 * (wrong + slack) + ROUNDOFF
@@ -231,9 +231,11 @@ def _variances(chain: Equations, way: _Way, means: BoundedSolution) -> tuple[Bou
     gaps = mean[columns] - onward[rows]
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
     variance = chain.solved(1.0 / exits + spread)
-    wrong = each[columns] + each[rows] + 8.0 * ROUNDOFF * (mean[columns] + mean[rows])
+    # a mean wait is as wrong as the rates and their sum
+    roundings = chain.given + 8.0
+    wrong = each[columns] + each[rows] + roundings * ROUNDOFF * (mean[columns] + mean[rows])
     doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
-    doubt += hits * (each + 8.0 * ROUNDOFF * mean) * (2.0 * onward + each)
+    doubt += hits * (each + roundings * ROUNDOFF * mean) * (2.0 * onward + each)
     return variance, chain.at_most(doubt, variance.values)
 
 
@@ -271,5 +273,5 @@ def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats
     place = np.where(is_target, n, np.cumsum(~is_target) - 1)
     goes = ~is_target[transitions.rows]
     places = place[transitions.rows[goes]], place[transitions.columns[goes]]
-    chain = Transitions(*places, transitions.rates[goes], np.zeros(n + 1), transitions.is_certified)
+    chain = Transitions(*places, transitions.rates[goes], np.zeros(n + 1), transitions.rate_error)
     return chain, np.append(start[~is_target], start[is_target].sum())

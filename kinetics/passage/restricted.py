@@ -24,8 +24,9 @@ class RestrictedPassage:
 
     mean, sd : of that time; both exist however unlikely the target is
     reached : probability that the target is reached by the horizon, from 0 to 1
-    mean_error, reached_error : bounds on the absolute errors of mean and probability
+    mean_error, reached_error : limits on the absolute errors of mean and probability
     n_states : states of the chain, those with the target included
+    is_bound : whether these limits are proven; not by a rate law that cannot be bounded
     """
 
     horizon: float
@@ -35,6 +36,7 @@ class RestrictedPassage:
     mean_error: float
     reached_error: float
     n_states: int
+    is_bound: bool = True
 
 
 def restricted_passage(
@@ -64,8 +66,9 @@ def restricted_passage(
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     if space.is_stopped[0] or end == 0.0:
         return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
-    going, start = lumped(space.transitions(), space.is_stopped, np.eye(1, len(space))[0])
-    chain = DiscreteChain.from_rates(going.rows, going.columns, going.rates, going.exits)
+    jumps = space.transitions()
+    going, start = lumped(jumps, space.is_stopped, np.eye(1, len(space))[0])
+    chain = DiscreteChain.from_rates(going.rows, going.columns, going.rates, going.exits, rate_error=jumps.roundings)
     # The window's own arrays have a place for each step, so the bound comes first.
     steps = chain.steps_until(end, TOLERANCE) if chain.rate * end < np.inf else np.inf
     if steps > MAX_STEPS or not steps * chain.step_seconds <= max_seconds:
@@ -91,6 +94,7 @@ def restricted_passage(
         rounding * end + _tails_error(chain.rate * end, first, weights) / chain.rate,
         window_error(chain.rate * end, first, weights, TOLERANCE) + rounding,
         len(space),
+        jumps.is_certified,
     )
 
 

@@ -31,7 +31,7 @@ class ChainStationary:
     weights : (C,) probability of ending up in each closed class
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
-    is_bound : whether the error is proven; not by rate laws, whose own rounding is not known
+    is_bound : whether the error is proven; not by a rate law that cannot be bounded
     """
 
     probabilities: Floats
@@ -102,7 +102,7 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
     from scipy.sparse.csgraph import connected_components
 
-    rows, columns, rates, *_ = transitions
+    rows, columns, *_ = transitions
     n = transitions.size
     n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
     is_closed = np.ones(n_classes, dtype=bool)
@@ -118,7 +118,7 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
             classes.append(members)
             rest, own_error = (np.ones(1), 0.0)
             if members.size > 1:
-                rest, own_error = _rest_within(rows, columns, rates, members, n)
+                rest, own_error = _rest_within(transitions, members)
             probabilities[members] = weights[number] * rest
             rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
@@ -153,34 +153,35 @@ def _weights(
     inside = (place[rows] >= 0) & (place[columns] >= 0)
     out = (place[rows] >= 0) & (place[columns] < 0)
     leaving = leaving_rates(place[rows[out]], rates[out], passing.size)
-    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+    inner = place[rows[inside]], place[columns[inside]], rates[inside]
+    chain = equations(*inner, leaving, transitions.roundings)
     times = chain.occupied(start[passing])
     weights += totals(label[columns[out]], times.values[place[rows[out]]] * rates[out], weights.size)
     # the flows in are added up
-    return weights, times.relative + ROUNDOFF * (2.0 * int(np.count_nonzero(start) - 1) + int(out.sum()) + 1)
+    terms = 2.0 * int(np.count_nonzero(start) - 1) + int(out.sum()) + 1
+    return weights, times.relative + ROUNDOFF * terms
 
 
-def _rest_within(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, members: NDArray[np.intp], n: int
-) -> tuple[Floats, float]:
+def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[Floats, float]:
     """Stationary distribution of one closed class."""
-    place = np.full(n, -1)
+    rows, columns, rates, *_ = transitions
+    place = np.full(transitions.size, -1)
     place[members] = np.arange(members.size)
     inside = place[rows] >= 0
     inner = place[rows[inside]], place[columns[inside]], rates[inside]
     try:
-        chain = Elimination(*inner, np.zeros(members.size))
+        chain = Elimination(*inner, np.zeros(members.size), transitions.roundings)
     except TooLargeError as refusal:
-        return _rest_of_many(*inner, members.size, refusal)
+        return _rest_of_many(*inner, members.size, transitions.roundings, refusal)
     found = chain.stationary()
     if chain.error <= FINE:
         return found, chain.error
-    better, error = _anchored(*inner, members.size, int(np.argmax(found)))
+    better, error = _anchored(*inner, members.size, transitions.roundings, int(np.argmax(found)))
     return (better, error) if error < chain.error else (found, chain.error)
 
 
 def _rest_of_many(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, refusal: TooLargeError
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, rate_error: float, refusal: TooLargeError
 ) -> tuple[Floats, float]:
     """The same between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
     fastest = np.lexsort((rates, rows))
@@ -189,7 +190,7 @@ def _rest_of_many(
     for _ in range(n):
         anchor = int(likeliest[anchor])
     for _ in range(ANCHORS):
-        found, error = _anchored(rows, columns, rates, n, anchor)
+        found, error = _anchored(rows, columns, rates, n, rate_error, anchor)
         if error <= 1e-9:
             break
         anchor = int(np.argmax(found))
@@ -198,12 +199,14 @@ def _rest_of_many(
     return found, error
 
 
-def _anchored(rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, anchor: int) -> tuple[Floats, float]:
+def _anchored(
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, rate_error: float, anchor: int
+) -> tuple[Floats, float]:
     """The same as time spent in each state between two visits to one, whose limits are proven afterwards."""
     place = np.arange(n) - (np.arange(n) > anchor)
     begins, inside, ends = rows == anchor, (rows != anchor) & (columns != anchor), columns == anchor
     leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
-    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving)
+    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, rate_error)
     stays = chain.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
     found = np.insert(stays.values, anchor, 1.0)
     total = float(found.sum())

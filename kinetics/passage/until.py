@@ -21,17 +21,17 @@ IMPOSSIBLE = LimitedValue(0.0, 0.0, 0.0, True)
 def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) -> LimitedValue:
     """Probability of reaching the target (N,) at some time, on the way through states `through` (N,) alone.
 
-    By elimination without subtractions, with a relative error; exactly 0 or 1 where no rate matters.
+    By elimination without subtractions, with a relative error; exactly 0 or 1 where no rate that is above 0 matters.
     """
     chain = transitions.stopped(target | ~through)
     leads, seen = chain.leading_to(target), chain.reached_from(start > 0)
     if not (leads & seen).any():
-        return IMPOSSIBLE
+        return IMPOSSIBLE._replace(is_bound=chain.is_certified)
     if leads[seen].all():
-        return CERTAIN
+        return CERTAIN._replace(is_bound=chain.is_certified)
     at_once = float(start[target].sum())
     if not start[leads & ~target].any():
-        return LimitedValue.within(at_once, ROUNDOFF * start.size, True)
+        return LimitedValue.within(at_once, ROUNDOFF * start.size, chain.is_certified)
     reached, relative = _solved(chain, start, leads & seen & ~target, target, None)
     wide = relative + ROUNDOFF * (start.size + 1)
     found = LimitedValue.within(at_once + reached, wide, chain.is_certified, UNDERFLOW)
@@ -83,7 +83,8 @@ def _solved(chain: Transitions, start: Floats, way: Mask, target: Mask, earning:
     place, n = np.cumsum(way) - 1, int(way.sum())
     inside, out = way[rows] & way[columns], way[rows] & ~way[columns]
     here = place[rows[out]]
-    equation = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving_rates(here, rates[out], n))
+    leaving = leaving_rates(here, rates[out], n)
+    equation = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
     weights = leaving_rates(here, rates[out] * target[columns[out]], n) if earning is None else earning[way]
     solution, first = equation.solved(weights), start[way]
     if not np.isfinite(solution.values).all():

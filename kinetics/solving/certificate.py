@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.solving.fixedpoint import FixedPoint
+from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import StateSpace
+from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats
 
 STEP_BITS = 16  # the largest row sum of |Q| h is at most 2**-16
@@ -31,24 +33,42 @@ ABOVE = 1.01  # bounds are computed in doubles, and rounded up
 class Entries(NamedTuple):
     """Rates from rows (K,) to columns (K,), 1/tu; entries of one place add up, exactly.
 
-    is_exact : whether these are the rates of the network to the last bit
+    rate_error : bound on the relative error of each, in roundings of 2**-53; inf where there is none
     """
 
     rows: NDArray[Any]
     columns: NDArray[Any]
     rates: Floats
-    is_exact: bool = True
+    rate_error: float = 0.0
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether the errors of the rates are bounded."""
+        return bool(np.isfinite(self.rate_error))
+
+    def wrong(self, jumps: float) -> float:
+        """What the errors of the rates add to the summed error of probabilities, if on the way so many jumps are made.
+
+        By Duhamel's formula the integral of |p (Q - Q')|, in which each rate counts twice: where it leads and whence.
+        """
+        return ABOVE * 2.0 * ROUNDOFF * self.rate_error * jumps if self.rate_error and self.is_certified else 0.0
+
+
+def best_entries(transitions: Transitions, space: StateSpace | None) -> Entries:
+    """Rates without rounding where a network gives them by mass action; else as they are, with their errors."""
+    if space is None or space.network.laws:
+        return Entries(transitions.rows, transitions.columns, transitions.rates, transitions.rate_error)
+    return exact_entries(space)
 
 
 def exact_entries(space: StateSpace) -> Entries:
-    """Every rate of a space: under mass action as doubles that add up to it, without rounding.
+    """Every rate of a space under mass action as doubles that add up to it, without rounding.
 
-    Rate constants and ways are doubles and combinations whole numbers, so that their products are fractions. What rate
-    laws give is taken as it was computed.
+    Rate constants and ways are doubles and combinations whole numbers, so that their products are fractions.
     """
     network, states = space.network, space.states
     changes = network.sparse_stoichiometry
-    is_exact = not network.laws
+    is_exact = True
     propensities = network.propensities(states)
     propensities[space.is_stopped] = 0.0
     places: list[tuple[int, int]] = []
@@ -57,14 +77,12 @@ def exact_entries(space: StateSpace) -> Entries:
         here = np.flatnonzero(propensities[:, channel] > 0)
         there = space.index_of(changes.added_to(states[here], np.full(here.size, channel)))
         for row, column in zip(here.tolist(), there.tolist(), strict=True):
-            parts: tuple[float, ...] = (float(propensities[row, channel]),)
-            if is_exact:
-                parts, rest = _parts(_rate(network, channel, states[row].tolist()))
-                is_exact &= rest == 0
+            parts, rest = _parts(_rate(network, channel, states[row].tolist()))
+            is_exact &= rest == 0
             places += [(row, column)] * len(parts)
             values += parts
     rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
-    return Entries(rows, columns, np.array(values, dtype=np.float64), is_exact)
+    return Entries(rows, columns, np.array(values, dtype=np.float64), 0.0 if is_exact else np.inf)
 
 
 def _rate(network: Network, channel: int, state: list[int]) -> Fraction:
@@ -93,6 +111,8 @@ def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> f
 
     start : (N,) probabilities
     times : tu, rising; rates and times as far from the limits of doubles as `dense` checks
+
+    Where the rates have errors, these count in each jump that is expected until the last time.
     """
     n = start.size
     if not entries.rates.any() or times[-1] == 0.0:
@@ -115,19 +135,26 @@ def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> f
 
     rows = _rests(arithmetic, short, start, rests, terms, least)
     rows_error = ABOVE * (cut + (3.0 * terms + 2.0) * arithmetic.lost(least))
+    # Jumps from each state in a step: a first, and after it at most 2**-17 on average, as many as of the fastest.
+    jumps, worth = ABOVE * float(start @ exits) * step * np.ones(times.size), ABOVE * exits * step
     for level in range(levels):
         has_bit = np.array([bool(count >> level & 1) for count in counts])
         if has_bit.any():
+            jumps[has_bit] += arithmetic.value(rows[:, has_bit]) @ worth
             rows[:, has_bit] = arithmetic.multiply(rows[:, has_bit], power, least)
             rows_error = rows_error * (1.0 + error) + error + arithmetic.lost(least)
         if level < levels - 1:
             digits = arithmetic.digits_for(RESULT_BITS + levels - level)
+            before = power
             power = arithmetic.multiply(power, power, digits)
             error = 2.0 * error + error**2 + arithmetic.lost(digits)
+            worth = worth + arithmetic.value(before) @ worth
     gap = arithmetic.digits(found, least + 3)
     gap[: least + 1] -= rows
     seen = float(np.abs(arithmetic.value(arithmetic.carry(gap))).sum(axis=1).max())
-    return ABOVE * (seen + rows_error + arithmetic.lost(least))
+    # Errors of powers are sums over a row, and what they carry is at most the jumps of the fastest state.
+    moved = float(jumps.max()) + (rows_error + levels * error) * float(exits.max()) * float(times[-1])
+    return ABOVE * (seen + rows_error + arithmetic.lost(least)) + entries.wrong(ABOVE * moved)
 
 
 def _short_rates(arithmetic: FixedPoint, entries: Entries, step: float, n: int, count: int) -> tuple[Floats, float]:

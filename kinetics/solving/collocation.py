@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from kinetics.solving.base import ListingMethod, ProbabilityTable
-from kinetics.solving.certificate import Entries, exact_entries
-from kinetics.solving.defect import FixedPointChain, exit_rates, value_at
+from kinetics.solving.certificate import ABOVE, Entries, best_entries
+from kinetics.solving.defect import FixedPointChain, exit_rates, integrals_of, value_at
 from kinetics.solving.dense import LARGEST
 from kinetics.solving.radau import RadauStep, fill
 from kinetics.solving.states import StateSpace
@@ -37,8 +37,8 @@ class Collocation(ListingMethod):
     On each step the solution is a polynomial, corrected until the integral of its defect |u' - u Q|, summed over the
     states, is small; these integrals add up to a bound on the summed absolute error at any time, and so relative to the
     total probability of 1, not to each single probability. The defect is found in fixed-point arithmetic, so that the
-    bound is proven whatever was rounded before it. It is an estimate where rates come from rate laws, whose own
-    rounding is not known.
+    bound is proven whatever was rounded before it. The errors of rate laws count in each jump that is expected; where
+    one cannot be bounded it is an estimate.
 
     tolerance : largest bound on the summed error of the steps; reading a time off its polynomial adds about 1e-14
     max_states : networks with more reachable states are refused
@@ -76,9 +76,9 @@ class Collocation(ListingMethod):
                 f"sample with the direct method"
             )
         check_memory(f"the factors of {n} states", plan.n_bytes, "start from fewer copies")
-        exact = exact_entries(space) if space else Entries(*transitions[:3], transitions.is_certified)
-        found, error = integrate(exact, start, grid, plan, self.tolerance, self.max_seconds)
-        return ProbabilityTable(found, error, exact.is_exact)
+        entries = best_entries(transitions, space)
+        found, error = integrate(entries, start, grid, plan, self.tolerance, self.max_seconds)
+        return ProbabilityTable(found, error, entries.is_certified)
 
 
 class CollocationPlan(NamedTuple):
@@ -162,6 +162,7 @@ def integrate(
     place[plan.order] = np.arange(n)
     entries = entries._replace(rows=place[entries.rows], columns=place[entries.columns])
     steps = Steps(entries, start[plan.order], times[-1], plan, tolerance)
+    exits, jumps = exit_rates(entries, n), 0.0
     error, done = steps.error, int(np.searchsorted(times, 0.0, side="right"))
     while done < times.size:
         if steps.seconds > max_seconds:
@@ -172,6 +173,8 @@ def integrate(
             )
         begin, length, polynomial = steps.go_on()
         coefficients = steps.chain.values(polynomial)
+        sizes = np.abs(coefficients) @ integrals_of(coefficients.shape[1])
+        jumps += ABOVE * float(length) / 2.0 * float(exits @ sizes)
         for row in range(done, times.size):
             time = Fraction(float(times[row]))  # exactly, as are all steps
             if time > steps.begin:
@@ -180,7 +183,7 @@ def integrate(
             # No probability is below zero: what is cut off there was error.
             result[row, plan.order] = np.maximum(values, 0.0)
             error, done = max(error, steps.error + rounding), row + 1
-    return result, error
+    return result, error + entries.wrong(jumps)
 
 
 class Steps:

@@ -115,15 +115,18 @@ class FixedPointChain:
         coefficients = self.values(arithmetic.carry(rest)) * 2.0**m
         sizes = np.abs(self.values(planes)).sum(axis=0)
         lost = 2.0**m * (arithmetic.lost(self.count) + self.cut * sizes)
-        # The integral of |P_k| over [-1, 1] is at most 2 / sqrt(2 k + 1), by Cauchy & Schwarz.
-        integrals = 2.0 / np.sqrt(2.0 * np.arange(size) + 1.0)
-        bound = integrals @ (np.abs(coefficients).sum(axis=0) + lost) + np.abs(jump).sum()
+        bound = integrals_of(size) @ (np.abs(coefficients).sum(axis=0) + lost) + np.abs(jump).sum()
         return Defect(coefficients, jump, ABOVE * float(bound))
 
 
 def exit_rates(entries: Entries, n: int) -> Floats:
     """Rate (n,) at which each state is left, 1/tu, rounded."""
     return np.bincount(entries.rows, entries.rates, minlength=n).astype(float)
+
+
+def integrals_of(size: int) -> Floats:
+    """Bounds (size,) on the integral of |P_k| over [-1, 1], 2 / sqrt(2 k + 1) by Cauchy & Schwarz."""
+    return 2.0 / np.sqrt(2.0 * np.arange(size) + 1.0)
 
 
 def value_at(coefficients: Floats, place: Fraction) -> tuple[Floats, float]:

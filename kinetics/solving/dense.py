@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinetics.solving.base import ListingMethod, ProbabilityTable
-from kinetics.solving.certificate import Entries, distance, exact_entries
+from kinetics.solving.certificate import best_entries, distance
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds
 from kinetics.solving.states import StateSpace
 from kinetics.solving.transitions import Transitions
@@ -37,7 +37,7 @@ class Dense(ListingMethod):
     max_states : larger chains are refused
     certified_states : up to this many states the error is a proven bound, from a second solution in fixed-point
         arithmetic that takes about twenty times as long; above, it is an estimate, from a second solution in another
-        unit of time. It is also an estimate where rates come from rate laws, whose own rounding is not known.
+        unit of time. It is also an estimate where a rate law cannot be bounded.
 
     Source: Xue & Ye (2013), doi:10.1090/S0025-5718-2013-02677-4, and Grassmann, Taksar & Heyman (1985),
     doi:10.1287/opre.33.5.1107. Cost: the cube of the number of states times log2(fastest rate * last time), for any
@@ -66,8 +66,8 @@ class Dense(ListingMethod):
         found = exponential_action(rates, start, grid)
         if n > self.certified_states:
             return ProbabilityTable(found, estimated_error(rates, start, grid, found), False)
-        entries = exact_entries(space) if space else Entries(*transitions[:3], transitions.is_certified)
-        return ProbabilityTable(found, distance(entries, start, grid, found), entries.is_exact)
+        entries = best_entries(transitions, space)
+        return ProbabilityTable(found, distance(entries, start, grid, found), entries.is_certified)
 
 
 def exponential_action(rates: Floats, start: Floats, times: Floats) -> Floats:

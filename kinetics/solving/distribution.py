@@ -27,7 +27,7 @@ class Distribution:
     probabilities : (T, N), none negative
     error : limit on the absolute error summed over all states, at any time, from truncation, rounding, and the rounding
         of the rates
-    is_bound : whether `error` is a proven bound; otherwise it is an estimate, as for rates from rate laws
+    is_bound : whether `error` is a proven bound; otherwise it is an estimate, as by a rate law that cannot be bounded
     is_complete : whether the space holds all reachable states; otherwise the missing probability is at most `error`
     """
 

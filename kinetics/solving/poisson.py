@@ -36,6 +36,12 @@ def poisson_window(mean: float, tolerance: float) -> tuple[int, Floats]:
     return first, weights / weights.sum()
 
 
+def poisson_tails(first: int, weights: Floats, tolerance: float) -> Floats:
+    """P(N > n) or more, for n = 0, 1, ... up to the end of a window that leaves out a tolerance."""
+    at_least = np.append(np.ones(first), np.minimum(np.cumsum(weights[::-1])[::-1] + tolerance, 1.0))
+    return np.append(at_least[1:], tolerance)
+
+
 def window_error(mean: float, first: int, weights: Floats, tolerance: float) -> float:
     """Bound on the summed absolute error of a window's weights, numbers outside included.
 

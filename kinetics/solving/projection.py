@@ -40,7 +40,7 @@ class FiniteStateProjection(SolvingMethod):
     again. After a window, states are dropped if they hold little mass and little mass went through them, so that
     bottlenecks stay. Once the distribution has settled it is kept as it is.
 
-    The error is a proven bound, except for rates that come from rate laws, whose own rounding is not known.
+    The error is a proven bound, except where a rate law cannot be bounded.
 
     Source: Munsky & Khammash (2006), doi:10.1063/1.2145882, with sets that move. Cost: about (exit rate of the likely
     states) * (last time) steps over their transitions. Choose it where more states can be reached than can be listed,
@@ -108,7 +108,7 @@ class _Front:
         self.network, self.grid, self.method = network, grid, method
         self.tolerance, self.max_states = method.tolerance, method.max_states
         self.time, self.states, self.mass = 0.0, start[None, :].copy(), np.ones(1)
-        self.rounding, self.drift = 0.0, 0.0
+        self.rounding, self.drift, self.is_certified = 0.0, 0.0, True
         self.steps, self.seconds = 0.0, 0.0
         self.past: list[tuple[float, float, float]] = []  # steps, time and rate at each window
         self.length, self.layers = FIRST_STEPS, 1
@@ -195,10 +195,11 @@ class _Front:
 
     def _solve(self, search: Search) -> _Window:
         space = StateSpace(self.network, search.states.copy(), np.zeros(len(search), dtype=bool))
-        rows, columns, rates, leaks, *_ = space.transitions()
-        exits = np.bincount(rows, rates, minlength=len(space)) + leaks
+        jumps = space.transitions()
+        leaks, exits = jumps.leaks, jumps.exits
+        self.is_certified &= jumps.is_certified
         # An exit sums what leads on within the set and out of it: no more than there are channels.
-        chain = DiscreteChain.from_rates(rows, columns, rates, exits, most_out=len(self.network.channels))
+        chain = DiscreteChain.of(jumps, most_out=len(self.network.channels))
         end = min(self.time + self.length / chain.rate, float(self.grid[-1]))
         self._check_work(chain, min(self.length, chain.rate * (float(self.grid[-1]) - self.time)))
         start = np.zeros(len(space))
@@ -223,7 +224,7 @@ class _Front:
         lost = float((1.0 - probabilities.sum(axis=1)).max())
         space = StateSpace(self.network, self.seen.states.copy(), np.zeros(n, dtype=bool))
         error = max(lost, 0.0) + self.drift + self.rounding + ROUNDOFF * (2 * len(self.found) + np.log2(n) + 20)
-        return Distribution(space, self.grid, probabilities, error, space.is_certified, is_complete=False)
+        return Distribution(space, self.grid, probabilities, error, self.is_certified, is_complete=False)
 
     def too_many(self) -> str:
         """How far it came, and how the likely states spread."""

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.solving.transitions import Transitions
-from kinetics.support.arrays import Ints, read_only, whole_number
+from kinetics.solving.transitions import RATE_ERROR, Transitions
+from kinetics.support.arrays import Floats, Ints, read_only, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -59,12 +59,24 @@ class StateSpace:
     def __len__(self) -> int:
         return len(self.states)
 
-    @property
-    def is_certified(self) -> bool:
-        """Whether every rate is known to round no more than `RATE_ERROR` times: by mass action, of a low order."""
-        needed = self.network.sparse_reactants
-        orders = np.bincount(needed.rows, needed.copies)
-        return not self.network.laws and bool(orders.max(initial=0) <= CERTIFIED_ORDER)
+    @cached_property
+    def rate_errors(self) -> Floats:
+        """Bounds (R,) on the relative errors of each channel's rates, in roundings of 2**-53; inf where there is none.
+
+        By mass action of a low order `RATE_ERROR`; by a rate law what interval arithmetic finds in these states; 0 for
+        channels that change nothing.
+        """
+        network, works = self.network, self.network.sparse_stoichiometry.has_entries
+        needed = network.sparse_reactants
+        orders = np.bincount(needed.rows, needed.copies, minlength=len(network.channels))
+        errors = np.where(orders <= CERTIFIED_ORDER, RATE_ERROR, np.inf)
+        errors[~works] = 0.0
+        states = self.states[~self.is_stopped] if network.laws else self.states
+        for name, law in network.channel_laws.items():
+            r = network.channel_places[name]
+            if works[r]:
+                errors[r] = law.rate_error(states, float(network.known_rates[r]), float(network.ways[r]))
+        return read_only(errors)
 
     @cached_property
     def _table(self) -> StateTable:
@@ -85,10 +97,7 @@ class StateSpace:
         return rows.reshape(asked.shape[:-1])
 
     def transitions(self) -> Transitions:
-        """All transitions, one entry per state and channel; channels that change nothing are left out.
-
-        They are certified under mass action: a rate law rounds by no known amount.
-        """
+        """All transitions, one entry per state and channel; channels that change nothing are left out."""
         from kinetics.kernels import exploration
 
         network, table = self.network, self._table
@@ -113,7 +122,8 @@ class StateSpace:
             rates.append(propensities[here, channels])
             fired.append(channels)
         ends = np.concatenate(rows), np.concatenate(columns)
-        return Transitions(*ends, np.concatenate(rates), leaks, self.is_certified, np.concatenate(fired))
+        error = float(self.rate_errors.max(initial=0.0))
+        return Transitions(*ends, np.concatenate(rates), leaks, error, np.concatenate(fired))
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""

@@ -36,8 +36,8 @@ class Transient(ListingMethod):
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
     times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
     of up to 500 states are solved by `Dense`, with a proven error, and larger ones by whichever of uniformisation,
-    `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is foretold to be quickest. Where
-    rates come from rate laws, whose own rounding is not known, the error is an estimate.
+    `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is foretold to be quickest. It is an
+    estimate too where a rate law cannot be bounded.
     """
 
     name: ClassVar[str] = "exact"
@@ -58,7 +58,7 @@ class Transient(ListingMethod):
             f"{n} states at {grid.size} times", 8.0 * n * grid.size + min(8.0 * n * BLOCK, BLOCK_BYTES), advice
         )
         generator = transitions.generator()
-        chain = DiscreteChain.of(generator)
+        chain = DiscreteChain.of(transitions)
         events = chain.rate * float(grid[-1])
         steps = chain.steps_until(grid[-1], self.tolerance) if events < np.inf else np.inf
         seconds = steps * chain.step_seconds

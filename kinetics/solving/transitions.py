@@ -12,7 +12,7 @@ from kinetics.support.arrays import Floats, Ints
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-RATE_ERROR = 8  # roundings in a certified rate: constant, ways and combinations of up to five reactants
+RATE_ERROR = 8.0  # roundings in a rate by mass action: constant, ways and combinations of up to five reactants
 
 
 class Transitions(NamedTuple):
@@ -20,7 +20,8 @@ class Transitions(NamedTuple):
 
     No state leads to itself; two entries of one place add up.
 
-    is_certified : whether each rate is right to `RATE_ERROR` roundings; else no error can be proven
+    rate_error : bound on the relative error of each rate, in roundings of 2**-53: 0 for rates that are what they are,
+        `RATE_ERROR` by mass action, more by rate laws; inf where there is none, and so no proven error of a solution
     channels : (K,) the channel behind each entry, where they are those of a network
     """
 
@@ -28,7 +29,7 @@ class Transitions(NamedTuple):
     columns: Ints
     rates: Floats
     leaks: Floats
-    is_certified: bool = True
+    rate_error: float = RATE_ERROR
     channels: Ints | None = None
 
     @property
@@ -41,12 +42,22 @@ class Transitions(NamedTuple):
         """Rates (N,) at which the states are left, 1/tu."""
         return totals(self.rows, self.rates, self.size) + self.leaks
 
+    @property
+    def is_certified(self) -> bool:
+        """Whether the errors of the rates are bounded, and rates that are 0 are known to be 0."""
+        return bool(np.isfinite(self.rate_error))
+
+    @property
+    def roundings(self) -> float:
+        """What errors are computed with: the bound, or for an estimate where there is none, that of mass action."""
+        return self.rate_error if self.is_certified else RATE_ERROR
+
     def stopped(self, is_stopped: NDArray[np.bool_]) -> Transitions:
         """The chain that never leaves the states (N,) in which it is stopped."""
         goes = ~is_stopped[self.rows]
         leaks = np.where(is_stopped, 0.0, self.leaks)
         channels = None if self.channels is None else self.channels[goes]
-        return Transitions(self.rows[goes], self.columns[goes], self.rates[goes], leaks, self.is_certified, channels)
+        return Transitions(self.rows[goes], self.columns[goes], self.rates[goes], leaks, self.rate_error, channels)
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""

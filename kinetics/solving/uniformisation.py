@@ -11,17 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window, window_error
-from kinetics.solving.transitions import RATE_ERROR
+from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_tails, poisson_window, window_error
+from kinetics.solving.transitions import RATE_ERROR, Transitions
 from kinetics.support.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
 BLOCK_BYTES = 2**29  # of these vectors
@@ -45,26 +42,34 @@ class DiscreteChain:
     rate : q, 1/tu
     arrays : inflows and exits of every state as shares of q
     terms : most rates into plus most rates out of one state
+    rate_error : relative error of each rate, in roundings
     """
 
     rate: float
     arrays: Arrays
     terms: int
+    rate_error: float = RATE_ERROR
 
     @classmethod
-    def of(cls, generator: csr_array) -> DiscreteChain:
-        """The chain of a generator (N, N) in 1/tu whose rows sum to 0, or to less where mass is lost."""
-        entries = generator.tocoo()
-        off = entries.row != entries.col
-        return cls.from_rates(entries.row[off], entries.col[off], entries.data[off], -generator.diagonal())
+    def of(cls, transitions: Transitions, most_out: int | None = None) -> DiscreteChain:
+        """The chain of all states; what leaks is lost. most_out : as in `from_rates`"""
+        rows, columns, rates, *_ = transitions
+        return cls.from_rates(rows, columns, rates, transitions.exits, most_out, transitions.roundings)
 
     @classmethod
     def from_rates(
-        cls, rows: Ints, columns: Ints, rates: Floats, exits: Floats, most_out: int | None = None
+        cls,
+        rows: Ints,
+        columns: Ints,
+        rates: Floats,
+        exits: Floats,
+        most_out: int | None = None,
+        rate_error: float = RATE_ERROR,
     ) -> DiscreteChain:
         """The chain that goes from rows (K,) to columns (K,) at rates (K,), and leaves its states at exits (N,).
 
         most_out : most rates behind one exit. None: as many as lead on from there
+        rate_error : of each rate, in roundings
         """
         from scipy.sparse import csr_array
 
@@ -74,7 +79,7 @@ class DiscreteChain:
         most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
         terms = most_in + (most_on if most_out is None else most_out)
         arrays = Arrays(moves.indptr.astype(np.int64), moves.indices.astype(np.int32), moves.data, exits / rate)
-        return cls(rate, arrays, terms)
+        return cls(rate, arrays, terms, rate_error)
 
     @property
     def size(self) -> int:
@@ -100,16 +105,19 @@ class DiscreteChain:
         """About what a step takes."""
         return STEP_SECONDS * (self.arrays.shares.size + self.size)
 
-    def rounding(self, steps: float, jumps: float | None = None) -> float:
+    def rounding(self, steps: float, jumps: float | None = None, rate_error: float | None = None) -> float:
         """Bound on the summed error by rounding of a vector after so many steps, and of the rates behind them.
 
         jumps : expected number of events on the way; at most the steps
+        rate_error : of the rates, in roundings; None: what it is
 
         The last addition of a step rounds each probability once. All else in it is in proportion to what moves: a
-        product and a sum of `terms` positive numbers, and rates that came with errors of their own.
+        product and a sum of `terms` positive numbers, and rates that came with errors of their own. These change a
+        solution by no more than what they add and take on its way, twice their share of what moves.
         """
         jumps = steps if jumps is None else jumps
-        return 1.001 * ROUNDOFF * (steps + (self.terms + 2 * RATE_ERROR + 6) * jumps)
+        rate_error = self.rate_error if rate_error is None else rate_error
+        return 1.001 * ROUNDOFF * (steps + (self.terms + 2.0 * rate_error + 6.0) * jumps)
 
 
 class Mixtures(NamedTuple):
@@ -141,12 +149,13 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     block = max(1, min(BLOCK, BLOCK_BYTES // (8 * start.size), n_steps))
     vectors, flows = np.empty((block + 1, start.size)), np.empty(block)
     mixed, stays, jumps = np.zeros((len(windows), start.size)), np.zeros(start.size), 0.0
+    tails = poisson_tails(*windows[int(np.argmax(means))], tolerance)
     vectors[-1], drift = start, 0.0
     for begin in range(0, n_steps, block):
         end = min(begin + block, n_steps)
         vectors[0] = vectors[-1]
         markov.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
-        jumps += float(flows[: end - begin].sum())
+        jumps += float((flows[: end - begin] * tails[begin:end]).sum())
         stays += vectors[: end - begin].sum(axis=0)
         active = np.flatnonzero((firsts < end) & (ends > begin))
         if active.size:
@@ -154,11 +163,12 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
             markov.mix(active, weights, vectors[: end - begin], mixed)
         last, left = end - begin, n_steps - end
         drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
-        if left and drift <= chain.rounding(left, left * float(flows[last - 1])):
+        flow = float(flows[last - 1])
+        if left and drift <= chain.rounding(left, left * flow, min(chain.rate_error, RATE_ERROR)):
             shares = np.array([weights[max(end - first, 0) :].sum() for first, weights in windows])
             mixed += shares[:, None] * vectors[last]
             stays += left * vectors[last]
-            jumps += left * float(flows[last - 1])
+            jumps += flow * float(tails[end:].sum())
             break
     errors = [
         window_error(mean, first, window, tolerance / 2) + ROUNDOFF * (block + window.size / block + 2)
@@ -197,7 +207,9 @@ class Absorption:
         self._extend(last)
         window = slice(first, last)
         error = window_error(mean, first, weights, tolerance)
-        error += self._chain.rounding(last, float(self._flows[:last].sum()))
+        error += self._chain.rounding(
+            last, float((self._flows[:last] * poisson_tails(first, weights, tolerance)).sum())
+        )
         error += ROUNDOFF * (weights.size + self._chain.size + 2)  # the two sums
         return float(weights @ self._absorbed[window]), float(weights @ self._alive[window]), error
 

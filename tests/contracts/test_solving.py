@@ -116,7 +116,10 @@ def test_a_rate_law_is_solved(method):
     by_law = replace(switch(1.0, 2.0), laws={"forward": "1.0 * A"})
     found, same = (method().solve(net, [5, 0], [0.3, 2.0]) for net in (by_law, switch(1.0, 2.0)))
     assert_allclose(found.mean(), same.mean(), rtol=0, atol=5 * (found.error + same.error))
-    assert not found.is_bound  # how a law rounds is not known
+    assert found.is_bound == same.is_bound
+    assert found.error < same.error + 1e-13
+    lost = replace(switch(1.0, 2.0), laws={"forward": "1e17 * (1 - exp(-1e-17 * A))"})  # none of its digits are known
+    assert not method().solve(lost, [5, 0], [0.3, 2.0]).is_bound
     saturating = replace(switch(1.0, 2.0), laws={"forward": "3.0 * A / (2.0 + A)"})
     slower = method().solve(saturating, [5, 0], [0.3, 2.0])
     assert abs(slower.mean() - found.mean()).max() > 0.1  # the control

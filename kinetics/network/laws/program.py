@@ -117,21 +117,28 @@ UFUNCS = {
 }
 
 
-def steps_of(expression: Expression, places: Mapping[str, int]) -> list[Step]:
+def steps_of(expression: Expression, places: Mapping[str, int], folds: bool = True) -> list[Step]:
     """The program of an expression.
 
     places : number of each species
+    folds : whether what depends on nothing is the number that it is found to be, rounded
     """
     expression.check_names("expression", places)
     try:
-        return _steps(expression.tree, expression.parameters, places)
+        return _steps(expression.tree, expression.parameters, places, folds)
     except RecursionError:
         raise ValueError(f"{expression.text[:80]!r}... is nested too deeply; write it with fewer terms") from None
 
 
-def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str, int]) -> list[Step]:
+def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str, int], folds: bool) -> list[Step]:
     def inner(child: ast.expr) -> list[Step]:
-        return _steps(child, parameters, places)
+        return _steps(child, parameters, places, folds)
+
+    def whole(steps: list[Step]) -> list[Step]:
+        return _folded(steps) if folds else steps
+
+    def binary(code: Code, one: list[Step], other: list[Step]) -> list[Step]:
+        return _times(code, one, other) or whole([*one, *other, Step(code)])
 
     def truth(child: ast.expr) -> list[Step]:
         steps = inner(child)
@@ -147,13 +154,13 @@ def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str,
         case ast.Name(id=reserved):
             return [Step(Code.CLOCK) if reserved == TIME else Step(Code.CONSTANT, 0, {PI: math.pi}[reserved])]
         case ast.BinOp(left=left, op=op, right=right):
-            return _binary(BINARY[type(op)], inner(left), inner(right))
+            return binary(BINARY[type(op)], inner(left), inner(right))
         case ast.UnaryOp(op=ast.Not(), operand=operand):
             return [*truth(operand), Step(Code.NOT)]
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
             return inner(operand)
         case ast.UnaryOp(operand=operand):
-            return _folded([*inner(operand), Step(Code.NEGATE)])
+            return whole([*inner(operand), Step(Code.NEGATE)])
         case ast.BoolOp(op=op, values=values):
             code = Code.AND if isinstance(op, ast.And) else Code.OR
             return reduce(lambda one, other: [*one, *other, Step(code)], map(truth, values))
@@ -177,19 +184,20 @@ def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str,
         case ast.Call(func=ast.Name(id=function), args=arguments):
             code = CALLS[function]
             if len(arguments) == 1:
-                return _folded([*inner(arguments[0]), Step(code)])
-            return reduce(lambda one, other: _binary(code, one, other), map(inner, arguments))
+                return whole([*inner(arguments[0]), Step(code)])
+            return reduce(lambda one, other: binary(code, one, other), map(inner, arguments))
     raise AssertionError(f"an expression let through {node!r}")
 
 
-def _binary(code: Code, left: list[Step], right: list[Step]) -> list[Step]:
+def _times(code: Code, left: list[Step], right: list[Step]) -> list[Step]:
+    """A product with a count, or a count less a number, in one step; empty where it is none."""
     if code == Code.MULTIPLY and right[0].code == Code.COUNT:
         species = right[0].operand
         if len(right) == 1:
             return [*left, Step(Code.TIMES, species)]
         if len(right) == 3 and right[1].code == Code.CONSTANT and right[2].code == Code.SUBTRACT:
             return [*left, Step(Code.TIMES, species, right[1].number)]
-    return _folded([*left, *right, Step(code)])
+    return []
 
 
 def _folded(steps: list[Step]) -> list[Step]:

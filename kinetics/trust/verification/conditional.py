@@ -30,9 +30,7 @@ class Expectations(NamedTuple):
 
 def chain_of(space: StateSpace) -> DiscreteChain:
     """The uniformised chain of a space; what leaves a projection is lost."""
-    jumps = space.transitions()
-    most_out = len(space.network.channels)
-    return DiscreteChain.from_rates(jumps.rows, jumps.columns, jumps.rates, jumps.exits, most_out)
+    return DiscreteChain.of(space.transitions(), most_out=len(space.network.channels))
 
 
 def expected_after(chain: DiscreteChain, functions: Floats, gap: float) -> Expectations | None:

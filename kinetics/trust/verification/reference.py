@@ -61,6 +61,17 @@ class Reference:
         return self.solution.error
 
     @cached_property
+    def unbounded(self) -> tuple[str, ...]:
+        """The channels whose rates have no bound on their errors, as by a rate law of which too little is known."""
+        space = self.solution.space
+        return tuple(self.network.channels[r] for r in np.flatnonzero(np.isinf(space.rate_errors)))
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the errors are proven: that of the probabilities, and of all that follows from the rates."""
+        return self.solution.is_bound and not self.unbounded
+
+    @cached_property
     def states(self) -> Floats:
         """Counts (N, S) of all states."""
         return self.solution.space.states.astype(float)

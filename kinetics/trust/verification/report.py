@@ -46,6 +46,7 @@ class Verification:
     is_bound : whether that error is proven; otherwise it is an estimate, and so is the false-alarm rate
     mutants : which mistakes, made to these runs, were seen; none where power was not asked for
     rates : how small an error of each rate constant is seen
+    unbounded : channels whose rates have no proven error; the reference then is an estimate
     """
 
     method: str
@@ -58,6 +59,7 @@ class Verification:
     checks: tuple[CheckSummary, ...]
     mutants: tuple[MutantOutcome, ...] = ()
     rates: tuple[RateSight, ...] = ()
+    unbounded: tuple[str, ...] = ()
 
     @property
     def failures(self) -> tuple[SamplerFinding, ...]:
@@ -71,6 +73,8 @@ class Verification:
 
     def __str__(self) -> str:
         right = "" if self.is_bound else ", as far as the solution's error holds, which is an estimate"
+        if self.unbounded:
+            right += f": how {', '.join(map(repr, self.unbounded))} rounds is not known"
         chance = f"a right sampler fails one with probability {self.false_alarm:g} at most{right}"
         number = f"{len(self.findings)} findings on {self.runs} runs (seed {self.seed}), {len(self.failures)} failed"
         lines = [f"{self.method}: {number}; {chance}"]
@@ -99,6 +103,7 @@ class Verification:
             "false_alarm": self.false_alarm,
             "error": self.error,
             "is_bound": self.is_bound,
+            "unbounded": list(self.unbounded),
             "findings": len(self.findings),
             "failures": [asdict(finding) for finding in self.failures],
             "checks": [asdict(check) for check in self.checks],

@@ -45,7 +45,7 @@ def verify(
     The checks are the family `SAMPLER_CHECKS`: of each time, of transitions, of rates, of runs that are equal or
     correlated within a seed and between neighbouring seeds, and of waits. Every p-value is exact or a proven bound, and
     Bonferroni's correction is over all findings, so that the false-alarm rate holds at any number of runs, as far as
-    the solution's error is proven (`is_bound`).
+    the solution's error is proven (`is_bound`): not where a rate law cannot be bounded, whose channel is then named.
     """
     return verify_against(Reference.of(network, initial, times, solver), method, runs, seed, false_alarm, with_power)
 
@@ -74,8 +74,19 @@ def verify_against(
         if changed is not None:
             seen = {f.check: None for f in judge(changed, false_alarm) if f.failed}
             outcomes.append(MutantOutcome(mutant.name, tuple(seen)))
-    error, is_bound = reference.error, reference.solution.is_bound
-    return Verification(method.name, n, seed, false_alarm, error, is_bound, found, summaries, tuple(outcomes), sights)
+    return Verification(
+        method.name,
+        n,
+        seed,
+        false_alarm,
+        reference.error,
+        reference.is_bound,
+        found,
+        summaries,
+        tuple(outcomes),
+        sights,
+        reference.unbounded,
+    )
 
 
 def judge(sample: SamplerRuns, false_alarm: float = FALSE_ALARM) -> tuple[SamplerFinding, ...]:

@@ -176,31 +176,43 @@ def test_a_stiff_chain_is_solved_forwards():
         chain.reward("A", at=100.0)
 
 
-def test_rate_laws_give_no_bound():
+def test_rate_laws_give_bounds_where_they_are_bounded():
     from dataclasses import replace
 
-    by_law = Chain.of(replace(switch(), laws={"forward": "A"}), [2, 0])
-    same = Chain.of(switch(), [2, 0])
+    chains = [
+        Chain.of(replace(switch(), laws=laws), [2, 0])
+        for laws in ({}, {"forward": "A"}, {"forward": "1e16 * (1 - exp(-1e-16 * A))"})
+    ]
     for ask in (
         lambda chain: chain.until("B >= 2", by=1.0),
         lambda chain: chain.until("B >= 2", "A >= 1 | B >= 2"),
+        lambda chain: chain.until("B >= 2"),
+        lambda chain: chain.until("B >= 3"),
+        lambda chain: chain.always("A >= 1", by=1.0),
         lambda chain: chain.in_the_end("B >= 2"),
         lambda chain: chain.reward("A", at=1.0),
-        lambda chain: chain.passage("B >= 2"),
-        lambda chain: chain.transient([1.0]),
-        lambda chain: chain.until("B >= 2", by=1.0, method=Dense()),
-    ):
-        assert ask(same).is_bound
-    for ask in (
-        lambda chain: chain.until("B >= 2", by=1.0),
-        lambda chain: chain.in_the_end("B >= 2"),
-        lambda chain: chain.reward("A", at=1.0),
+        lambda chain: chain.reward("A", up_to=1.0),
         lambda chain: chain.reward("A", until="B >= 2"),
         lambda chain: chain.passage("B >= 2"),
+        lambda chain: chain.committor({"all": chain.states("B >= 2"), "none": chain.states("B == 0")}),
         lambda chain: chain.transient([1.0]),
         lambda chain: chain.until("B >= 2", by=1.0, method=Dense()),
     ):
-        assert not ask(by_law).is_bound
+        same, by_law, lost = map(ask, chains)
+        assert same.is_bound
+        assert by_law.is_bound
+        assert not lost.is_bound  # nothing is known of the law
+    same, by_law, lost = (chain.passage("B >= 2") for chain in chains)
+    assert by_law.error == pytest.approx(same.error, rel=0.5)
+    assert by_law.is_certified
+    assert not lost.is_certified
+
+
+def test_rates_given_from_outside_are_exact():
+    given, known = queue(3, 1.0, 1.0), Chain.of(switch(), [2, 0])
+    assert (given.transitions.rate_error, known.transitions.rate_error) == (0.0, 8.0)
+    same = Chain(known.generator, known.initial)
+    assert same.passage(same.states(known.states("B >= 2"))).error < known.passage("B >= 2").error
 
 
 def test_runs_follow_the_chain():

@@ -94,7 +94,7 @@ def test_a_settled_distribution_takes_no_more_steps(monkeypatch):
     done, advance = [], markov.advance
     monkeypatch.setattr(markov, "advance", lambda *arrays: (done.append(len(arrays[-1])), advance(*arrays)))
     times = [0.2, 5.0, 4000.0]
-    chain = DiscreteChain.of(reachable(switch(1.0, 2.0), [30, 0]).generator())
+    chain = DiscreteChain.of(reachable(switch(1.0, 2.0), [30, 0]).transitions())
     p, stays, error = mixtures(chain, np.eye(1, chain.size)[0], times, 1e-13)
     assert sum(done) < 0.02 * chain.steps_until(4000.0, 1e-13)
     in_b = (1.0 - np.exp(-3.0 * np.array(times))) / 3.0
@@ -104,7 +104,7 @@ def test_a_settled_distribution_takes_no_more_steps(monkeypatch):
     assert_allclose(stays.sum(), chain.steps_until(4000.0, 0.5e-13) + 1, rtol=1e-3)
     # A chain that only seems to rest, its slow leak far below one step's rounding, is not taken for settled.
     p, _, error = mixtures(
-        slow := DiscreteChain.of(reachable(leak(1e3, 1e-9), [1, 0, 0]).generator()), np.eye(3)[0], [200.0], 1e-13
+        slow := DiscreteChain.of(reachable(leak(1e3, 1e-9), [1, 0, 0]).transitions()), np.eye(3)[0], [200.0], 1e-13
     )
     gone = -np.expm1(-0.5e-9 * 200.0)
     assert slow.steps_until(200.0, 1e-13) > 1e5

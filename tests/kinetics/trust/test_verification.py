@@ -312,12 +312,15 @@ def test_reading_a_verification():
 
 
 def test_a_solution_without_a_proven_error_is_called_an_estimate():
-    net = Network.from_reactions({"birth": ({}, {"X": 1}), "death": ({"X": 1}, {})}, [2.0, "X / (1 + X)"])
-    solver = FiniteStateProjection()
-    found = verify(net, General(), [0], [1.0, 2.0], runs=1000, seed=1, solver=solver, with_power=False)
-    assert found.passed, str(found)
-    assert not found.is_bound
-    assert "which is an estimate" in str(found)
+    """A law that saturates has a bound; one that may round to another value has none, and is named."""
+    for law, unbounded in (("X / (1 + X)", ()), ("floor(X / 3 * 3) / (1 + X)", ("death",))):
+        net = Network.from_reactions({"birth": ({}, {"X": 1}), "death": ({"X": 1}, {})}, [2.0, law])
+        solver = FiniteStateProjection()
+        found = verify(net, General(), [0], [1.0, 2.0], runs=1000, seed=1, solver=solver, with_power=False)
+        assert found.passed, str(found)
+        assert found.is_bound == (not unbounded)
+        assert found.unbounded == unbounded
+        assert ("which is an estimate: how 'death' rounds is not known" in str(found)) == bool(unbounded)
     assert "which is an estimate" not in str(verify(switch(), Direct(), [5, 0], [1.0], 200, with_power=False))
 
 
