@@ -22,7 +22,7 @@ from kinetics.chain.checks import (
 )
 from kinetics.chain.predicates import StateNames
 from kinetics.network import Network
-from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until
+from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until, that_matter
 from kinetics.passage.committor import ChainCommittor, committor_of
 from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import Passage, passage_to
@@ -222,7 +222,7 @@ class Chain:
         end = float(rising_times([real_number("by", by)])[0])
         chain = self.transitions.stopped(stops)
         most = MANY_STEPS if len(self) <= MAX_DENSE else MAX_STEPS
-        if method is None and steps_until(chain, end) <= most:
+        if method is None and self._steps(chain, held, end, most) <= most:
             return self._answer(lambda: backwards(end), BACKWARD)
         began, chosen = time.process_time(), method or Transient()
         space = self._space
@@ -233,6 +233,11 @@ class Chain:
         slack = error + ROUNDOFF * len(self)
         limited = LimitedValue(min(value, 1.0), max(value - slack, 0.0), min(value + slack, 1.0), is_bound)
         return ChainAnswer.of(limited, chosen.name, time.process_time() - began)
+
+    def _steps(self, chain: Transitions, held: Mask, end: float, most: int) -> float:
+        """Steps backwards; only where they are more than `most`, of the states that matter alone."""
+        steps = steps_until(chain, end)
+        return steps if steps <= most else steps_until(that_matter(chain, self._begun[1], held.astype(float))[0], end)
 
     def reward(
         self,

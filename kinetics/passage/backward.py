@@ -19,8 +19,8 @@ from kinetics.support.arrays import Floats
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
-SPARE = 1.25  # q over the largest exit rate, so that staying is a fifth at least and its rounding small beside it
-LOOK = 64  # steps between two looks at whether the values have settled
+SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
+LOOK = 16  # steps between two looks at whether more of them matter
 
 
 class LimitedValue(NamedTuple):
@@ -49,37 +49,50 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
 
     The steps are q t and a margin for the tails; ValueError where they are too many.
     """
-    if time == 0.0 or not transitions.rates.any():
+    chain, begins, worth = that_matter(transitions, start, values)
+    if time == 0.0 or not chain.rates.any():
         return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
-    means, errors = _passed_back(transitions, start, values, time)
-    mean = _rate(transitions) * time
+    _check_steps(chain, time)
+    mean = _rate(chain) * time
     first, weights = poisson_window(mean, LEFT_OUT)
-    window = slice(first, first + weights.size)
-    terms = weights * means[window]
-    wrong = float(terms @ (errors[window] + _weights_errors(mean, first, weights.size)))
+    shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
+    shares[first:], doubts[first:] = weights, _weights_errors(mean, first, weights.size)
+    means, errors, rest = _passed_back(chain, begins, worth, time, shares)
+    terms, doubts = shares[: means.size] * means, doubts[: means.size]
+    wrong = float(terms @ (errors + doubts)) + rest
     wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()))
+    return _within(float(terms.sum()), wrong, chain, LOST * float(worth.max()))
 
 
 def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
     """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
     if time == 0.0:
         return LimitedValue(0.0, 0.0, 0.0, True)
-    if not transitions.rates.any():
+    chain, begins, worth = that_matter(transitions, start, values)
+    if not chain.rates.any():
         return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
-    means, errors = _passed_back(transitions, start, values, time)
-    rate = _rate(transitions)
+    _check_steps(chain, time)
+    rate = _rate(chain)
     first, weights = poisson_window(rate * time, LEFT_OUT)
     # of the number of steps N: P(N > n), whose sum over n is its mean
-    tails, wrongs = np.ones(means.size), np.zeros(means.size)
+    tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
     tails[first:] = _sums_after(weights)
     # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
     wrongs[first:] = _sums_after(weights * _weights_errors(rate * time, first, weights.size))
     wrongs += ROUNDOFF * weights.size * tails
-    terms = tails * means / rate
-    wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / rate
+    means, errors, rest = _passed_back(chain, begins, worth, time, tails / rate)
+    terms = tails[: means.size] * means / rate
+    wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / rate + rest
     wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()) * time)
+    return _within(float(terms.sum()), wrong, chain, LOST * float(worth.max()) * time)
+
+
+def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:
+    """Chain, start and values of the states that are reached and lead to a value; all others are one state without."""
+    kept = transitions.reached_from(start > 0) & transitions.leading_to(values > 0)
+    if kept.all():
+        return transitions, start, values
+    return transitions.within(kept), np.append(start[kept], 0.0), np.append(values[kept], 0.0)
 
 
 def _sums_after(values: Floats) -> Floats:
@@ -100,65 +113,68 @@ def _rate(transitions: Transitions) -> float:
     return SPARE * float(transitions.exits.max(initial=0.0))
 
 
-def _passed_back(transitions: Transitions, start: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
-    """start P^n values (n_steps,) for all steps until a time, and bounds (n_steps,) on their relative errors.
-
-    Where no value changes by more than a step rounds, later ones change no more, because P is positive: they are taken
-    as they are.
-    """
+def _check_steps(transitions: Transitions, time: float) -> None:
     steps = steps_until(transitions, time)
     if steps > MAX_STEPS:
         raise ValueError(
             f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most {MAX_STEPS}; "
             f"ask for an earlier time"
         )
-    n_steps = int(steps) + 1
-    matrix, roundings = _matrix(transitions)
+
+
+def _passed_back(
+    transitions: Transitions, start: Floats, values: Floats, time: float, shares: Floats
+) -> tuple[Floats, Floats, float]:
+    """start P^n values (n,) until the sum of shares (n_steps,) of them is known; bounds (n,) on their relative errors.
+
+    And a bound on what the other steps, for which no value is larger than the largest before, add to the sum. Where no
+    value changes by more than a step rounds, later ones change no more, because P is positive: they are taken as they
+    are.
+    """
+    from kinetics.kernels import markov
+
+    arrays, roundings = _arrays(transitions)
+    settled = roundings * ROUNDOFF
     begins = np.flatnonzero(start)
-    chances, means = start[begins], np.empty(n_steps)
-    scale = float(values.max()) or 1.0
-    vector, drifts = values / scale, np.zeros(n_steps)
-    for n in range(n_steps):
-        means[n] = chances @ vector[begins]
-        after = matrix @ vector
-        if n % LOOK == 0:
-            change = _largest_change(vector, after)
-            if change <= roundings * ROUNDOFF:
-                means[n + 1 :] = means[n]
-                drifts[n + 1 :] = np.arange(1, n_steps - n) * (change + (roundings + 4.0) * ROUNDOFF)
-                break
-        vector = after
+    n_steps, chances, after = shares.size, start[begins], 1.01 * _sums_after(shares)
+    scale, rest, known = float(values.max()), 0.0, 0.0
+    now, means, drifts = values / scale, np.empty(n_steps), np.zeros(n_steps)
+    before = np.empty_like(now)
+    for done in range(0, n_steps, LOOK):
+        block = slice(done, min(done + LOOK, n_steps))
+        markov.retreat(*arrays, begins, chances, now, before, means[block])
+        known += float(shares[block] @ means[block])
+        rest, last = float(after[block.stop - 1] * now.max()), block.stop
+        if rest <= last * ROUNDOFF * known:  # less than the steps round
+            n_steps = last
+            break
+        if (np.abs(now - before) <= settled * before).all():
+            means[last:] = means[last - 1]
+            drifts[last:] = np.arange(1, n_steps - last + 1) * (settled + (roundings + 4.0) * ROUNDOFF)
+            rest = 0.0
+            break
     # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them, together
     # no longer than the time, as if by so many jumps as are expected.
-    jumps = np.arange(n_steps) + transitions.exits.max() * time
-    relative = ROUNDOFF * (np.arange(n_steps) * roundings + jumps * (RATE_ERROR + 1) + begins.size + 4) + drifts
-    return means * scale, np.expm1(relative)
+    steps = np.arange(n_steps)
+    jumps = steps + transitions.exits.max() * time
+    relative = ROUNDOFF * (steps * roundings + jumps * (RATE_ERROR + 1) + begins.size + 4) + drifts[:n_steps]
+    return means[:n_steps] * scale, np.expm1(relative), rest * scale
 
 
-def _matrix(transitions: Transitions) -> tuple[Any, float]:
-    """P (N, N), and how many roundings of a result a step with it adds at most."""
-    from scipy.sparse import csr_array, dia_array
+def _arrays(transitions: Transitions) -> tuple[tuple[Any, ...], float]:
+    """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+    from scipy.sparse import csr_array
 
     n, rate = transitions.size, _rate(transitions)
-    shares: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
-    wide = np.concatenate([shares.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
-    exits = np.where(np.diff(shares.indptr) > 0, np.add.reduceat(wide, shares.indptr[:-1]), 0.0)
-    stays: Any = dia_array((np.asarray(1.0 - exits, dtype=np.float64)[None, :], [0]), shape=(n, n))
+    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
+    exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
+    stays = np.asarray(1.0 - exits, dtype=np.float64)
     merged = int(np.bincount(transitions.rows, minlength=1).max())
     finer = float(np.finfo(np.longdouble).eps / np.finfo(np.float64).eps)
-    # staying, at least a fifth, from shares of at most four fifths; then a product and a sum a state, itself included
-    return csr_array(shares + stays), 4.0 * merged * finer + 2.0 + 2.0 * (merged + 2.0)
-
-
-def _largest_change(before: Floats, after: Floats) -> float:
-    """The largest relative change of any value; inf where one is no longer 0."""
-    held = before > 0.0
-    if after[~held].any():
-        return float("inf")
-    if not held.any():
-        return 0.0
-    with np.errstate(over="ignore"):  # from the smallest numbers, which have lost their digits
-        return float(np.abs(after[held] / before[held] - 1.0).max())
+    # staying is what shares leave, which are at most 1 / SPARE; then a product and a sum a state, itself included
+    roundings = merged * finer / (SPARE - 1.0) + 2.0 + 2.0 * (merged + 2.0)
+    return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
 def _weights_errors(mean: float, first: int, size: int) -> Floats:

@@ -67,6 +67,36 @@ def test_rewards_over_time():
     assert not holds(chain.reward("r", up_to=1.5 * (1 + 1e-9)), total)  # the control
 
 
+@pytest.mark.parametrize("steps", [1, 40])
+def test_a_pass_ends_where_the_rest_is_less_than_it_rounds(steps, monkeypatch):
+    """A line of steps at rate 1 until .01, whose end is reached with probability 1e-2 or about 1e-128."""
+    from kinetics.kernels import markov
+
+    done, retreat = [], markov.retreat
+    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    rates, t = np.diag(np.ones(steps), 1), 0.01
+    chain = Chain(rates, 0, rewards={"late": np.arange(steps + 1) == steps})
+    with mpmath.workdps(DIGITS):
+        exact = mpmath.gammainc(steps, 0, t, regularized=True)
+        area = t * exact - steps * mpmath.gammainc(steps + 1, 0, t, regularized=True)
+    for answer, value in ((chain.until(np.arange(steps + 1) == steps, by=t), exact), (chain.reward(up_to=t), area)):
+        assert holds(answer, value)
+        assert answer.high - answer.low < 1e-12 * answer.value
+    assert sum(done) < steps + 100
+
+
+def test_states_that_do_not_matter_make_no_steps():
+    """Beyond the target, and where no way leads to it, rates of 1e9 cost nothing."""
+    rates = np.zeros((6, 6))
+    rates[0, 1], rates[0, 4], rates[1, 0], rates[1, 2] = 1.0, 0.5, 2.0, 0.25
+    rates[2, 3] = rates[3, 2] = rates[4, 5] = rates[5, 4] = 1e9
+    chain, target = Chain(rates, 0), np.arange(6) == 2
+    answer = chain.until(target, by=2.0)
+    assert answer.method == "uniformisation, backwards"
+    assert holds(answer, exact_law(rates, chain.initial, 2.0, stopped=(2, 4))[2])
+    assert not holds(answer, exact_law(rates * 1.0001, chain.initial, 2.0, stopped=(2, 4))[2])  # the control
+
+
 def test_a_settled_chain_stops_early_and_still_holds():
     rates = np.array([[0, 5.0, 0], [3.0, 0, 1e-7], [0, 0, 0]])
     chain = Chain(rates, 0)
