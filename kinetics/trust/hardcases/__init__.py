@@ -6,11 +6,12 @@ To add one, write a function that yields one `Attempt` per method, and put its `
 from __future__ import annotations
 
 from kinetics.trust.hardcases.case import Attempt, Case
+from kinetics.trust.hardcases.chains import CHAINS
 from kinetics.trust.hardcases.input import INPUT
 from kinetics.trust.hardcases.passages import PASSAGES
 from kinetics.trust.hardcases.sampling import SAMPLING
 from kinetics.trust.hardcases.stiffness import STIFFNESS
 
-CASES: tuple[Case, ...] = (*STIFFNESS, *PASSAGES, *SAMPLING, *INPUT)
+CASES: tuple[Case, ...] = (*STIFFNESS, *PASSAGES, *SAMPLING, *CHAINS, *INPUT)
 
 __all__ = ["CASES", "Attempt", "Case"]
