@@ -6,6 +6,7 @@ from kinetics.chain.checks import Reward
 from kinetics.chain.explicit_files import read_explicit, write_explicit
 from kinetics.chain.prism_model import prism_text
 from kinetics.chain.queries import ask
+from kinetics.chain.sensitivity import Sensitivity
 
 __all__ = [
     "Chain",
@@ -13,6 +14,7 @@ __all__ = [
     "ChainDistribution",
     "ChainPath",
     "Reward",
+    "Sensitivity",
     "ask",
     "prism_text",
     "read_explicit",

@@ -37,10 +37,19 @@ class LimitedValue(NamedTuple):
         wide = relative * value * 1.001 + absolute
         return cls(value, max(value - wide, 0.0), value + wide, is_bound)
 
+    def capped(self) -> LimitedValue:
+        """The same of a probability: at most 1."""
+        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
+
+    def wider(self, relative: float) -> LimitedValue:
+        """The same, where what was added up has a relative error of its own."""
+        more = 1.001 * relative
+        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
+
 
 def steps_until(transitions: Transitions, time: float) -> float:
     """Steps that a pass backwards takes until a time, tu."""
-    mean = _rate(transitions) * time
+    mean = jump_rate(transitions) * time
     return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
 
 
@@ -52,11 +61,11 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
     if time == 0.0 or not transitions.rates.any():
         return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
     means, errors = _passed_back(transitions, start, values, time)
-    mean = _rate(transitions) * time
+    mean = jump_rate(transitions) * time
     first, weights = poisson_window(mean, LEFT_OUT)
     window = slice(first, first + weights.size)
     terms = weights * means[window]
-    wrong = float(terms @ (errors[window] + _weights_errors(mean, first, weights.size)))
+    wrong = float(terms @ (errors[window] + weights_errors(mean, first, weights.size)))
     wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
     return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()))
 
@@ -68,13 +77,13 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     if not transitions.rates.any():
         return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
     means, errors = _passed_back(transitions, start, values, time)
-    rate = _rate(transitions)
+    rate = jump_rate(transitions)
     first, weights = poisson_window(rate * time, LEFT_OUT)
     # of the number of steps N: P(N > n), whose sum over n is its mean
     tails, wrongs = np.ones(means.size), np.zeros(means.size)
-    tails[first:] = _sums_after(weights)
+    tails[first:] = sums_after(weights)
     # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
-    wrongs[first:] = _sums_after(weights * _weights_errors(rate * time, first, weights.size))
+    wrongs[first:] = sums_after(weights * weights_errors(rate * time, first, weights.size))
     wrongs += ROUNDOFF * weights.size * tails
     terms = tails * means / rate
     wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / rate
@@ -82,7 +91,7 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     return _within(float(terms.sum()), wrong, transitions, LOST * float(values.max()) * time)
 
 
-def _sums_after(values: Floats) -> Floats:
+def sums_after(values: Floats) -> Floats:
     """Of each value, the sum (n,) of those after it."""
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
@@ -96,7 +105,8 @@ def _sum_terms(terms: Floats) -> float:
     return float(np.log2(terms.size + 1.0)) + 128.0
 
 
-def _rate(transitions: Transitions) -> float:
+def jump_rate(transitions: Transitions) -> float:
+    """q, 1/tu, above every exit rate."""
     return SPARE * float(transitions.exits.max(initial=0.0))
 
 
@@ -113,7 +123,7 @@ def _passed_back(transitions: Transitions, start: Floats, values: Floats, time: 
             f"ask for an earlier time"
         )
     n_steps = int(steps) + 1
-    matrix, roundings = _matrix(transitions)
+    matrix, roundings = one_step(transitions)
     begins = np.flatnonzero(start)
     chances, means = start[begins], np.empty(n_steps)
     scale = float(values.max()) or 1.0
@@ -135,11 +145,11 @@ def _passed_back(transitions: Transitions, start: Floats, values: Floats, time: 
     return means * scale, np.expm1(relative)
 
 
-def _matrix(transitions: Transitions) -> tuple[Any, float]:
-    """P (N, N), and how many roundings of a result a step with it adds at most."""
+def one_step(transitions: Transitions) -> tuple[Any, float]:
+    """P (N, N) by rows, and how many roundings of a result a step backwards with it adds at most."""
     from scipy.sparse import csr_array, dia_array
 
-    n, rate = transitions.size, _rate(transitions)
+    n, rate = transitions.size, jump_rate(transitions)
     shares: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
     wide = np.concatenate([shares.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
     exits = np.where(np.diff(shares.indptr) > 0, np.add.reduceat(wide, shares.indptr[:-1]), 0.0)
@@ -161,7 +171,7 @@ def _largest_change(before: Floats, after: Floats) -> float:
         return float(np.abs(after[held] / before[held] - 1.0).max())
 
 
-def _weights_errors(mean: float, first: int, size: int) -> Floats:
+def weights_errors(mean: float, first: int, size: int) -> Floats:
     """Relative errors (size,) of the weights at most.
 
     Those of the ratios away from the mode, of their sum, and of the mean itself, which counts n - mean times.
