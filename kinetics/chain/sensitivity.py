@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinetics.chain.chain import Chain, Mask, Target
 from kinetics.chain.checks import square
@@ -24,10 +25,13 @@ from kinetics.derivatives import (
     slopes_up_to,
 )
 from kinetics.derivatives.squaring import MAX_SQUARED
+from kinetics.network import Network
 from kinetics.passage.backward import steps_until
+from kinetics.solving.uniformisation import STEP_SECONDS
 from kinetics.support.arrays import Floats, real_number, rising_times
 
 ADJOINT, SQUARING, ELIMINATION = "adjoint uniformisation", "squaring, with its derivative", "elimination, adjoint"
+MAX_SECONDS = 7200.0
 FEW_STEPS = 200_000  # up to here a small chain is stepped through, with a proven bound
 
 
@@ -73,14 +77,14 @@ class Sensitivity:
         ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
         if by is None:
             return self._answer(lambda: slopes_until(self._entries, self._start, ways, goal), ELIMINATION)
-        return _probability(self._in_time(goal.astype(float), by, goal | ~ways))
+        return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
 
     def always(self, states: Target, by: float | None = None) -> Derivatives:
         """Of `Chain.always`."""
         kept = self._chain.states(states)
         if by is None:
             return self._answer(lambda: slopes_always(self._entries, self._start, kept), ELIMINATION)
-        return _probability(self._in_time(kept.astype(float), by, ~kept))
+        return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
 
     def in_the_end(self, states: Target) -> Derivatives:
         """Of `Chain.in_the_end`."""
@@ -105,7 +109,7 @@ class Sensitivity:
         given = self._chain.reward_asked(name, at, up_to, until, stationary)
         earning, worth = np.asarray(given.rates), self._chain.worth(given)
         if at is not None:
-            return self._in_time(earning, at)
+            return self.means(earning[None, :], at)[0]
         if up_to is not None:
             end = _time("up_to", up_to)
             return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
@@ -114,27 +118,66 @@ class Sensitivity:
             return self._answer(lambda: slopes_earned(self._entries, self._start, earning, goal, worth), ELIMINATION)
         return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), ELIMINATION)
 
-    def _in_time(self, values: Floats, by: float, stops: Mask | None = None) -> Derivatives:
-        """Of the mean of values at a time, of the chain that is stopped."""
-        end, entries = _time("by", by), self._entries
+    def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
+        """Of the means of F functions (F, N) of the state, none negative, at a time, tu; one pass forwards for all.
+
+        max_seconds : work roughly estimated to take longer is refused before it starts
+        """
+        return self._at(values, at, max_seconds)
+
+    def _at(
+        self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
+    ) -> list[Derivatives]:
+        """Of means at a time, of the chain that is stopped."""
+        end, entries, space = _time("time", at), self._entries, self._chain.space
         if stops is not None:
             entries = entries._replace(transitions=entries.transitions.stopped(stops))
-        asked, space = (entries, self._start, values[None, :], end), self._chain.space
-        if len(self._chain) > MAX_SQUARED or steps_until(entries.transitions, end) <= FEW_STEPS:
-            return self._answer(lambda: slopes_at(*asked)[0], ADJOINT)
-        if stops is not None and space is not None:
-            space = replace(space, is_stopped=space.is_stopped | stops)
-        return self._answer(lambda: slopes_by_squaring(*asked, space)[0], SQUARING)
+            space = None if space is None else replace(space, is_stopped=space.is_stopped | stops)
+        steps = steps_until(entries.transitions, end)
+        if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
+            return self._answers(lambda: slopes_by_squaring(entries, self._start, values, end, space), SQUARING)
+        seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
+        if seconds > max_seconds:
+            raise ValueError(
+                f"derivatives of {len(values)} means would take {steps:.3g} steps until {end:g} tu, up to "
+                f"{seconds:.3g} s; at most {max_seconds:g} s: ask for an earlier time, or start from fewer copies"
+            )
+        return self._answers(lambda: slopes_at(entries, self._start, values, end), ADJOINT)
 
     def _answer(self, question: Callable[[], Slopes], method: str) -> Derivatives:
+        return self._answers(lambda: [question()], method)[0]
+
+    def _answers(self, question: Callable[[], list[Slopes]], method: str) -> list[Derivatives]:
         began = time.process_time()
-        answer, value, wide, is_bound = question()
-        if self._shares is not None:
-            wide = np.abs(self._shares) @ (wide + 2.0**-52 * value.size * np.abs(value))
-            value = self._shares @ value
-        limits = value - wide, value + wide
+        found = [self._by_parameter(each) for each in question()]
         seconds = time.process_time() - began
-        return Derivatives(self._names, answer, value, *limits, is_bound, self._constants, method, seconds)
+        return [
+            Derivatives(
+                self._names, answer, value, value - wide, value + wide, is_bound, self._constants, method, seconds
+            )
+            for answer, value, wide, is_bound in found
+        ]
+
+    def _by_parameter(self, found: Slopes) -> Slopes:
+        if self._shares is None:
+            return found
+        wide = found.wide + 2.0**-52 * found.value.size * np.abs(found.value)
+        return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
+
+
+def passage_sensitivity(
+    network: Network, initial: ArrayLike, species: str, copies: int = 1, certain: bool = True
+) -> Derivatives:
+    """Of the mean first-passage time to copies of a species, or of the probability that they are ever reached.
+
+    certain : whether it is the mean, which a target that may be missed does not have
+    ValueError: unknown species, missing rates, too many states, or a mean that is infinite
+    """
+    place = network.index(species)
+    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= copies)
+    goal = np.asarray(chain.counts)[:, place] >= copies
+    asked = Sensitivity(chain)
+    return asked.passage(goal) if certain else asked.until(goal)
 
 
 def _probability(found: Derivatives) -> Derivatives:
