@@ -27,13 +27,12 @@ from kinetics.passage.committor import ChainCommittor, committor_of
 from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import Passage, passage_to
 from kinetics.passage.sampled import sampled_jumps
-from kinetics.passage.stationary import ChainStationary, stationary_of
-from kinetics.passage.until import UNDERFLOW, always, always_by, earned_until, until, until_by
+from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
+from kinetics.passage.until import always, always_by, earned_until, earning_with, until, until_by
 from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.solving.dense import MAX_DENSE
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats, Ints, integers, real_number, rising_times
 
@@ -148,6 +147,11 @@ class Chain:
         return self._transitions
 
     @property
+    def space(self) -> StateSpace | None:
+        """The states of the network behind the chain, if any."""
+        return self._space
+
+    @property
     def _names(self) -> StateNames:
         counts: Any = self.counts
         labels: Any = self.labels
@@ -196,14 +200,14 @@ class Chain:
         goal = self.states(target)
         ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
         if by is None:
-            return self._answer(lambda: until(*self._begun, ways, goal), ELIMINATION)
+            return self._answer(lambda: until(*self._begun, ways, goal).limited, ELIMINATION)
         return self._in_time(goal, goal | ~ways, by, method, lambda t: until_by(*self._begun, ways, goal, t))
 
     def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> ChainAnswer:
         """Probability of not leaving the states, until a time or ever."""
         kept = self.states(states)
         if by is None:
-            return self._answer(lambda: always(*self._begun, kept), ELIMINATION)
+            return self._answer(lambda: always(*self._begun, kept).limited, ELIMINATION)
         return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
 
     @property
@@ -253,25 +257,29 @@ class Chain:
         ValueError: not one of the four is asked for; or the target may never be reached, so that there is no finite
             mean
         """
-        asked = [at is not None, up_to is not None, until is not None, stationary]
-        if sum(asked) != 1:
-            raise ValueError("give one of at, up_to, until and stationary")
-        given = self._reward_named(name)
+        given = self.reward_asked(name, at, up_to, until, stationary)
         if at is not None:
-            if given.impulses is not None:
-                raise ValueError(
-                    f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time"
-                )
             now = float(rising_times([at])[0])
             return self._answer(lambda: expected_at(*self._begun, np.asarray(given.rates), now), BACKWARD)
-        earning, rounded = self._earning(given)
+        earning, rounded = earning_with(self.transitions, np.asarray(given.rates), self.worth(given))
         if up_to is not None:
             end = float(rising_times([up_to])[0])
-            return self._answer(lambda: _wider(expected_integral(*self._begun, earning, end), rounded), BACKWARD)
+            return self._answer(lambda: expected_integral(*self._begun, earning, end).wider(rounded), BACKWARD)
         if until is not None:
             goal = self.states(until)
-            return self._answer(lambda: _wider(earned_until(*self._begun, earning, goal), rounded), ELIMINATION)
-        return self._answer(lambda: _wider(self._in_the_end(earning), rounded), ELIMINATION)
+            return self._answer(lambda: earned_until(*self._begun, earning, goal).limited.wider(rounded), ELIMINATION)
+        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).wider(rounded), ELIMINATION)
+
+    def reward_asked(
+        self, name: str | None, at: float | None, up_to: float | None, until: Target | None, stationary: bool
+    ) -> Reward:
+        """The reward of a question that `reward` takes."""
+        if sum([at is not None, up_to is not None, until is not None, stationary]) != 1:
+            raise ValueError("give one of at, up_to, until and stationary")
+        given = self._reward_named(name)
+        if at is not None and given.impulses is not None:
+            raise ValueError(f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time")
+        return given
 
     def _reward_named(self, name: str | None) -> Reward:
         if name is None and len(self.rewards) == 1:
@@ -285,28 +293,17 @@ class Chain:
         came = "no reward was named" if name is None else f"unknown reward {name!r}"
         raise ValueError(f"{came}; there are {there}")
 
-    def _earning(self, reward: Reward) -> tuple[Floats, float]:
-        """What is earned (N,) a time unit in each state, impulses included, and its relative error."""
-        rates = np.asarray(reward.rates)
+    def worth(self, reward: Reward) -> Floats | None:
+        """What a reward gives for each entry (K,) of the transitions; None where it has no impulses."""
         if reward.impulses is None:
-            return rates, 0.0
-        rows, columns, speeds, *_ = self.transitions
-        worth = np.asarray(reward.impulses[rows, columns]).ravel()
-        terms = int(np.bincount(rows, minlength=1).max())
-        return rates + totals(rows, speeds * worth, len(self)), ROUNDOFF * (RATE_ERROR + terms + 3)
+            return None
+        return np.asarray(reward.impulses[self.transitions.rows, self.transitions.columns]).ravel()
 
     def in_the_end(self, states: Target) -> ChainAnswer:
         """Probability of the states after infinite time."""
         held = self.states(states)
-        found = self._answer(lambda: self._in_the_end(held.astype(float)), ELIMINATION)
+        found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), ELIMINATION)
         return replace(found, value=min(found.value, 1.0), high=min(found.high, 1.0))
-
-    def _in_the_end(self, values: Floats) -> LimitedValue:
-        rest = self.stationary()
-        value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (len(self) + 1)
-        # of states that are held in the end, however rarely
-        lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
-        return LimitedValue.within(value, error, rest.is_bound, lost)
 
     def stationary(self) -> ChainStationary:
         """The distribution after infinite time, with a relative error a state."""
@@ -360,9 +357,3 @@ class Chain:
         began = time.process_time()
         limited = question()
         return ChainAnswer.of(limited, method, time.process_time() - began)
-
-
-def _wider(limited: LimitedValue, relative: float) -> LimitedValue:
-    """The same, where what was added up has a relative error of its own."""
-    more = 1.001 * relative
-    return limited._replace(low=limited.low * (1.0 - more), high=limited.high * (1.0 + more))

@@ -41,6 +41,12 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
+@click.option(
+    "--sensitivity",
+    "with_sensitivity",
+    is_flag=True,
+    help="Say what each rate constant does to the mean time, or to the probability where that is below 1.",
+)
 @plot_option
 @seed_option
 @json_option
@@ -50,6 +56,7 @@ def passage(
     species: str,
     copies: int,
     draws: int,
+    with_sensitivity: bool,
     plot_file: str | None,
     seed: int,
     as_json: bool,
@@ -67,6 +74,11 @@ def passage(
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
+    slopes = None
+    if with_sensitivity:
+        from kinetics.chain import passage_sensitivity
+
+        slopes = passage_sensitivity(made.network, begin.state, species, copies, found.is_certain)
     if plot_file:
         from kinetics.support import plots
 
@@ -90,6 +102,7 @@ def passage(
                 "curve": {"times": curve, "cdf": found.cdf(curve)},
                 "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
                 "error": found.error,
+                "sensitivity": None if slopes is None else slopes.to_dict(),
                 "seed": seed,
                 "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": time.process_time() - began,
@@ -105,3 +118,6 @@ def passage(
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
     for note in (*begin.in_words, *made.notes):
         click.echo(note)
+    if slopes is not None:
+        of = "mean time" if found.is_certain else "probability of ever reaching the target"
+        click.echo(f"\nelasticity of the {of} to each rate constant\n{slopes}")

@@ -118,3 +118,47 @@ def retreat(begins, targets, shares, stays, starts, chances, now, before, means)
     if means.size % 2:
         for i in range(n):
             now[i], before[i] = before[i], now[i]
+
+
+@compiled
+def powers(begins, sources, shares, vectors):
+    """Fill the rows of `vectors` after the first, each the product of a matrix with the row before.
+
+    begins, sources, shares : the matrix by rows, compressed; with P transposed, a row is a step after the one before
+    vectors : (B + 1, N), row 0 given, none negative
+    """
+    for b in range(vectors.shape[0] - 1):
+        for i in range(vectors.shape[1]):
+            total = 0.0
+            for k in range(begins[i], begins[i + 1]):
+                total += shares[k] * vectors[b, sources[k]]
+            vectors[b + 1, i] = total
+
+
+@compiled
+def steps_back(begins, ends, shares, vectors, weights, values, later, gained, moved, held):
+    """Step backwards, and note what each rate brings: `later` becomes P later + weights[b] values, b = B - 1, ..., 0.
+
+    begins, ends, shares : P by rows, compressed, with K entries
+    vectors : (B, N) probabilities before each step
+    weights : (B,) of the values (N,)
+    later : (N,), changed in place
+    gained, moved : (K,) to which probability * (later there - later here) is added before each step, and its size
+    held : (N,) to which probability * later is added likewise
+    """
+    n = values.size
+    now = later.copy()
+    before = np.empty(n)
+    for b in range(weights.size - 1, -1, -1):
+        for i in range(n):
+            total, here, chance = 0.0, now[i], vectors[b, i]
+            for k in range(begins[i], begins[i + 1]):
+                there = now[ends[k]]
+                total += shares[k] * there
+                change = chance * (there - here)
+                gained[k] += change
+                moved[k] += abs(change)
+            held[i] += chance * here
+            before[i] = total + weights[b] * values[i]
+        now, before = before, now
+    later[:] = now

@@ -37,10 +37,19 @@ class LimitedValue(NamedTuple):
         wide = relative * value * 1.001 + absolute
         return cls(value, max(value - wide, 0.0), value + wide, is_bound)
 
+    def capped(self) -> LimitedValue:
+        """The same of a probability: at most 1."""
+        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
 
-def steps_until(transitions: Transitions, time: float) -> float:
+    def wider(self, relative: float) -> LimitedValue:
+        """The same, where what was added up has a relative error of its own."""
+        more = 1.001 * relative
+        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
+
+
+def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> float:
     """Steps that a pass backwards takes until a time, tu."""
-    mean = _rate(transitions) * time
+    mean = jump_rate(transitions, spare) * time
     return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
 
 
@@ -53,10 +62,10 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
     if time == 0.0 or not chain.rates.any():
         return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
     _check_steps(chain, time)
-    mean = _rate(chain) * time
+    mean = jump_rate(chain) * time
     first, weights = poisson_window(mean, LEFT_OUT)
     shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
-    shares[first:], doubts[first:] = weights, _weights_errors(mean, first, weights.size)
+    shares[first:], doubts[first:] = weights, weights_errors(mean, first, weights.size)
     means, errors, rest = _passed_back(chain, begins, worth, time, shares)
     terms, doubts = shares[: means.size] * means, doubts[: means.size]
     wrong = float(terms @ (errors + doubts)) + rest
@@ -72,13 +81,13 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     if not chain.rates.any():
         return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
     _check_steps(chain, time)
-    rate = _rate(chain)
+    rate = jump_rate(chain)
     first, weights = poisson_window(rate * time, LEFT_OUT)
     # of the number of steps N: P(N > n), whose sum over n is its mean
     tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
-    tails[first:] = _sums_after(weights)
+    tails[first:] = sums_after(weights)
     # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
-    wrongs[first:] = _sums_after(weights * _weights_errors(rate * time, first, weights.size))
+    wrongs[first:] = sums_after(weights * weights_errors(rate * time, first, weights.size))
     wrongs += ROUNDOFF * weights.size * tails
     means, errors, rest = _passed_back(chain, begins, worth, time, tails / rate)
     terms = tails[: means.size] * means / rate
@@ -95,7 +104,7 @@ def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tupl
     return transitions.within(kept), np.append(start[kept], 0.0), np.append(values[kept], 0.0)
 
 
-def _sums_after(values: Floats) -> Floats:
+def sums_after(values: Floats) -> Floats:
     """Of each value, the sum (n,) of those after it."""
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
@@ -109,8 +118,9 @@ def _sum_terms(terms: Floats) -> float:
     return float(np.log2(terms.size + 1.0)) + 128.0
 
 
-def _rate(transitions: Transitions) -> float:
-    return SPARE * float(transitions.exits.max(initial=0.0))
+def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
+    """q, 1/tu: so many times the largest exit rate."""
+    return spare * float(transitions.exits.max(initial=0.0))
 
 
 def _check_steps(transitions: Transitions, time: float) -> None:
@@ -136,7 +146,7 @@ def _passed_back(
     arrays, roundings = _arrays(transitions)
     settled = roundings * ROUNDOFF
     begins = np.flatnonzero(start)
-    n_steps, chances, after = shares.size, start[begins], 1.01 * _sums_after(shares)
+    n_steps, chances, after = shares.size, start[begins], 1.01 * sums_after(shares)
     scale, rest, known = float(values.max()), 0.0, 0.0
     now, means, drifts = values / scale, np.empty(n_steps), np.zeros(n_steps)
     before = np.empty_like(now)
@@ -163,21 +173,35 @@ def _passed_back(
 
 def _arrays(transitions: Transitions) -> tuple[tuple[Any, ...], float]:
     """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
-    from scipy.sparse import csr_array
-
-    n, rate = transitions.size, _rate(transitions)
-    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
-    wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
-    exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
-    stays = np.asarray(1.0 - exits, dtype=np.float64)
-    merged = int(np.bincount(transitions.rows, minlength=1).max())
-    finer = float(np.finfo(np.longdouble).eps / np.finfo(np.float64).eps)
-    # staying is what shares leave, which are at most 1 / SPARE; then a product and a sum a state, itself included
-    roundings = merged * finer / (SPARE - 1.0) + 2.0 + 2.0 * (merged + 2.0)
+    moves, stays, roundings = _moves(transitions, SPARE)
     return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
-def _weights_errors(mean: float, first: int, size: int) -> Floats:
+def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, float]:
+    """P (N, N) by rows, and how many roundings of a result a step backwards with it adds at most."""
+    from scipy.sparse import csr_array, dia_array
+
+    moves, stays, roundings = _moves(transitions, spare)
+    diagonal: Any = dia_array((stays[None, :], [0]), shape=moves.shape)
+    return csr_array(moves + diagonal), roundings
+
+
+def _moves(transitions: Transitions, spare: float) -> tuple[Any, Floats, float]:
+    """P off its diagonal (N, N), the diagonal (N,), and roundings as above."""
+    from scipy.sparse import csr_array
+
+    n, rate = transitions.size, jump_rate(transitions, spare)
+    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
+    exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
+    merged = int(np.bincount(transitions.rows, minlength=1).max())
+    finer = float(np.finfo(np.longdouble).eps / np.finfo(np.float64).eps)
+    # staying is what shares leave, which are at most 1 / spare; then a product and a sum a state, itself included
+    roundings = spare * merged * finer / (spare - 1.0) + 2.0 + 2.0 * (merged + 2.0)
+    return moves, np.asarray(1.0 - exits, dtype=np.float64), roundings
+
+
+def weights_errors(mean: float, first: int, size: int) -> Floats:
     """Relative errors (size,) of the weights at most.
 
     Those of the ratios away from the mode, of their sum, and of the mean itself, which counts n - mean times.
