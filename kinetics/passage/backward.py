@@ -8,6 +8,7 @@ doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from kinetics.support.arrays import Floats
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
 SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
-LOOK = 16  # steps between two looks at whether more of them matter
+LOOK = 16  # steps between two looks at whether more of them matter, at first
 
 
 class LimitedValue(NamedTuple):
@@ -58,42 +59,124 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
 
     The steps are q t and a margin for the tails; ValueError where they are too many.
     """
-    chain, begins, worth = that_matter(transitions, start, values)
-    if time == 0.0 or not chain.rates.any():
-        return LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
-    _check_steps(chain, time)
-    mean = jump_rate(chain) * time
-    first, weights = poisson_window(mean, LEFT_OUT)
-    shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
-    shares[first:], doubts[first:] = weights, weights_errors(mean, first, weights.size)
-    means, errors, rest = _passed_back(chain, begins, worth, time, shares)
-    terms, doubts = shares[: means.size] * means, doubts[: means.size]
-    wrong = float(terms @ (errors + doubts)) + rest
-    wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, chain, LOST * float(worth.max()))
+    return BackwardPass(transitions, start, values).at(time)
 
 
 def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
     """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
-    if time == 0.0:
-        return LimitedValue(0.0, 0.0, 0.0, True)
-    chain, begins, worth = that_matter(transitions, start, values)
-    if not chain.rates.any():
-        return LimitedValue.within(float(start @ values) * time, ROUNDOFF * (start.size + 1), True)
-    _check_steps(chain, time)
-    rate = jump_rate(chain)
-    first, weights = poisson_window(rate * time, LEFT_OUT)
-    # of the number of steps N: P(N > n), whose sum over n is its mean
-    tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
-    tails[first:] = sums_after(weights)
-    # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
-    wrongs[first:] = sums_after(weights * weights_errors(rate * time, first, weights.size))
-    wrongs += ROUNDOFF * weights.size * tails
-    means, errors, rest = _passed_back(chain, begins, worth, time, tails / rate)
-    terms = tails[: means.size] * means / rate
-    wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / rate + rest
-    wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
-    return _within(float(terms.sum()), wrong, chain, LOST * float(worth.max()) * time)
+    return BackwardPass(transitions, start, values).integral(time)
+
+
+class BackwardPass:
+    """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
+
+    Only states that are reached and lead to a value are stepped through. Where no value changes by more than a step
+    rounds, later ones change no more, because P is positive: they are taken as they are.
+    """
+
+    def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
+        self._at_once = LimitedValue.within(float(start @ values), ROUNDOFF * start.size, True)
+        self._chain, begins, worth = that_matter(transitions, start, values)
+        self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
+        self._now, self._before = worth / self._scale, np.empty(worth.size)
+        self._begins = np.flatnonzero(begins)
+        self._chances = begins[self._begins]
+        self._blocks: list[Floats] = []  # of means before each step
+        self._ends: list[int] = []  # of blocks
+        self._tops: list[float] = []  # the largest value after each block
+        self._is_settled = False
+
+    def at(self, time: float) -> LimitedValue:
+        """The mean at a time, tu."""
+        if time == 0.0 or not self._chain.rates.any():
+            return self._at_once
+        first, weights = self._window(time)
+        shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
+        shares[first:], doubts[first:] = weights, weights_errors(self._rate * time, first, weights.size)
+        means, errors, rest = self._known(shares, time)
+        terms = shares[: means.size] * means
+        wrong = float(terms @ (errors + doubts[: means.size])) + rest
+        wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, 1.0)
+
+    def integral(self, time: float) -> LimitedValue:
+        """The mean of the integral from 0 to a time, tu."""
+        if time == 0.0:
+            return LimitedValue(0.0, 0.0, 0.0, True)
+        if not self._chain.rates.any():
+            value, low, high, is_bound = self._at_once
+            return LimitedValue(value * time, low * time, high * time, is_bound).wider(2.0 * ROUNDOFF)
+        first, weights = self._window(time)
+        # of the number of steps N: P(N > n), whose sum over n is its mean
+        tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
+        tails[first:] = sums_after(weights)
+        # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
+        wrongs[first:] = sums_after(weights * weights_errors(self._rate * time, first, weights.size))
+        wrongs += ROUNDOFF * weights.size * tails
+        means, errors, rest = self._known(tails / self._rate, time)
+        terms = tails[: means.size] * means / self._rate
+        wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / self._rate + rest
+        wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, time)
+
+    def _window(self, time: float) -> tuple[int, Floats]:
+        steps = steps_until(self._chain, time)
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
+                f"{MAX_STEPS}; ask for an earlier time"
+            )
+        return poisson_window(self._rate * time, LEFT_OUT)
+
+    def _within(self, value: float, wrong: float, unit: float) -> LimitedValue:
+        lost = LOST * self._scale * unit
+        return LimitedValue.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
+
+    def _known(self, shares: Floats, time: float) -> tuple[Floats, Floats, float]:
+        """Means (n,) before so many steps that the sum of shares (n_steps,) of them is known; their relative errors.
+
+        And a bound on what the other steps add to the sum: no value is ever larger than the largest before.
+        """
+        n_steps, after = shares.size, 1.01 * sums_after(shares)
+        known, rest, end, k = 0.0, 0.0, 0, 0
+        while end < n_steps and not (self._is_settled and k == len(self._blocks)):
+            if k == len(self._blocks):
+                self._step_back()
+            begin, end = end, min(self._ends[k], n_steps)
+            known += float(shares[begin:end] @ self._blocks[k][: end - begin])
+            rest = float(after[end - 1] * self._tops[k])
+            k += 1
+            if rest <= end * ROUNDOFF * known:  # less than the steps round
+                n_steps = end
+        means = np.concatenate(self._blocks[:k])[:n_steps]
+        steps, roundings = np.arange(n_steps), self._arrays[1]
+        drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
+        if end < n_steps:
+            means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
+        # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them,
+        # together no longer than the time, as if by so many jumps as are expected.
+        jumps = steps + self._chain.exits.max() * time
+        relative = steps * roundings + jumps * (RATE_ERROR + 1) + self._begins.size + 4 + drifts
+        return means * self._scale, np.expm1(ROUNDOFF * relative), rest * self._scale
+
+    def _step_back(self) -> None:
+        """One more block of steps, longer the more there are."""
+        from kinetics.kernels import markov
+
+        done = self._ends[-1] if self._ends else 0
+        arrays, roundings = self._arrays
+        means = np.empty(LOOK + done // 64)
+        markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
+        self._blocks.append(means)
+        self._ends.append(done + means.size)
+        self._tops.append(float(self._now.max()))
+        self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
+
+    @cached_property
+    def _arrays(self) -> tuple[tuple[Any, ...], float]:
+        """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+        moves, stays, roundings = _moves(self._chain, SPARE)
+        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
 def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:
@@ -109,10 +192,6 @@ def sums_after(values: Floats) -> Floats:
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
 
-def _within(value: float, wrong: float, transitions: Transitions, lost: float) -> LimitedValue:
-    return LimitedValue.within(value, 0.0, transitions.is_certified, 1.001 * wrong + lost)
-
-
 def _sum_terms(terms: Floats) -> float:
     """Roundings of a sum in pairs, of products that round three times, after numpy's blocks of 128."""
     return float(np.log2(terms.size + 1.0)) + 128.0
@@ -121,60 +200,6 @@ def _sum_terms(terms: Floats) -> float:
 def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
     """q, 1/tu: so many times the largest exit rate."""
     return spare * float(transitions.exits.max(initial=0.0))
-
-
-def _check_steps(transitions: Transitions, time: float) -> None:
-    steps = steps_until(transitions, time)
-    if steps > MAX_STEPS:
-        raise ValueError(
-            f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most {MAX_STEPS}; "
-            f"ask for an earlier time"
-        )
-
-
-def _passed_back(
-    transitions: Transitions, start: Floats, values: Floats, time: float, shares: Floats
-) -> tuple[Floats, Floats, float]:
-    """start P^n values (n,) until the sum of shares (n_steps,) of them is known; bounds (n,) on their relative errors.
-
-    And a bound on what the other steps, for which no value is larger than the largest before, add to the sum. Where no
-    value changes by more than a step rounds, later ones change no more, because P is positive: they are taken as they
-    are.
-    """
-    from kinetics.kernels import markov
-
-    arrays, roundings = _arrays(transitions)
-    settled = roundings * ROUNDOFF
-    begins = np.flatnonzero(start)
-    n_steps, chances, after = shares.size, start[begins], 1.01 * sums_after(shares)
-    scale, rest, known = float(values.max()), 0.0, 0.0
-    now, means, drifts = values / scale, np.empty(n_steps), np.zeros(n_steps)
-    before = np.empty_like(now)
-    for done in range(0, n_steps, LOOK):
-        block = slice(done, min(done + LOOK, n_steps))
-        markov.retreat(*arrays, begins, chances, now, before, means[block])
-        known += float(shares[block] @ means[block])
-        rest, last = float(after[block.stop - 1] * now.max()), block.stop
-        if rest <= last * ROUNDOFF * known:  # less than the steps round
-            n_steps = last
-            break
-        if (np.abs(now - before) <= settled * before).all():
-            means[last:] = means[last - 1]
-            drifts[last:] = np.arange(1, n_steps - last + 1) * (settled + (roundings + 4.0) * ROUNDOFF)
-            rest = 0.0
-            break
-    # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them, together
-    # no longer than the time, as if by so many jumps as are expected.
-    steps = np.arange(n_steps)
-    jumps = steps + transitions.exits.max() * time
-    relative = ROUNDOFF * (steps * roundings + jumps * (RATE_ERROR + 1) + begins.size + 4) + drifts[:n_steps]
-    return means[:n_steps] * scale, np.expm1(relative), rest * scale
-
-
-def _arrays(transitions: Transitions) -> tuple[tuple[Any, ...], float]:
-    """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
-    moves, stays, roundings = _moves(transitions, SPARE)
-    return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
 def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, float]:

@@ -6,6 +6,7 @@ import pytest
 from random_chains import DIGITS, exact_law, random_rates
 
 from kinetics import Chain
+from kinetics.passage.backward import BackwardPass, expected_at, expected_integral
 
 
 def holds(answer, exact):
@@ -103,3 +104,23 @@ def test_a_settled_chain_stops_early_and_still_holds():
     answer = chain.until([False, False, True], by=3e3)
     assert holds(answer, exact_law(rates, chain.initial, 3e3, stopped=(2,))[2])
     assert answer.high - answer.low < 1e-9 * answer.value
+
+
+def test_a_pass_goes_on_where_it_stopped(monkeypatch):
+    """One pass for many times, in any order, gives what a pass a time gives, in the steps of the longest."""
+    from kinetics.kernels import markov
+
+    done, retreat = [], markov.retreat
+    rates = random_rates(3, 5, decades=1.0)
+    chain = Chain(rates, 0)
+    stopped, target = chain.transitions.stopped(np.arange(5) == 4), (np.arange(5) == 4).astype(float)
+    times = [0.3, 1e-3, 20.0, 0.0, 5.0]
+    each = [expected_at(stopped, chain.initial, target, t) for t in times]
+    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    one = BackwardPass(stopped, chain.initial, target)
+    assert [one.at(t) for t in times] == each
+    steps = sum(done)
+    assert [one.integral(t) for t in times] == [expected_integral(stopped, chain.initial, target, t) for t in times]
+    del done[:]
+    expected_at(stopped, chain.initial, target, 20.0)
+    assert steps == sum(done)
