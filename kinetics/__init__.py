@@ -11,7 +11,7 @@ from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.chain import Chain, ChainAnswer, Reward
+    from kinetics.chain import Chain, ChainAnswer, Reward, Sensitivity
     from kinetics.network import Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.passage import (
@@ -55,7 +55,7 @@ __version__ = "0.2.0.dev0"
 
 _HOMES = {
     "kinetics.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.chain": ("ChainAnswer", "Chain", "Reward"),
+    "kinetics.chain": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
     "kinetics.network": ("Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.passage": (
@@ -110,6 +110,7 @@ __all__ = [
     "RareEvent",
     "Rates",
     "Reward",
+    "Sensitivity",
     "StateSpace",
     "Stationary",
     "Tank",

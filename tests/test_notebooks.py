@@ -9,11 +9,11 @@ from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.py"))
-SHOWN = {"01_the_loop": (8, 4), "02_rules": (8, 0), "03_mechanics": (5, 2)}  # pictures, tables
+SHOWN = {"01_the_loop": (8, 4), "02_rules": (8, 0), "03_mechanics": (5, 2), "04_chains": (2, 3)}  # pictures, tables
 
 
 def test_there_are_notebooks():
-    assert [path.name for path in NOTEBOOKS] == ["01_the_loop.py", "02_rules.py", "03_mechanics.py"]
+    assert [path.name for path in NOTEBOOKS] == ["01_the_loop.py", "02_rules.py", "03_mechanics.py", "04_chains.py"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -6,6 +6,7 @@ from kinetics.chain.checks import Reward
 from kinetics.chain.explicit_files import read_explicit, write_explicit
 from kinetics.chain.prism_model import prism_text
 from kinetics.chain.queries import ask
+from kinetics.chain.sensitivity import Sensitivity, passage_sensitivity
 
 __all__ = [
     "Chain",
@@ -13,7 +14,9 @@ __all__ = [
     "ChainDistribution",
     "ChainPath",
     "Reward",
+    "Sensitivity",
     "ask",
+    "passage_sensitivity",
     "prism_text",
     "read_explicit",
     "write_explicit",

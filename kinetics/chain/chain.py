@@ -23,15 +23,15 @@ from kinetics.chain.checks import (
 )
 from kinetics.chain.listing import Condition, listed
 from kinetics.chain.predicates import StateNames
-from kinetics.chain.rewards import earning, named_reward, wider, with_more
+from kinetics.chain.rewards import earned, named_reward
 from kinetics.network import Network
-from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until
+from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until, that_matter
 from kinetics.passage.committor import ChainCommittor, committor_of
 from kinetics.passage.first_passage import Passage, passage_to
 from kinetics.passage.projected import ProjectedPassage
 from kinetics.passage.sampled import sampled_jumps
-from kinetics.passage.stationary import ChainStationary, stationary_of
-from kinetics.passage.until import UNDERFLOW, always, always_by, earned_until, until, until_by
+from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
+from kinetics.passage.until import always, always_by, earned_until, earning_with, until, until_by
 from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.solving.dense import MAX_DENSE
 from kinetics.solving.poisson import ROUNDOFF
@@ -155,10 +155,16 @@ class Chain:
         return self._transitions
 
     @property
+    def space(self) -> StateSpace | None:
+        """The states of the network behind the chain, if any."""
+        return self._space
+
+    @property
     def _lost(self) -> Mask:
         return np.asarray(self.lost)
 
-    def _check_whole(self, question: str) -> None:
+    def check_whole(self, question: str) -> None:
+        """A ValueError where only a part of the states is followed."""
         if self._lost.any():
             raise ValueError(
                 f"{question} cannot be told of a part of a chain, which is lost beyond: list all of its states, or ask "
@@ -191,7 +197,7 @@ class Chain:
 
     def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:
         """Probabilities of all states at `times` (T,), tu, rising, by a solving method (by default `Transient`)."""
-        self._check_whole("the distribution")
+        self.check_whole("the distribution")
         began, grid = time.process_time(), rising_times(times)
         if not grid.size:
             raise ValueError("times is empty; give at least one time")
@@ -217,7 +223,7 @@ class Chain:
 
         def reached(goals: Mask) -> ChainAnswer:
             if by is None:
-                return self._answer(lambda: until(*self._begun, ways, goals), ELIMINATION)
+                return self._answer(lambda: until(*self._begun, ways, goals).limited, ELIMINATION)
             return self._in_time(goals, goals | ~ways, by, method, lambda t: until_by(*self._begun, ways, goals, t))
 
         return self._either_way(reached, goal, self._lost & ways & ~goal)
@@ -228,7 +234,7 @@ class Chain:
 
         def stays(kept: Mask) -> ChainAnswer:
             if by is None:
-                return self._answer(lambda: always(*self._begun, kept), ELIMINATION)
+                return self._answer(lambda: always(*self._begun, kept).limited, ELIMINATION)
             return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
 
         return self._either_way(stays, wanted & ~self._lost, self._lost & wanted)
@@ -258,7 +264,7 @@ class Chain:
         end = float(rising_times([real_number("by", by)])[0])
         chain = self.transitions.stopped(stops)
         most = MANY_STEPS if len(self) <= MAX_DENSE else MAX_STEPS
-        if method is None and steps_until(chain, end) <= most:
+        if method is None and self._steps(chain, held, end, most) <= most:
             return self._answer(lambda: backwards(end), BACKWARD)
         began, chosen = time.process_time(), method or Transient()
         space = self._space
@@ -269,6 +275,11 @@ class Chain:
         slack = error + ROUNDOFF * len(self)
         limited = LimitedValue(min(value, 1.0), max(value - slack, 0.0), min(value + slack, 1.0), is_bound)
         return ChainAnswer.of(limited, chosen.name, time.process_time() - began)
+
+    def _steps(self, chain: Transitions, held: Mask, end: float, most: int) -> float:
+        """Steps backwards; only where they are more than `most`, of the states that matter alone."""
+        steps = steps_until(chain, end)
+        return steps if steps <= most else steps_until(that_matter(chain, self._begun[1], held.astype(float))[0], end)
 
     def reward(
         self,
@@ -284,57 +295,55 @@ class Chain:
         ValueError: not one of the four is asked for; or the target may never be reached, so that there is no finite
             mean
         """
-        asked = [at is not None, up_to is not None, until is not None, stationary]
-        if sum(asked) != 1:
-            raise ValueError("give one of at, up_to, until and stationary")
-        given = named_reward(name, self.rewards, self.variables, self.counts)  # type: ignore[arg-type]
+        given = self.reward_asked(name, at, up_to, until, stationary)
         if at is not None:
-            if given.impulses is not None:
-                raise ValueError(
-                    f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time"
-                )
             now = float(rising_times([at])[0])
-            return self._answer(lambda: self._earned(expected_at, np.asarray(given.rates), given.most, now), BACKWARD)
-        rates, rounded = earning(self.transitions, given)
+            rates = np.asarray(given.rates)
+            return self._answer(lambda: earned(expected_at, *self._begun, rates, now, self._lost, given.most), BACKWARD)
+        earning, rounded = earning_with(self.transitions, np.asarray(given.rates), self.worth(given))
         if up_to is not None:
             end = float(rising_times([up_to])[0])
-            total = partial(self._earned, expected_integral, rates, given.most, end)
-            return self._answer(lambda: wider(total(), rounded), BACKWARD)
+            total = partial(earned, expected_integral, *self._begun, earning, end, self._lost, given.most)
+            return self._answer(lambda: total().wider(rounded), BACKWARD)
         if until is not None:
             goal = self.states(until)
             unsure = self._lost & ~goal
-            found = self._answer(lambda: wider(earned_until(*self._begun, rates, goal | unsure), rounded), ELIMINATION)
+            way = (*self._begun, earning, goal | unsure)
+            found = self._answer(lambda: earned_until(*way).limited.wider(rounded), ELIMINATION)
             return replace(found, high=np.inf) if unsure.any() else found
-        return self._answer(lambda: wider(self._in_the_end(rates), rounded), ELIMINATION)
+        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).wider(rounded), ELIMINATION)
 
-    def _earned(
-        self, mean: Callable[..., LimitedValue], rates: Floats, most: float | None, time: float
-    ) -> LimitedValue:
-        """Mean of what is earned by or at a time; where the chain is lost, nothing at least."""
-        known = mean(*self._begun, np.where(self._lost, 0.0, rates), time)
-        return with_more(known, mean(*self._begun, self._lost.astype(float), time), most) if self._lost.any() else known
+    def reward_asked(
+        self, name: str | None, at: float | None, up_to: float | None, until: Target | None, stationary: bool
+    ) -> Reward:
+        """The reward of a question that `reward` takes."""
+        if sum([at is not None, up_to is not None, until is not None, stationary]) != 1:
+            raise ValueError("give one of at, up_to, until and stationary")
+        given = named_reward(name, self.rewards, self.variables, self.counts)  # type: ignore[arg-type]
+        if at is not None and given.impulses is not None:
+            raise ValueError(f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time")
+        return given
+
+    def worth(self, reward: Reward) -> Floats | None:
+        """What a reward gives for each entry (K,) of the transitions; None where it has no impulses."""
+        if reward.impulses is None:
+            return None
+        return np.asarray(reward.impulses[self.transitions.rows, self.transitions.columns]).ravel()
 
     def in_the_end(self, states: Target) -> ChainAnswer:
         """Probability of the states after infinite time."""
         held = self.states(states)
-        found = self._answer(lambda: self._in_the_end(held.astype(float)), ELIMINATION)
+        found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), ELIMINATION)
         return replace(found, value=min(found.value, 1.0), high=min(found.high, 1.0))
-
-    def _in_the_end(self, values: Floats) -> LimitedValue:
-        rest = self.stationary()
-        value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (len(self) + 1)
-        # of states that are held in the end, however rarely
-        lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
-        return LimitedValue.within(value, error, rest.is_bound, lost)
 
     def stationary(self) -> ChainStationary:
         """The distribution after infinite time, with a relative error a state."""
-        self._check_whole("what holds after infinite time")
+        self.check_whole("what holds after infinite time")
         return stationary_of(*self._begun)
 
     def passage(self, target: Target) -> Passage:
         """The first-passage time to the target: moments, distribution and quantiles."""
-        self._check_whole("a passage time")
+        self.check_whole("a passage time")
         return self.passage_limits(target).latest
 
     def passage_limits(self, target: Target, name: str = "") -> ProjectedPassage:
@@ -356,13 +365,13 @@ class Chain:
 
     def sample_path(self, end: float, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until `end`, tu; (seed, run) name it."""
-        self._check_whole("a run")
+        self.check_whole("a run")
         until_then = float(rising_times([end])[0])
         return self._path(self._begun[1], until_then, seed, run)
 
     def sample_path_to(self, target: Target, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until the target, drawn from the runs that reach it, however few (Doob's h-transform)."""
-        self._check_whole("a run")
+        self.check_whole("a run")
         found = self.committor({"target": target})
         chances = found.committors[0]
         weights = self._begun[1] * chances

@@ -14,15 +14,39 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.chain import Chain
 
+Answer_co = TypeVar("Answer_co", covariant=True)
 FRAME = re.compile(r'\s*(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\})?\s*=\s*\?\s*\[(.*)\]\s*', re.DOTALL)
 BOUND = re.compile(r"\s*(<=|<|>=|>|=|\[)\s*([^\s\[\],]+)")
 FORMS = (
     'expected P=? [ F phi ], P=? [ G phi ], P=? [ phi U psi ], S=? [ phi ] or R{"name"}=? [ I=t | C<=t | F phi | S ]'
 )
+
+
+class Answering(Protocol[Answer_co]):
+    """What answers the questions: a `Chain`, or a `Sensitivity`."""
+
+    def until(self, target: str, through: str | None = None, by: float | None = None) -> Answer_co:
+        """P=? [ through U<=by target ]."""
+        ...
+
+    def always(self, states: str, by: float | None = None) -> Answer_co:
+        """P=? [ G<=by states ]."""
+        ...
+
+    def in_the_end(self, states: str) -> Answer_co:
+        """S=? [ states ]."""
+        ...
+
+    def reward(
+        self, name: str | None, at: float | None, up_to: float | None, until: str | None, stationary: bool
+    ) -> Answer_co:
+        """R=? [ ... ]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -33,8 +57,8 @@ class UntilQuery:
     through: str | None = None
     by: float | None = None
 
-    def of(self, chain: Chain) -> ChainAnswer:
-        """The answer of a chain."""
+    def of(self, chain: Answering[Answer_co]) -> Answer_co:
+        """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.until(self.target, self.through, self.by)
 
 
@@ -45,8 +69,8 @@ class AlwaysQuery:
     states: str
     by: float | None = None
 
-    def of(self, chain: Chain) -> ChainAnswer:
-        """The answer of a chain."""
+    def of(self, chain: Answering[Answer_co]) -> Answer_co:
+        """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.always(self.states, self.by)
 
 
@@ -56,8 +80,8 @@ class StationaryQuery:
 
     states: str
 
-    def of(self, chain: Chain) -> ChainAnswer:
-        """The answer of a chain."""
+    def of(self, chain: Answering[Answer_co]) -> Answer_co:
+        """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.in_the_end(self.states)
 
 
@@ -70,8 +94,8 @@ class RewardQuery:
     up_to: float | None = None
     until: str | None = None
 
-    def of(self, chain: Chain) -> ChainAnswer:
-        """The answer of a chain."""
+    def of(self, chain: Answering[Answer_co]) -> Answer_co:
+        """The answer of a chain, or its derivatives of a `Sensitivity`."""
         in_the_end = self.at is None and self.up_to is None and self.until is None
         return chain.reward(self.name, self.at, self.up_to, self.until, in_the_end)
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinetics.chain.checks import Reward
 from kinetics.passage.backward import LimitedValue
 from kinetics.solving import Transitions
-from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
 
 
@@ -30,26 +28,24 @@ def named_reward(
     raise ValueError(f"{came}; there are {there}")
 
 
-def earning(transitions: Transitions, reward: Reward) -> tuple[Floats, float]:
-    """What is earned (N,) a time unit in each state, impulses included, and its relative error."""
-    rates = np.asarray(reward.rates)
-    if reward.impulses is None:
-        return rates, 0.0
-    rows, columns, speeds, *_ = transitions
-    worth = np.asarray(reward.impulses[rows, columns]).ravel()
-    terms = int(np.bincount(rows, minlength=1).max())
-    return rates + totals(rows, speeds * worth, transitions.size), ROUNDOFF * (transitions.roundings + terms + 3)
+def earned(
+    mean: Callable[..., LimitedValue],
+    transitions: Transitions,
+    start: Floats,
+    rates: Floats,
+    time: float,
+    lost: NDArray[np.bool_],
+    most: float | None,
+) -> LimitedValue:
+    """Mean of what is earned at `rates` (N,) at or up to a time, by `expected_at` or `expected_integral`.
 
-
-def wider(limited: LimitedValue, relative: float) -> LimitedValue:
-    """The same, where what was added up has a relative error of its own."""
-    more = 1.001 * relative
-    return limited._replace(low=limited.low * (1.0 - more), high=limited.high * (1.0 + more))
-
-
-def with_more(limited: LimitedValue, lost: LimitedValue, most: float | None) -> LimitedValue:
-    """The same where up to `most` a time unit is earned where the chain is `lost` as well; None: nobody knows."""
-    if lost.high == 0.0:
-        return limited
-    more = np.inf if most is None else 1.001 * most * lost.high
-    return limited._replace(high=limited.high + more, is_bound=limited.is_bound and lost.is_bound)
+    Where the chain is lost (N,), it is nothing at least and `most` a time unit at most; None: nobody knows.
+    """
+    known = mean(transitions, start, np.where(lost, 0.0, rates), time)
+    if not lost.any():
+        return known
+    away = mean(transitions, start, lost.astype(float), time)
+    if away.high == 0.0:
+        return known
+    more = np.inf if most is None else 1.001 * most * away.high
+    return known._replace(high=known.high + more, is_bound=known.is_bound and away.is_bound)

@@ -21,6 +21,8 @@ from kinetics.support.cli.options import (
 
 if TYPE_CHECKING:
     from kinetics.chain import Chain
+    from kinetics.chain.queries import Query
+    from kinetics.derivatives import Derivatives
     from kinetics.formats import NetworkModel
 
 MODELS = (".sm", ".prism")
@@ -51,6 +53,12 @@ MODELS = (".sm", ".prism")
     callback=in_a_folder,
     help="Write the chain to a .tra file and those beside it, or the network to a .sm or .prism model of PRISM.",
 )
+@click.option(
+    "--sensitivity",
+    "with_sensitivity",
+    is_flag=True,
+    help="Say what each rate constant of a network does to each answer.",
+)
 @json_option
 def ask(
     asked: AskedStart,
@@ -60,6 +68,7 @@ def ask(
     within: str | int | None,
     max_states: int,
     out_file: str | None,
+    with_sensitivity: bool,
     as_json: bool,
 ) -> None:
     """Answer exact questions about a Markov chain: probabilities, rewards and what holds in the end, with limits.
@@ -96,14 +105,20 @@ def ask(
     if out_file:
         _write(out_file, chain, model)
     answers = [question.of(chain) for question in queries]
+    slopes = _slopes(chain, queries) if with_sensitivity else [None] * len(queries)
     if as_json:
-        found = [{"question": text, **vars(answer)} for text, answer in zip(questions, answers, strict=True)]
+        found = [
+            {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
+            for text, answer, slope in zip(questions, answers, slopes, strict=True)
+        ]
         echo_json(
             {"model": asked.source, "states": len(chain), "rates": chain.transitions.rates.size, "answers": found}
         )
         return
-    for text, answer in zip(questions, answers, strict=True):
+    for text, answer, slope in zip(questions, answers, slopes, strict=True):
         click.echo(f"{text}  {answer}")
+        if slope is not None:
+            click.echo(f"{slope}\n")
     if out_file:
         click.echo(f"wrote {out_file}: {len(chain)} states, {chain.transitions.rates.size} rates")
 
@@ -130,6 +145,14 @@ def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: 
             columns = counts[:, [places[each] for each in weights]]
             sums[name] = columns @ np.array(list(weights.values()), dtype=float)
     return chain.with_rewards(sums)
+
+
+def _slopes(chain: Chain, queries: list[Query]) -> list[Derivatives]:
+    """What the rates do to the answers."""
+    from kinetics.chain import Sensitivity
+
+    asked = Sensitivity(chain)
+    return [question.of(asked) for question in queries]
 
 
 def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:

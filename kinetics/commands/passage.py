@@ -44,6 +44,12 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Number of draws of the rates from which the interval is made.",
 )
 @within_option
+@click.option(
+    "--sensitivity",
+    "with_sensitivity",
+    is_flag=True,
+    help="Say what each rate constant does to the mean time, or to the probability where that is below 1.",
+)
 @plot_option
 @seed_option
 @json_option
@@ -54,6 +60,7 @@ def passage(
     copies: int,
     draws: int,
     within: str | int | None,
+    with_sensitivity: bool,
     plot_file: str | None,
     seed: int,
     as_json: bool,
@@ -70,13 +77,18 @@ def passage(
     began = time.process_time()
     begin = start(**asked._asdict(), edges=edges)
     if within is not None:
-        if plot_file:
-            raise ValueError("--plot draws one curve, and --within gives two limits; leave out one of them")
+        if plot_file or with_sensitivity:
+            raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         _limits(begin, within, species, copies, as_json)
         return
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
+    slopes = None
+    if with_sensitivity:
+        from kinetics.chain import passage_sensitivity
+
+        slopes = passage_sensitivity(made.network, begin.state, species, copies, found.is_certain)
     if plot_file:
         from kinetics.support import plots
 
@@ -100,6 +112,7 @@ def passage(
                 "curve": {"times": curve, "cdf": found.cdf(curve)},
                 "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
                 "error": found.error,
+                "sensitivity": None if slopes is None else slopes.to_dict(),
                 "seed": seed,
                 "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": time.process_time() - began,
@@ -115,6 +128,9 @@ def passage(
     click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
     for note in (*begin.in_words, *made.notes):
         click.echo(note)
+    if slopes is not None:
+        of = "mean time" if found.is_certain else "probability of ever reaching the target"
+        click.echo(f"\nelasticity of the {of} to each rate constant\n{slopes}")
 
 
 def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:

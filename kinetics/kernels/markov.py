@@ -1,7 +1,8 @@
 """Steps p <- p P of a uniformised Markov chain, P = 1 + Q / q (Jensen 1953), on a sparse generator.
 
 A step adds to every state what flows in and takes what flows out: p + (inflow - outflow). All but the last addition
-round in proportion to the flow, not to the probability, so a chain that mostly rests loses little.
+round in proportion to the flow, not to the probability, so a chain that mostly rests loses little. Places are unsigned:
+Numba would look at each whether it counts from the end, which doubles the time of a step.
 """
 
 import numpy as np
@@ -13,8 +14,8 @@ from kinetics.kernels.compiled import compiled
 def advance(begins, sources, shares, exits, vectors, flows):
     """Fill the rows of `vectors` after the first, each one step after the row before.
 
-    begins : (N + 1,) int64, where the inflow of each state begins in the next two
-    sources : (K,) int32, the state that it comes from
+    begins : (N + 1,) uint32, where the inflow of each state begins in the next two
+    sources : (K,) uint32, the state that it comes from
     shares : (K,) rate / q
     exits : (N,) exit rate / q, none above 1
     vectors : (B + 1, N), row 0 given
@@ -22,15 +23,18 @@ def advance(begins, sources, shares, exits, vectors, flows):
     """
     n = exits.size
     for b in range(flows.size):
+        now, after = vectors[b], vectors[b + 1]
         flow = 0.0
+        end = begins[0]
         for i in range(n):
             inflow = 0.0
-            for k in range(begins[i], begins[i + 1]):
-                inflow += shares[k] * vectors[b, sources[k]]
-            outflow = exits[i] * vectors[b, i]
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
+                inflow += shares[k] * now[sources[k]]
+            outflow = exits[i] * now[i]
             flow += outflow
             # Not negative: a rounded product with exits <= 1 is no larger than the probability itself.
-            vectors[b + 1, i] = vectors[b, i] + (inflow - outflow)
+            after[i] = now[i] + (inflow - outflow)
         flows[b] = flow
 
 
@@ -48,11 +52,13 @@ def absorb(begins, sources, shares, exits, vector, absorbed, alive, flows):
     for b in range(absorbed.size):
         absorbed[b] = now[n - 1]
         rest, flow = 0.0, 0.0
+        end = begins[0]
         for i in range(n):
             if i < n - 1:
                 rest += now[i]
             inflow = 0.0
-            for k in range(begins[i], begins[i + 1]):
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
                 inflow += shares[k] * now[sources[k]]
             outflow = exits[i] * now[i]
             flow += outflow
@@ -81,3 +87,78 @@ def mix(rows, weights, vectors, mixed):
                         total[j - left] += weight * vectors[b, j]
             for j in range(left, right):
                 mixed[rows[a], j] += total[j - left]
+
+
+@compiled
+def retreat(begins, targets, shares, stays, starts, chances, now, before, means):
+    """Step backwards, v <- P v; before each step, note the mean of v over the start.
+
+    begins : (N + 1,) uint32, where the moves out of each state begin in the next two
+    targets : (K,) uint32, the state that each leads to
+    shares : (K,) rate / q
+    stays : (N,) what remains of 1
+    starts, chances : (M,) states in which the chain begins, and their probabilities
+    now, before : (N,) v, changed in place; receives v before the last step
+    means : (B,) receives a mean a step
+    """
+    n = stays.size
+    for b in range(means.size):
+        mean = 0.0
+        for m in range(starts.size):
+            mean += chances[m] * now[starts[m]]
+        means[b] = mean
+        now, before = before, now
+        end = begins[0]
+        for i in range(n):
+            value = stays[i] * before[i]
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
+                value += shares[k] * before[targets[k]]
+            now[i] = value
+    if means.size % 2:
+        for i in range(n):
+            now[i], before[i] = before[i], now[i]
+
+
+@compiled
+def powers(begins, sources, shares, vectors):
+    """Fill the rows of `vectors` after the first, each the product of a matrix with the row before.
+
+    begins, sources, shares : the matrix by rows, compressed; with P transposed, a row is a step after the one before
+    vectors : (B + 1, N), row 0 given, none negative
+    """
+    for b in range(vectors.shape[0] - 1):
+        for i in range(vectors.shape[1]):
+            total = 0.0
+            for k in range(begins[i], begins[i + 1]):
+                total += shares[k] * vectors[b, sources[k]]
+            vectors[b + 1, i] = total
+
+
+@compiled
+def steps_back(begins, ends, shares, vectors, weights, values, later, gained, moved, held):
+    """Step backwards, and note what each rate brings: `later` becomes P later + weights[b] values, b = B - 1, ..., 0.
+
+    begins, ends, shares : P by rows, compressed, with K entries
+    vectors : (B, N) probabilities before each step
+    weights : (B,) of the values (N,)
+    later : (N,), changed in place
+    gained, moved : (K,) to which probability * (later there - later here) is added before each step, and its size
+    held : (N,) to which probability * later is added likewise
+    """
+    n = values.size
+    now = later.copy()
+    before = np.empty(n)
+    for b in range(weights.size - 1, -1, -1):
+        for i in range(n):
+            total, here, chance = 0.0, now[i], vectors[b, i]
+            for k in range(begins[i], begins[i + 1]):
+                there = now[ends[k]]
+                total += shares[k] * there
+                change = chance * (there - here)
+                gained[k] += change
+                moved[k] += abs(change)
+            held[i] += chance * here
+            before[i] = total + weights[b] * values[i]
+        now, before = before, now
+    later[:] = now

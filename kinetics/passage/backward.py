@@ -8,6 +8,7 @@ doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from kinetics.support.arrays import Floats
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
-SPARE = 1.25  # q over the largest exit rate, so that staying is a fifth at least and its rounding small beside it
-LOOK = 64  # steps between two looks at whether the values have settled
+SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
+LOOK = 16  # steps between two looks at whether more of them matter, at first
 
 
 class LimitedValue(NamedTuple):
@@ -37,10 +38,19 @@ class LimitedValue(NamedTuple):
         wide = relative * value * 1.001 + absolute
         return cls(value, max(value - wide, 0.0), value + wide, is_bound)
 
+    def capped(self) -> LimitedValue:
+        """The same of a probability: at most 1."""
+        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
 
-def steps_until(transitions: Transitions, time: float) -> float:
+    def wider(self, relative: float) -> LimitedValue:
+        """The same, where what was added up has a relative error of its own."""
+        more = 1.001 * relative
+        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
+
+
+def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> float:
     """Steps that a pass backwards takes until a time, tu."""
-    mean = _rate(transitions) * time
+    mean = jump_rate(transitions, spare) * time
     return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
 
 
@@ -58,28 +68,35 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
 
 
 class BackwardPass:
-    """Means of `values` (N,), none negative, from a start (N,) at any times; the pass grows with the latest."""
+    """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
+
+    Only states that are reached and lead to a value are stepped through. Where no value changes by more than a step
+    rounds, later ones change no more, because P is positive: they are taken as they are.
+    """
 
     def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
-        self._transitions, self._start, self._values = transitions, start, values
-        self._rate = _rate(transitions)
-        self._means: Floats = np.empty(0)
-        self._drifts: Floats = np.empty(0)
-        self._roundings = 0.0
+        at_once = float(start @ values)
+        self._at_once = LimitedValue.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
+        self._chain, begins, worth = that_matter(transitions, start, values)
+        self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
+        self._now, self._before = worth / self._scale, np.empty(worth.size)
+        self._begins = np.flatnonzero(begins)
+        self._chances = begins[self._begins]
+        self._blocks: list[Floats] = []  # of means before each step
+        self._ends: list[int] = []  # of blocks
+        self._tops: list[float] = []  # the largest value after each block
+        self._is_settled = False
 
     def at(self, time: float) -> LimitedValue:
         """The mean at a time, tu."""
-        if time == 0.0 or not self._transitions.rates.any():
-            at_once = float(self._start @ self._values)
-            return LimitedValue.within(
-                at_once, ROUNDOFF * self._start.size, time == 0.0 or self._transitions.is_certified
-            )
-        means, errors = self._until(time)
-        mean = self._rate * time
-        first, weights = poisson_window(mean, LEFT_OUT)
-        window = slice(first, first + weights.size)
-        terms = weights * means[window]
-        wrong = float(terms @ (errors[window] + _weights_errors(mean, first, weights.size)))
+        if time == 0.0 or not self._chain.rates.any():
+            return self._at_once._replace(is_bound=time == 0.0 or self._at_once.is_bound)
+        first, weights = self._window(time)
+        shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
+        shares[first:], doubts[first:] = weights, weights_errors(self._rate * time, first, weights.size)
+        means, errors, rest = self._known(shares, time)
+        terms = shares[: means.size] * means
+        wrong = float(terms @ (errors + doubts[: means.size])) + rest
         wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, 1.0)
 
@@ -87,73 +104,91 @@ class BackwardPass:
         """The mean of the integral from 0 to a time, tu."""
         if time == 0.0:
             return LimitedValue(0.0, 0.0, 0.0, True)
-        if not self._transitions.rates.any():
-            stays = float(self._start @ self._values) * time
-            return LimitedValue.within(stays, ROUNDOFF * (self._start.size + 1), self._transitions.is_certified)
-        means, errors = self._until(time)
-        mean = self._rate * time
-        first, weights = poisson_window(mean, LEFT_OUT)
+        if not self._chain.rates.any():
+            value, low, high, is_bound = self._at_once
+            return LimitedValue(value * time, low * time, high * time, is_bound).wider(2.0 * ROUNDOFF)
+        first, weights = self._window(time)
         # of the number of steps N: P(N > n), whose sum over n is its mean
-        tails, wrongs = np.ones(means.size), np.zeros(means.size)
-        tails[first:] = _sums_after(weights)
+        tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
+        tails[first:] = sums_after(weights)
         # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
-        wrongs[first:] = _sums_after(weights * _weights_errors(mean, first, weights.size))
+        wrongs[first:] = sums_after(weights * weights_errors(self._rate * time, first, weights.size))
         wrongs += ROUNDOFF * weights.size * tails
-        terms = tails * means / self._rate
-        wrong = float(terms @ errors) + 1.01 * float(wrongs @ means) / self._rate
+        means, errors, rest = self._known(tails / self._rate, time)
+        terms = tails[: means.size] * means / self._rate
+        wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / self._rate + rest
         wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, time)
 
-    def _within(self, value: float, wrong: float, scale: float) -> LimitedValue:
-        lost = LOST * float(self._values.max()) * scale
-        return LimitedValue.within(value, 0.0, self._transitions.is_certified, 1.001 * wrong + lost)
-
-    def _until(self, time: float) -> tuple[Floats, Floats]:
-        """start P^n values (n_steps,) for all steps until a time, and bounds (n_steps,) on their relative errors."""
-        steps = steps_until(self._transitions, time)
+    def _window(self, time: float) -> tuple[int, Floats]:
+        steps = steps_until(self._chain, time)
         if steps > MAX_STEPS:
             raise ValueError(
                 f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
                 f"{MAX_STEPS}; ask for an earlier time"
             )
-        n_steps = int(steps) + 1
-        if n_steps > self._means.size:
-            # by half as much again each time, so that many small requests cost little
-            self._pass_back(max(n_steps, self._means.size + self._means.size // 2))
+        return poisson_window(self._rate * time, LEFT_OUT)
+
+    def _within(self, value: float, wrong: float, unit: float) -> LimitedValue:
+        lost = LOST * self._scale * unit
+        return LimitedValue.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
+
+    def _known(self, shares: Floats, time: float) -> tuple[Floats, Floats, float]:
+        """Means (n,) before so many steps that the sum of shares (n_steps,) of them is known; their relative errors.
+
+        And a bound on what the other steps add to the sum: no value is ever larger than the largest before.
+        """
+        n_steps, after = shares.size, 1.01 * sums_after(shares)
+        known, rest, end, k = 0.0, 0.0, 0, 0
+        while end < n_steps and not (self._is_settled and k == len(self._blocks)):
+            if k == len(self._blocks):
+                self._step_back()
+            begin, end = end, min(self._ends[k], n_steps)
+            known += float(shares[begin:end] @ self._blocks[k][: end - begin])
+            rest = float(after[end - 1] * self._tops[k])
+            k += 1
+            if rest <= end * ROUNDOFF * known:  # less than the steps round
+                n_steps = end
+        means = np.concatenate(self._blocks[:k])[:n_steps]
+        steps, roundings = np.arange(n_steps), self._arrays[1]
+        drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
+        if end < n_steps:
+            means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
         # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them,
         # together no longer than the time, as if by so many jumps as are expected.
-        numbers = np.arange(n_steps)
-        jumps = numbers + self._transitions.exits.max() * time
-        relative = (
-            numbers * self._roundings + jumps * (self._transitions.roundings + 1.0) + np.count_nonzero(self._start) + 4
-        )
-        return self._means[:n_steps], np.expm1(ROUNDOFF * relative + self._drifts[:n_steps])
+        jumps = steps + self._chain.exits.max() * time
+        relative = steps * roundings + jumps * (self._chain.roundings + 1.0) + self._begins.size + 4 + drifts
+        return means * self._scale, np.expm1(ROUNDOFF * relative), rest * self._scale
 
-    def _pass_back(self, n_steps: int) -> None:
-        """Note the mean before each step.
+    def _step_back(self) -> None:
+        """One more block of steps, longer the more there are."""
+        from kinetics.kernels import markov
 
-        Where no value changes by more than a step rounds, later ones change no more, because P is positive: they are
-        taken as they are.
-        """
-        matrix, roundings = _matrix(self._transitions)
-        begins = np.flatnonzero(self._start)
-        chances, means = self._start[begins], np.empty(n_steps)
-        scale = float(self._values.max()) or 1.0
-        vector, drifts = self._values / scale, np.zeros(n_steps)
-        for n in range(n_steps):
-            means[n] = chances @ vector[begins]
-            after = matrix @ vector
-            if n % LOOK == 0:
-                change = _largest_change(vector, after)
-                if change <= roundings * ROUNDOFF:
-                    means[n + 1 :] = means[n]
-                    drifts[n + 1 :] = np.arange(1, n_steps - n) * (change + (roundings + 4.0) * ROUNDOFF)
-                    break
-            vector = after
-        self._means, self._drifts, self._roundings = means * scale, drifts, roundings
+        done = self._ends[-1] if self._ends else 0
+        arrays, roundings = self._arrays
+        means = np.empty(LOOK + done // 64)
+        markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
+        self._blocks.append(means)
+        self._ends.append(done + means.size)
+        self._tops.append(float(self._now.max()))
+        self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
+
+    @cached_property
+    def _arrays(self) -> tuple[tuple[Any, ...], float]:
+        """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+        moves, stays, roundings = _moves(self._chain, SPARE)
+        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
-def _sums_after(values: Floats) -> Floats:
+def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:
+    """Chain, start and values of the states that are reached and lead to a value; all others are one state without."""
+    kept = transitions.reached_from(start > 0) & transitions.leading_to(values > 0)
+    if kept.all():
+        return transitions, start, values
+    return transitions.within(kept), np.append(start[kept], 0.0), np.append(values[kept], 0.0)
+
+
+def sums_after(values: Floats) -> Floats:
     """Of each value, the sum (n,) of those after it."""
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
@@ -163,37 +198,36 @@ def _sum_terms(terms: Floats) -> float:
     return float(np.log2(terms.size + 1.0)) + 128.0
 
 
-def _rate(transitions: Transitions) -> float:
-    return SPARE * float(transitions.exits.max(initial=0.0))
+def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
+    """q, 1/tu: so many times the largest exit rate."""
+    return spare * float(transitions.exits.max(initial=0.0))
 
 
-def _matrix(transitions: Transitions) -> tuple[Any, float]:
-    """P (N, N), and how many roundings of a result a step with it adds at most."""
+def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, float]:
+    """P (N, N) by rows, and how many roundings of a result a step backwards with it adds at most."""
     from scipy.sparse import csr_array, dia_array
 
-    n, rate = transitions.size, _rate(transitions)
-    shares: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
-    wide = np.concatenate([shares.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
-    exits = np.where(np.diff(shares.indptr) > 0, np.add.reduceat(wide, shares.indptr[:-1]), 0.0)
-    stays: Any = dia_array((np.asarray(1.0 - exits, dtype=np.float64)[None, :], [0]), shape=(n, n))
+    moves, stays, roundings = _moves(transitions, spare)
+    diagonal: Any = dia_array((stays[None, :], [0]), shape=moves.shape)
+    return csr_array(moves + diagonal), roundings
+
+
+def _moves(transitions: Transitions, spare: float) -> tuple[Any, Floats, float]:
+    """P off its diagonal (N, N), the diagonal (N,), and roundings as above."""
+    from scipy.sparse import csr_array
+
+    n, rate = transitions.size, jump_rate(transitions, spare)
+    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
+    exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
     merged = int(np.bincount(transitions.rows, minlength=1).max())
     finer = float(np.finfo(np.longdouble).eps / np.finfo(np.float64).eps)
-    # staying, at least a fifth, from shares of at most four fifths; then a product and a sum a state, itself included
-    return csr_array(shares + stays), 4.0 * merged * finer + 2.0 + 2.0 * (merged + 2.0)
+    # staying is what shares leave, which are at most 1 / spare; then a product and a sum a state, itself included
+    roundings = spare * merged * finer / (spare - 1.0) + 2.0 + 2.0 * (merged + 2.0)
+    return moves, np.asarray(1.0 - exits, dtype=np.float64), roundings
 
 
-def _largest_change(before: Floats, after: Floats) -> float:
-    """The largest relative change of any value; inf where one is no longer 0."""
-    held = before > 0.0
-    if after[~held].any():
-        return float("inf")
-    if not held.any():
-        return 0.0
-    with np.errstate(over="ignore"):  # from the smallest numbers, which have lost their digits
-        return float(np.abs(after[held] / before[held] - 1.0).max())
-
-
-def _weights_errors(mean: float, first: int, size: int) -> Floats:
+def weights_errors(mean: float, first: int, size: int) -> Floats:
     """Relative errors (size,) of the weights at most.
 
     Those of the ratios away from the mode, of their sum, and of the mean itself, which counts n - mean times.

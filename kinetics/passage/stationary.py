@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
+from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import leaving_rates
 from kinetics.passage.elimination import Elimination, TooLargeError, equations
 from kinetics.passage.entry import reached_states
+from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
@@ -127,6 +129,14 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
     return ChainStationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
+
+
+def mean_in_the_end(rest: ChainStationary, values: Floats) -> LimitedValue:
+    """Mean of values (N,), none negative, after infinite time."""
+    value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (values.size + 1)
+    # of states that are held in the end, however rarely
+    lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
+    return LimitedValue.within(value, error, rest.is_bound, lost)
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:

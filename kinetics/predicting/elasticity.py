@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics.chain import Chain, Sensitivity, passage_sensitivity
 from kinetics.network import Network, Tank
-from kinetics.passage import first_passage
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import Rates, RatesPosterior
-from kinetics.solving import Transient, solve
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, rising_times
 from kinetics.support.intervals import student_quantile
 
 if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
 
-STEP = 1e-3  # relative, or a share of a shape parameter's range: the error of a difference is near 1e-6 of its value
+STEP = 1e-3  # of a shape parameter, for what it does to the rate constants: a closed form, whose differences are cheap
+TINY = 1e-200  # of the largest rate constant: takes the place of one that is 0 and changes with the shape
 EXACT_STATES = 5000  # with more reachable states than these, elasticities of counts come from draws
-EXACT_SECONDS = 60.0  # estimated for one solution, likewise
+EXACT_SECONDS = 60.0  # estimated for one time, likewise
+
+Gradients = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,7 @@ class Elasticities:
     value, standard_error : (P, ...); nan where not known. The error is 0 for an exact solution
     share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan where they leave none
     quantile : how far a 95 % interval reaches beyond the value, in standard errors, by Student's t
-    is_exact : solved for by differences at the posterior mean of each parameter; else averaged over the posterior
+    is_exact : exact derivatives at the posterior mean of each parameter; else averaged over the posterior
     """
 
     parameters: tuple[str, ...]
@@ -62,7 +64,7 @@ class Elasticities:
     def note(self) -> str:
         """How they were found, for the reader."""
         how = (
-            "exact differences at the posterior mean of each parameter"
+            "exact derivatives at the posterior mean of each parameter"
             if self.is_exact
             else "averages over the posterior, from a regression on draws of the rates"
         )
@@ -105,17 +107,22 @@ def count_elasticities(
     """Elasticities (P, T, S) of the mean counts at `times` (T,), tu.
 
     drawn : of a prediction for these times, observables and tank
-    exact_states : up to so many reachable states they are solved for, by two solutions a parameter; else they come from
-        `drawn`, at no further cost
+    exact_states : up to so many reachable states they are solved for, by one pass forwards a time and one backwards a
+        count, for all parameters; else they come from `drawn`, at no further cost
     ValueError: no rate has evidence where draws are needed, or there are fewer than two draws for a parameter.
     """
 
-    def mean(model: Network) -> Floats:
-        solved = solve(model, Transient(max_states=exact_states, max_seconds=EXACT_SECONDS), initial, times)
-        return (solved if observables is None else observables.of_distribution(solved)).mean()
+    def solved(model: Network) -> Gradients:
+        chain = Chain.of(model, initial, max_states=exact_states)
+        counts = np.asarray(chain.counts, dtype=float)
+        values: Floats = (counts if observables is None else counts @ observables.weights.astype(float)).T
+        asked = Sensitivity(chain)
+        found = [asked.means(values, float(t), EXACT_SECONDS) for t in rising_times(times)]
+        means = np.array([[each.answer.value for each in row] for row in found])
+        return means, np.moveaxis(np.array([[each.value for each in row] for row in found]), -1, 0)
 
     try:
-        return exact_elasticities(rates.posterior(network, tank), mean)
+        return exact_elasticities(rates.posterior(network, tank), solved)
     except ValueError as refusal:  # too many states, or too stiff
         if drawn is None:
             raise ValueError(
@@ -130,40 +137,26 @@ def passage_elasticities(
 ) -> Elasticities:
     """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite."""
 
-    def mean(model: Network) -> Floats:
-        found = first_passage(model, initial, species, copies)
-        if not found.is_certain:
-            raise ValueError(f"the mean time until {found.target} is infinite, so it has no elasticities")
-        return np.array([found.mean])
+    def solved(model: Network) -> Gradients:
+        found = passage_sensitivity(model, initial, species, copies)
+        return np.array([found.answer.value]), found.value[:, None]
 
-    return exact_elasticities(rates.posterior(network, tank), mean)
+    return exact_elasticities(rates.posterior(network, tank), solved)
 
 
-def exact_elasticities(posterior: RatesPosterior, mean: Callable[[Network], Floats]) -> Elasticities:
-    """By central differences of `mean`, which gives the predictions (...) of a network exactly.
+def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:
+    """From the derivatives of the predictions by the rate constants, and of these by the parameters.
 
-    The share of a parameter is that of the linear propagation of errors. Cost: 2 P + 1 predictions.
+    solved : of a network, its predictions (...) and their derivatives (R', ...) by the logarithm of each rate constant
+    The share of a parameter is that of the linear propagation of errors. Cost: that of `solved`, once.
     """
-    middle = posterior.mean
-    is_rate = np.arange(middle.size) < len(posterior.rates)
-    low, high = middle * (1 - STEP), middle * (1 + STEP)
-    # of parameters that rates do not scale with: a step of the range, no further than its ends
-    shape = posterior.breaks.break_model.parameters(posterior.expansion.base)
-    for p, of in enumerate(shape, start=len(posterior.rates)):
-        step = STEP * min(of.high - of.low, 1.0)
-        low[p], high[p] = max(of.low, middle[p] - step), min(of.high, middle[p] + step)
-    one = np.eye(middle.size, dtype=bool)
-    points = np.vstack([middle, np.where(one, low, middle), np.where(one, high, middle)])
-    found = [mean(posterior.expansion.network.with_rates(row)) for row in posterior.constants(points)]
-    at = found[0]
-    width = np.where(is_rate, 2 * STEP, high - low)
-    below, above = np.split(np.array(found[1:]), 2)
-    slope = ((above - below).T / width).T
-    covariance = _relative_covariance(posterior)
-    moved = np.tensordot(covariance, slope, axes=1)
+    constants, slopes = _constants(posterior)
+    at, by_constant = solved(posterior.expansion.network.with_rates(constants))
+    slope = np.tensordot(slopes, by_constant, axes=1)
+    moved = np.tensordot(_relative_covariance(posterior), slope, axes=1)
     return Elasticities(
         posterior.names,
-        is_rate,
+        np.arange(len(posterior.names)) < len(posterior.rates),
         at,
         _over(slope, at),
         np.zeros_like(slope),
@@ -171,6 +164,24 @@ def exact_elasticities(posterior: RatesPosterior, mean: Callable[[Network], Floa
         0.0,
         True,
     )
+
+
+def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
+    """Rate constants (R',) at the posterior mean of the parameters, and the derivatives (P, R') of their logarithms.
+
+    By the logarithm of a rate, of which they are multiples; by a shape parameter itself, by central differences of the
+    closed form, extrapolated.
+    """
+    middle, n = posterior.mean, len(posterior.rates)
+    steps = np.eye(middle.size)[n:] * STEP
+    points = [middle[None, :], *(middle + k * steps for k in (1, -1, 2, -2))]
+    (constants,), *moved = np.split(posterior.constants(np.vstack(points)), 1 + len(steps) * np.arange(4))
+    one, two = (moved[0] - moved[1]) / (2 * STEP), (moved[2] - moved[3]) / (4 * STEP)
+    by_shape = (4.0 * one - two) / 3.0
+    held = np.where((constants == 0.0) & by_shape.any(axis=0), TINY * constants.max(), constants)
+    by_rate = (posterior.expansion.base_of == np.arange(n)[:, None]) & (held > 0.0)
+    by_shape = np.divide(by_shape, held, out=np.zeros_like(by_shape), where=held > 0.0)
+    return held, np.vstack([by_rate, by_shape])
 
 
 def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:

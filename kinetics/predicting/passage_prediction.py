@@ -23,6 +23,7 @@ class PassagePrediction:
     mean : posterior median of the mean time; the mean of `passage` where the rates have no evidence
     low, high : middle 95 % of the mean time from the rates; None where these have no evidence
     notes : remarks for the reader
+    network : the network whose passage it is, with its rate constants
 
     The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
     and quantiles exist always; they are inf only where the target may be missed at any rates.
@@ -33,6 +34,7 @@ class PassagePrediction:
     low: float | None
     high: float | None
     notes: tuple[str, ...]
+    network: Network
 
 
 def predict_passage(
@@ -52,7 +54,7 @@ def predict_passage(
     if rates is None or not rates.has_evidence:
         model = network if rates is None else rates.apply(network, tank)
         passage = first_passage(model, initial, species, copies)
-        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates))
+        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates), model)
     posterior = rates.posterior(network, tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
@@ -65,4 +67,4 @@ def predict_passage(
         "sd, quantiles and curve are those at the posterior mean of each rate constant",
     )
     passage = first_passage(posterior.expected, initial, species, copies)
-    return PassagePrediction(passage, median, low, high, (*evidence_notes(rates), *notes))
+    return PassagePrediction(passage, median, low, high, (*evidence_notes(rates), *notes), posterior.expected)

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.sampling.mass_action import MassAction, mass_action
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, read_only
 
 if TYPE_CHECKING:
     from kinetics.kernels.members import Members
@@ -47,13 +48,22 @@ def leaders(network: Network) -> Ints:
     """(R,) the first of the channels that each channel can be merged with; itself where there is none before.
 
     They change the counts alike, and are of mass action in at most two reactants, one of them a species that is used
-    up. Cost: about 1 us a channel; among more than `MOST_CHANNELS`, none is merged.
+    up. Cost: about 1 us a channel, once a network; among more than `MOST_CHANNELS`, none is merged.
     """
+    if len(network.channels) > MOST_CHANNELS:
+        return np.arange(len(network.channels))
+    if network not in _LEADERS:
+        _LEADERS[network] = read_only(_found_leaders(network))
+    return _LEADERS[network]
+
+
+_LEADERS: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
+
+
+def _found_leaders(network: Network) -> Ints:
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels = len(network.channels)
     leader = np.arange(n_channels)
-    if n_channels > MOST_CHANNELS:
-        return leader
     can = (np.bincount(needed.rows, needed.copies, n_channels) <= 2) & (_used_up(network) >= 0)
     can &= np.array([name not in network.laws for name in network.channels], dtype=bool)
     if network.combinations == "product":

@@ -126,9 +126,8 @@ def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> f
     levels = max(count.bit_length() for count in counts)
     most, least = (arithmetic.digits_for(RESULT_BITS + extra) for extra in (levels, 0))
 
-    short, cut = _short_rates(arithmetic, entries, step, n, most)
-    # of the series, after which less is left than a product cuts off
-    terms = next(m for m in range(1, 99) if 2.0 ** (-STEP_BITS * (m + 1)) / factorial(m + 1) < arithmetic.lost(most))
+    short, cut = short_rates(arithmetic, entries, step, n, most)
+    terms = series_terms(arithmetic.lost(most))
     power = _series(arithmetic, short, terms, most)
     # A step of Horner's rule passes on 2**-16 of its error, and adds a product and a division.
     error = ABOVE * (cut + 3.0 * arithmetic.lost(most))
@@ -157,8 +156,32 @@ def distance(entries: Entries, start: Floats, times: Floats, found: Floats) -> f
     return ABOVE * (seen + rows_error + arithmetic.lost(least)) + entries.wrong(ABOVE * moved)
 
 
-def _short_rates(arithmetic: FixedPoint, entries: Entries, step: float, n: int, count: int) -> tuple[Floats, float]:
-    """Q times the step as digits (count + 1, N, N), and a bound on the largest row sum of what that cuts off."""
+def series_terms(lost: float) -> int:
+    """How many terms of the series of a short step leave less than a product cuts off."""
+    return next(m for m in range(1, 99) if 2.0 ** (-STEP_BITS * (m + 1)) / factorial(m + 1) < lost)
+
+
+def exact_products(entries: Entries, factor: float) -> Entries:
+    """The entries with all rates times a factor: each as two, its product and what that rounds off (Dekker 1971).
+
+    doi:10.1007/BF01397083
+    """
+    (high, low), (one, two) = _halves(entries.rates), _halves(np.float64(factor))
+    product = entries.rates * factor
+    rest = low * two - (((product - high * one) - low * one) - high * two)
+    rows, columns = (np.tile(each, 2) for each in entries[:2])
+    return Entries(rows, columns, np.concatenate([product, rest]), entries.rate_error)
+
+
+def _halves(values: Any) -> tuple[Any, Any]:
+    """Each as a sum of two of half its digits."""
+    large = values * (2.0**27 + 1.0)
+    high = large - (large - values)
+    return high, values - high
+
+
+def short_rates(arithmetic: FixedPoint, entries: Entries, step: float, n: int, count: int) -> tuple[Floats, float]:
+    """Q times the step, a power of two, as digits (count + 1, N, N), and a bound on the row sums of what is cut off."""
     places = entries.rows * n + entries.columns
     numbers = arithmetic.digits(entries.rates * step, count)
     planes = np.array([np.bincount(places, digit, minlength=n * n) for digit in numbers]).reshape(-1, n, n)

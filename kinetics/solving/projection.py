@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,15 +90,11 @@ class _Window(NamedTuple):
 
     def unrest(self) -> tuple[float, float]:
         """At the end, in 1/tu: the sum of |p Q|, all flow out of the set included; and the mass that moves."""
-        from scipy.sparse import csr_array
-
-        n, (begins, sources, shares, exits) = self.chain.size, self.chain.arrays
         mass = self.solved.probabilities[-1]
-        moves: Any = csr_array((shares, sources, begins), shape=(n, n))
-        outflow = exits * mass
+        outflow = self.chain.arrays.exits * mass
         # Not `leaks @ mass`: BLAS would wake threads that cost more than they bring.
-        change = self.chain.rate * float(np.abs(moves @ mass - outflow).sum()) + float((self.leaks * mass).sum())
-        return change, self.chain.rate * float(outflow.sum())
+        change = self.chain.rate * float(np.abs(self.chain.inflows @ mass - outflow).sum())
+        return change + float((self.leaks * mass).sum()), self.chain.rate * float(outflow.sum())
 
 
 class _Front:

@@ -59,6 +59,15 @@ class Transitions(NamedTuple):
         channels = None if self.channels is None else self.channels[goes]
         return Transitions(self.rows[goes], self.columns[goes], self.rates[goes], leaks, self.rate_error, channels)
 
+    def within(self, kept: NDArray[np.bool_]) -> Transitions:
+        """The chain of the states kept (N,), in their order; all others are one last state, which is never left."""
+        place = np.where(kept, np.cumsum(kept) - 1, np.count_nonzero(kept))
+        goes = kept[self.rows]
+        leaks = np.append(self.leaks[kept], 0.0)
+        channels = None if self.channels is None else self.channels[goes]
+        rows, columns = place[self.rows[goes]], place[self.columns[goes]]
+        return Transitions(rows, columns, self.rates[goes], leaks, self.rate_error, channels)
+
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
         from scipy.sparse import csr_array, dia_array

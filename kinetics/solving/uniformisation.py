@@ -29,8 +29,8 @@ STEP_SECONDS = 2e-9  # a step takes this for every transition and every state, o
 class Arrays(NamedTuple):
     """A chain as `kernels.markov` reads it."""
 
-    begins: Ints
-    sources: NDArray[np.int32]
+    begins: NDArray[np.uint32]
+    sources: NDArray[np.uint32]
     shares: Floats
     exits: Floats
 
@@ -78,7 +78,7 @@ class DiscreteChain:
         moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
         most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
         terms = most_in + (most_on if most_out is None else most_out)
-        arrays = Arrays(moves.indptr.astype(np.int64), moves.indices.astype(np.int32), moves.data, exits / rate)
+        arrays = Arrays(moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, exits / rate)
         return cls(rate, arrays, terms, rate_error)
 
     @property
@@ -87,14 +87,20 @@ class DiscreteChain:
         return self.arrays.exits.size
 
     @cached_property
+    def inflows(self) -> Any:
+        """csr_array (N, N): of each state, in a row, the shares of q at which the others lead to it."""
+        from scipy.sparse import csr_array
+
+        begins, sources, shares, _ = self.arrays
+        return csr_array((shares, sources.astype(np.int64), begins.astype(np.int64)), shape=(self.size, self.size))
+
+    @cached_property
     def transposed(self) -> Any:
         """csr_array (N, N), P transposed: `transposed @ p` is p P."""
         from scipy.sparse import csr_array, dia_array
 
-        n = self.size
-        moves: Any = csr_array((self.arrays.shares, self.arrays.sources, self.arrays.begins), shape=(n, n))
-        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=(n, n))
-        return csr_array(moves + stays)
+        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=self.inflows.shape)
+        return csr_array(self.inflows + stays)
 
     def steps_until(self, time: float, tolerance: float) -> int:
         """Steps after which, but for `tolerance`, all of the Poisson probability at `time` has been seen."""

@@ -6,6 +6,7 @@ import pytest
 from random_chains import DIGITS, exact_law, random_rates
 
 from kinetics import Chain
+from kinetics.passage.backward import BackwardPass, expected_at, expected_integral
 
 
 def holds(answer, exact):
@@ -67,9 +68,59 @@ def test_rewards_over_time():
     assert not holds(chain.reward("r", up_to=1.5 * (1 + 1e-9)), total)  # the control
 
 
+@pytest.mark.parametrize("steps", [1, 40])
+def test_a_pass_ends_where_the_rest_is_less_than_it_rounds(steps, monkeypatch):
+    """A line of steps at rate 1 until .01, whose end is reached with probability 1e-2 or about 1e-128."""
+    from kinetics.kernels import markov
+
+    done, retreat = [], markov.retreat
+    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    rates, t = np.diag(np.ones(steps), 1), 0.01
+    chain = Chain(rates, 0, rewards={"late": np.arange(steps + 1) == steps})
+    with mpmath.workdps(DIGITS):
+        exact = mpmath.gammainc(steps, 0, t, regularized=True)
+        area = t * exact - steps * mpmath.gammainc(steps + 1, 0, t, regularized=True)
+    for answer, value in ((chain.until(np.arange(steps + 1) == steps, by=t), exact), (chain.reward(up_to=t), area)):
+        assert holds(answer, value)
+        assert answer.high - answer.low < 1e-12 * answer.value
+    assert sum(done) < steps + 100
+
+
+def test_states_that_do_not_matter_make_no_steps():
+    """Beyond the target, and where no way leads to it, rates of 1e9 cost nothing."""
+    rates = np.zeros((6, 6))
+    rates[0, 1], rates[0, 4], rates[1, 0], rates[1, 2] = 1.0, 0.5, 2.0, 0.25
+    rates[2, 3] = rates[3, 2] = rates[4, 5] = rates[5, 4] = 1e9
+    chain, target = Chain(rates, 0), np.arange(6) == 2
+    answer = chain.until(target, by=2.0)
+    assert answer.method == "uniformisation, backwards"
+    assert holds(answer, exact_law(rates, chain.initial, 2.0, stopped=(2, 4))[2])
+    assert not holds(answer, exact_law(rates * 1.0001, chain.initial, 2.0, stopped=(2, 4))[2])  # the control
+
+
 def test_a_settled_chain_stops_early_and_still_holds():
     rates = np.array([[0, 5.0, 0], [3.0, 0, 1e-7], [0, 0, 0]])
     chain = Chain(rates, 0)
     answer = chain.until([False, False, True], by=3e3)
     assert holds(answer, exact_law(rates, chain.initial, 3e3, stopped=(2,))[2])
     assert answer.high - answer.low < 1e-9 * answer.value
+
+
+def test_a_pass_goes_on_where_it_stopped(monkeypatch):
+    """One pass for many times, in any order, gives what a pass a time gives, in the steps of the longest."""
+    from kinetics.kernels import markov
+
+    done, retreat = [], markov.retreat
+    rates = random_rates(3, 5, decades=1.0)
+    chain = Chain(rates, 0)
+    stopped, target = chain.transitions.stopped(np.arange(5) == 4), (np.arange(5) == 4).astype(float)
+    times = [0.3, 1e-3, 20.0, 0.0, 5.0]
+    each = [expected_at(stopped, chain.initial, target, t) for t in times]
+    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    one = BackwardPass(stopped, chain.initial, target)
+    assert [one.at(t) for t in times] == each
+    steps = sum(done)
+    assert [one.integral(t) for t in times] == [expected_integral(stopped, chain.initial, target, t) for t in times]
+    del done[:]
+    expected_at(stopped, chain.initial, target, 20.0)
+    assert steps == sum(done)

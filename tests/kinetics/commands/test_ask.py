@@ -50,6 +50,19 @@ def test_text_and_files(tmp_path):
     assert (tmp_path / "line.sm").read_text().startswith("ctmc\n")
 
 
+def test_what_the_rates_do_to_the_answers(tmp_path):
+    (answer,) = json.loads(run(*LINE, WITHIN, "--sensitivity", "--json"))["answers"]
+    found = answer["sensitivity"]
+    assert found["answer"]["value"] == pytest.approx(answer["value"], rel=1e-10)
+    assert len(found["elasticity"]) == len(found["parameters"]) == 8
+    assert max(found["elasticity"]) > 0.1
+    (plain,) = json.loads(run(*LINE, WITHIN, "--json"))["answers"]
+    assert plain["sensitivity"] is None
+    assert "limits proven; adjoint uniformisation" in run(*LINE, WITHIN, "--sensitivity")
+    run(*LINE, "--out", tmp_path / "line.tra")
+    assert "comes from no network" in run("ask", tmp_path / "line.tra", WITHIN, "--sensitivity", code=2)
+
+
 def test_a_stopped_chain_has_fewer_states():
     whole, part = (json.loads(run(*LINE, WITHIN, "--json", *more)) for more in ((), ("--stop", "quadmer >= 1")))
     assert part["states"] < whole["states"]

@@ -87,6 +87,23 @@ def test_passage(tmp_path):
     assert "<svg" in (tmp_path / "out.svg").read_text(encoding="utf-8")
 
 
+def test_passage_sensitivity():
+    """Doubling all rates halves the time: elasticities add up to -1; of a probability, to 0."""
+    options = ["passage", "line4", "--rates", "table3", "--cubes", 12, "--species", "quadmer", "--sensitivity"]
+    data = json.loads(run(*options, "--json"))
+    found = data["sensitivity"]
+    assert found["answer"]["value"] == pytest.approx(data["mean"], rel=1e-10)
+    assert found["is_bound"] is True
+    assert sum(found["elasticity"]) == pytest.approx(-1.0, rel=1e-10)
+    assert min(found["elasticity"]) < -0.1
+    text = run(*options)
+    assert "elasticity of the mean time to each rate constant" in text
+    assert text.count("->") >= 8
+    never = json.loads(run(*options, "--copies", 4, "--json"))
+    assert never["certain"] is False
+    assert not any(never["sensitivity"]["value"])
+
+
 def test_passage_that_never_happens():
     options = ["passage", "line4", "--rates", "table3", "--cubes", 60, "--species", "quadmer"]
     data = json.loads(run(*options, "--copies", 16, "--json"))

@@ -106,6 +106,16 @@ def test_what_is_large_is_not_looked_through(monkeypatch):
     assert Merging.of(COLLIDING).leaders.size == len(COLLIDING.channels)
 
 
+def test_leaders_are_found_once_a_network():
+    other = COLLIDING.with_rates(COLLIDING.rate_constants)
+    assert merging_module.leaders(COLLIDING) is merging_module.leaders(COLLIDING)
+    assert merging_module.leaders(other) is not merging_module.leaders(COLLIDING)
+    assert not merging_module.leaders(COLLIDING).flags.writeable
+    known = len(merging_module._LEADERS)
+    del other
+    assert len(merging_module._LEADERS) == known - 1  # and not kept longer than it
+
+
 FEW, END, RUNS = [5, 0, 1, 0], 900.0, 4000
 
 

@@ -1,9 +1,11 @@
+import numpy as np
 import pytest
+from scipy.sparse import csr_array, triu
 
-from kinetics import Network, Transient
+from kinetics import Chain, Network, Transient
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.solving import SOLVING_METHODS
-from kinetics.trust.hardcases import CASES, Attempt, Case
+from kinetics.trust.hardcases import CASES, Attempt, Case, chains
 from kinetics.trust.hardcases.case import attempt, refusal, relative
 
 
@@ -30,6 +32,20 @@ def test_wrong_answers_are_seen():
     assert not refusal("answers", lambda: 1, "anything").passed
     assert refusal("refuses", lambda: int("x"), "invalid literal").passed
     assert not refusal("says something else", lambda: int("x"), "too stiff").passed
+
+
+def test_chains_whose_rates_are_a_little_off_are_seen(monkeypatch):
+    """The control: rates to later states are too high by 1e-9, or the start by as much, where nothing moves."""
+
+    def off(generator, initial, *names):
+        rates = csr_array(generator, dtype=float)
+        if not rates.nnz and rates.shape[0] > 1:
+            initial = initial + 1e-9 * np.array([1.0, 0.0, -1.0])
+        return Chain(rates + 1e-9 * triu(rates), initial, *names)
+
+    monkeypatch.setattr(chains, "Chain", off)
+    unseen = {case.name for case in chains.CHAINS if all(found.passed for found in case.attempts())}
+    assert unseen == {"nowhere"}  # whatever the rates
 
 
 def test_reactions_without_effect_are_warned_of():

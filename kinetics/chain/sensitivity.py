@@ -1,0 +1,189 @@
+"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with limits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetics.chain.chain import Chain, Mask, Target
+from kinetics.chain.checks import square
+from kinetics.derivatives import (
+    ChannelEntries,
+    Derivatives,
+    Slopes,
+    slopes_always,
+    slopes_at,
+    slopes_by_squaring,
+    slopes_earned,
+    slopes_in_the_end,
+    slopes_until,
+    slopes_up_to,
+)
+from kinetics.derivatives.squaring import MAX_SQUARED
+from kinetics.network import Network
+from kinetics.passage.backward import steps_until
+from kinetics.solving.uniformisation import STEP_SECONDS
+from kinetics.support.arrays import Floats, real_number, rising_times
+
+ADJOINT, SQUARING, ELIMINATION = "adjoint uniformisation", "squaring, with its derivative", "elimination, adjoint"
+MAX_SECONDS = 7200.0
+FEW_STEPS = 200_000  # up to here a small chain is stepped through, with a proven bound
+
+
+class Sensitivity:
+    """The questions of a `Chain`, answered by the derivatives of its answer by the parameters of its rates.
+
+    chain : of a network, whose parameters are the rate constants of its channels (of a rate law, a factor before it);
+        any other, with `parameters`
+    parameters : name -> (N, N) sparse: how the rates between states depend on it, d ln(rate) / d ln(parameter); 1
+        where a rate is in proportion to it, as with a mask
+
+    By `until` and `reward` at or up to a time: one pass forwards and one backwards, or for small and stiff chains three
+    times the products of the dense method, with an estimated error; ever, until a target or in the end: one elimination
+    and two substitutions. ValueError: a chain from elsewhere without parameters, and what the chain refuses.
+    """
+
+    def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:
+        chain.check_whole("derivatives")
+        transitions, space = chain.transitions, chain.space
+        self._chain, self._start = chain, np.asarray(chain.initial)
+        self._shares: Floats | None = None
+        self._constants: Floats | None = None
+        if parameters is None:
+            if space is None:
+                raise ValueError(
+                    "this chain comes from no network, so its rates have no names; give parameters, as in "
+                    "{'k': mask}, with the rates (N, N) that are in proportion to each"
+                )
+            self._names = space.network.channels
+            self._constants = np.asarray(space.network.known_rates, dtype=float)
+            self._entries = ChannelEntries(transitions, len(space.network.channels))
+            return
+        if not parameters:
+            raise ValueError("no parameters; give at least one, as in {'k': mask}")
+        n_entries = transitions.rates.size
+        self._names = tuple(parameters)
+        tables = [square(f"parameter {name!r}", given, len(chain)) for name, given in parameters.items()]
+        self._shares = np.array([each[transitions.rows, transitions.columns] for each in tables]).reshape(-1, n_entries)
+        self._entries = ChannelEntries(transitions._replace(channels=np.arange(n_entries)), n_entries)
+
+    def until(self, target: Target, through: Target | None = None, by: float | None = None) -> Derivatives:
+        """Of `Chain.until`."""
+        goal = self._chain.states(target)
+        ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
+        if by is None:
+            return self._answer(lambda: slopes_until(self._entries, self._start, ways, goal), ELIMINATION)
+        return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
+
+    def always(self, states: Target, by: float | None = None) -> Derivatives:
+        """Of `Chain.always`."""
+        kept = self._chain.states(states)
+        if by is None:
+            return self._answer(lambda: slopes_always(self._entries, self._start, kept), ELIMINATION)
+        return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
+
+    def in_the_end(self, states: Target) -> Derivatives:
+        """Of `Chain.in_the_end`."""
+        held = self._chain.states(states).astype(float)
+        return _probability(self._answer(lambda: slopes_in_the_end(self._entries, self._start, held), ELIMINATION))
+
+    def passage(self, target: Target) -> Derivatives:
+        """Of the mean of the first-passage time to a target that is certain."""
+        goal = self._chain.states(target)
+        ones = np.ones(goal.size)
+        return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), ELIMINATION)
+
+    def reward(
+        self,
+        name: str | None = None,
+        at: float | None = None,
+        up_to: float | None = None,
+        until: Target | None = None,
+        stationary: bool = False,
+    ) -> Derivatives:
+        """Of `Chain.reward`."""
+        given = self._chain.reward_asked(name, at, up_to, until, stationary)
+        earning, worth = np.asarray(given.rates), self._chain.worth(given)
+        if at is not None:
+            return self.means(earning[None, :], at)[0]
+        if up_to is not None:
+            end = _time("up_to", up_to)
+            return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
+        if until is not None:
+            goal = self._chain.states(until)
+            return self._answer(lambda: slopes_earned(self._entries, self._start, earning, goal, worth), ELIMINATION)
+        return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), ELIMINATION)
+
+    def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
+        """Of the means of F functions (F, N) of the state, none negative, at a time, tu; one pass forwards for all.
+
+        max_seconds : work roughly estimated to take longer is refused before it starts
+        """
+        return self._at(values, at, max_seconds)
+
+    def _at(
+        self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
+    ) -> list[Derivatives]:
+        """Of means at a time, of the chain that is stopped."""
+        end, entries, space = _time("time", at), self._entries, self._chain.space
+        if stops is not None:
+            entries = entries._replace(transitions=entries.transitions.stopped(stops))
+            space = None if space is None else replace(space, is_stopped=space.is_stopped | stops)
+        steps = steps_until(entries.transitions, end)
+        if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
+            return self._answers(lambda: slopes_by_squaring(entries, self._start, values, end, space), SQUARING)
+        seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
+        if seconds > max_seconds:
+            raise ValueError(
+                f"derivatives of {len(values)} means would take {steps:.3g} steps until {end:g} tu, up to "
+                f"{seconds:.3g} s; at most {max_seconds:g} s: ask for an earlier time, or start from fewer copies"
+            )
+        return self._answers(lambda: slopes_at(entries, self._start, values, end), ADJOINT)
+
+    def _answer(self, question: Callable[[], Slopes], method: str) -> Derivatives:
+        return self._answers(lambda: [question()], method)[0]
+
+    def _answers(self, question: Callable[[], list[Slopes]], method: str) -> list[Derivatives]:
+        began = time.process_time()
+        found = [self._by_parameter(each) for each in question()]
+        seconds = time.process_time() - began
+        return [
+            Derivatives(
+                self._names, answer, value, value - wide, value + wide, is_bound, self._constants, method, seconds
+            )
+            for answer, value, wide, is_bound in found
+        ]
+
+    def _by_parameter(self, found: Slopes) -> Slopes:
+        if self._shares is None:
+            return found
+        wide = found.wide + 2.0**-52 * found.value.size * np.abs(found.value)
+        return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
+
+
+def passage_sensitivity(
+    network: Network, initial: ArrayLike, species: str, copies: int = 1, certain: bool = True
+) -> Derivatives:
+    """Of the mean first-passage time to copies of a species, or of the probability that they are ever reached.
+
+    certain : whether it is the mean, which a target that may be missed does not have
+    ValueError: unknown species, missing rates, too many states, or a mean that is infinite
+    """
+    place = network.index(species)
+    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= copies)
+    goal = np.asarray(chain.counts)[:, place] >= copies
+    asked = Sensitivity(chain)
+    return asked.passage(goal) if certain else asked.until(goal)
+
+
+def _probability(found: Derivatives) -> Derivatives:
+    return replace(found, answer=found.answer.capped())
+
+
+def _time(name: str, given: float) -> float:
+    return float(rising_times([real_number(name, given)])[0])

@@ -1,0 +1,20 @@
+"""Derivatives of answers of a chain by all its rates, adjoint: one solution more for all of them, with limits."""
+
+from kinetics.derivatives.at_a_time import slopes_at, slopes_up_to
+from kinetics.derivatives.derivatives import Derivatives
+from kinetics.derivatives.eventually import slopes_always, slopes_earned, slopes_in_the_end, slopes_until
+from kinetics.derivatives.slopes import ChannelEntries, Slopes
+from kinetics.derivatives.squaring import slopes_by_squaring
+
+__all__ = [
+    "ChannelEntries",
+    "Derivatives",
+    "Slopes",
+    "slopes_always",
+    "slopes_at",
+    "slopes_by_squaring",
+    "slopes_earned",
+    "slopes_in_the_end",
+    "slopes_until",
+    "slopes_up_to",
+]

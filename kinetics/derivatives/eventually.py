@@ -1,0 +1,136 @@
+"""Derivatives, by all rates, of what happens at some time: reaching a target, what is earned until then, the end.
+
+A value y solves linear equations on the states on the way, and its derivative by the logarithm of a channel's rates is
+the sum over its entries, from i to j, of occupation_i * rate * (y_j - y_i): what is earned in the time spent at i by
+going on from j instead. Occupation and value come from one elimination, which also gives the value itself; both have
+relative errors, so each term has a bound. After infinite time the occupation is the stationary distribution, and y what
+is earned beyond the mean before the chain is back at a state (Schweitzer 1968, doi:10.2307/3212261).
+
+Where a target is so remote that its rates fire f times before it is reached, derivatives lose as many digits as f has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinetics.derivatives.slopes import ChannelEntries, Slopes
+from kinetics.passage.certified import BoundedSolution
+from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
+from kinetics.passage.until import UNDERFLOW, Ending, Mask, OnTheWay, always, earned_until, earning_with, until
+from kinetics.solving.poisson import ROUNDOFF
+from kinetics.support.arrays import Floats, Ints
+
+
+def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
+    """Of the probability of reaching the target (N,) at some time, through given states (N,) alone."""
+    return _of_ending(entries, until(entries.transitions, start, through, target))
+
+
+def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slopes:
+    """Of the probability of never leaving the states (N,)."""
+    return _of_ending(entries, always(entries.transitions, start, states))
+
+
+def slopes_earned(
+    entries: ChannelEntries, start: Floats, earning: Floats, target: Mask, worth: Floats | None = None
+) -> Slopes:
+    """Of the mean of what is earned until the target is reached: at `earning` (N,) a time unit, `worth` (K,) a jump."""
+    total, rounded = earning_with(entries.transitions, earning, worth)
+    ending = earned_until(entries.transitions, start, total, target)
+    kept = None if worth is None else worth[~target[entries.transitions.rows]]
+    return _of_ending(entries, ending, kept, rounded)
+
+
+def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, worth: Floats | None = None) -> Slopes:
+    """Of the mean of what is earned a time unit after infinite time."""
+    chain, (values, rounded) = entries.transitions, earning_with(entries.transitions, earning, worth)
+    rest = stationary_of(chain, start)
+    answer = mean_in_the_end(rest, values).wider(rounded)
+    value, wide = np.zeros(entries.n_channels), np.zeros(entries.n_channels)
+    ends = np.zeros(chain.size)
+    share = BoundedSolution(rest.probabilities, (rest.error + 2.0 * ROUNDOFF) * rest.probabilities)
+    for members, weight in zip(rest.classes, rest.weights, strict=True):
+        mean = float(rest.probabilities[members] @ values[members]) / float(weight)
+        ends[members] = mean
+        if members.size > 1:
+            beyond = _beyond_the_mean(entries, rest, members, values, mean, rounded)
+            inside = BoundedSolution(*(_only(members, each) for each in share))
+            parts = _sums(entries, inside, beyond)
+            value, wide = value + parts[0], wide + parts[1]
+    if len(rest.classes) > 1:
+        passing = ~np.isin(np.arange(chain.size), np.concatenate(rest.classes)) & chain.reached_from(start > 0)
+        if start[passing].any():
+            solved = OnTheWay.of(chain, start, passing, ends, np.zeros(chain.size))
+            error = 2.0 * rest.error + rounded + (values.size + 4.0) * ROUNDOFF
+            parts = _sums(entries, *_on_the_way(solved, error))
+            value, wide = value + parts[0], wide + parts[1]
+    if worth is not None:
+        parts = _direct(entries, share, worth)
+        value, wide = value + parts[0], wide + parts[1]
+    return Slopes(answer, value, 1.01 * wide + UNDERFLOW, chain.is_certified)
+
+
+def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = None, rounded: float = 0.0) -> Slopes:
+    solved = ending.solved
+    if solved is None:
+        return Slopes.none(ending.limited, entries.n_channels)
+    stopped = entries._replace(transitions=solved.chain)
+    times, values = _on_the_way(solved, rounded)
+    value, wide = _sums(stopped, times, values)
+    if worth is not None:
+        parts = _direct(stopped, times, worth)
+        value, wide = value + parts[0], wide + parts[1]
+    return Slopes(ending.limited.wider(rounded), value, 1.01 * wide + UNDERFLOW, solved.chain.is_certified)
+
+
+def _on_the_way(solved: OnTheWay, rounded: float) -> tuple[BoundedSolution, BoundedSolution]:
+    """Time spent in each state, and what is solved for, which has one more relative error."""
+    values, errors = solved.solution
+    spent = _everywhere(solved.way, solved.equation.occupied(solved.first))
+    return spent, BoundedSolution(values, errors + rounded * values)
+
+
+def _everywhere(way: Mask, solution: BoundedSolution) -> BoundedSolution:
+    """A solution on the way (N,), 0 elsewhere."""
+    values, errors = np.zeros(way.size), np.zeros(way.size)
+    values[way], errors[way] = solution
+    return BoundedSolution(values, errors)
+
+
+def _beyond_the_mean(
+    entries: ChannelEntries, rest: ChainStationary, members: Ints, values: Floats, mean: float, rounded: float
+) -> BoundedSolution:
+    """What is earned from each state of a closed class, less the mean, until the chain is at its likeliest state."""
+    chain = entries.transitions
+    back = members[np.argmax(rest.probabilities[members])]
+    is_back = np.arange(chain.size) == back
+    way = _only(members, np.ones(chain.size)).astype(bool) & ~is_back
+    none = np.zeros(chain.size)
+    solved = OnTheWay.of(chain.stopped(is_back), none, way, none, values)
+    waits, late = _everywhere(way, solved.equation.solved(np.ones(int(way.sum()))))
+    (gains, wrong), losses = solved.solution, mean * waits
+    wide = wrong + mean * late + rounded * gains + (rest.error + rounded + ROUNDOFF * (values.size + 4.0)) * losses
+    return BoundedSolution(gains - losses, wide + ROUNDOFF * np.abs(gains - losses))
+
+
+def _only(members: Ints, values: Floats) -> Floats:
+    kept = np.zeros_like(values)
+    kept[members] = values[members]
+    return kept
+
+
+def _sums(entries: ChannelEntries, times: BoundedSolution, values: BoundedSolution) -> tuple[Floats, Floats]:
+    """Sums over the entries of each channel of time * rate * (value there - value here), and how far off they are."""
+    rows, columns, rates, *_ = entries.transitions
+    gaps, wrong = values.values[columns] - values.values[rows], values.errors[columns] + values.errors[rows]
+    terms, size = times.values[rows] * rates * gaps, np.abs(gaps) + wrong
+    rounded = ROUNDOFF * (entries.transitions.roundings + entries.most + 6.0) * times.values[rows]
+    wide = rates * (times.errors[rows] * size + times.values[rows] * wrong + rounded * size)
+    return entries.by_channel(terms), entries.by_channel(wide)
+
+
+def _direct(entries: ChannelEntries, times: BoundedSolution, worth: Floats) -> tuple[Floats, Floats]:
+    """What the jumps of each channel earn, all of which is in proportion to its rates."""
+    rows, _, rates, *_ = entries.transitions
+    value, wide = (entries.by_channel(each[rows] * rates * worth) for each in times)
+    return value, wide + ROUNDOFF * (entries.transitions.roundings + entries.most + 4.0) * value
