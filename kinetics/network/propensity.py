@@ -44,8 +44,8 @@ def combinations(copies: Ints, taken: int, counted: str) -> Floats:
     if taken > LOW_ORDER:
         return _combinations_of_many(copies, taken, counted)
     available = copies.astype(np.float64)
-    if counted == "product":
-        return np.where(copies >= taken, available**taken, 0.0)
+    if counted == "product":  # not by the library's power, which rounds more often
+        return np.where(copies >= taken, np.prod([available] * taken, axis=0), 0.0)
     # With fewer copies than taken, one of the factors is exactly 0; the clip keeps the others from going below.
     ordered = np.prod([np.maximum(available - i, 0.0) for i in range(taken)], axis=0)
     return ordered if counted == "ordered" else ordered / factorial(taken)

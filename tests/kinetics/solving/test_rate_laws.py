@@ -3,13 +3,16 @@
 import mpmath
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
 from kinetics import Chain, FiniteStateProjection, Transient, first_passage, solve, stationary
 from kinetics.network import Network
 from kinetics.network.laws import hill, michaelis_menten
 from kinetics.passage.restricted import restricted_passage
 from kinetics.solving import SOLVING_METHODS, Collocation, Dense
+from kinetics.solving.poisson import poisson_tails, poisson_window
 from kinetics.solving.states import reachable
+from kinetics.solving.uniformisation import DiscreteChain
 
 METHODS = pytest.mark.parametrize("method", SOLVING_METHODS, ids=lambda method: method.name)
 NOTHING_KNOWN = "1e17 * (1 - exp(-1e-17 * S))"
@@ -127,3 +130,19 @@ def test_a_rate_that_may_be_above_zero_is_not_taken_for_none():
     assert chain.until("B >= 1").low in (0.0, 1.0)
     assert not chain.until("B >= 1").is_bound
     assert Chain.of(closed("max(0, A - 3)"), [3, 0]).until("B >= 1").is_bound
+
+
+def test_jumps_are_weighted_by_the_chance_that_they_come():
+    for mean in (0.0, 0.06, 7.0, 3000.0):
+        first, weights = poisson_window(mean, 1e-13)
+        tails, exact = poisson_tails(first, weights, 1e-13), poisson.sf(np.arange(first + weights.size), mean)
+        assert (tails >= exact * (1.0 - 1e-9)).all()
+        assert abs(tails - exact).max() < 1e-12
+
+
+def test_entries_of_one_place_round_one_by_one():
+    """Twenty channels from A to B are twenty rates that are summed, not one that came so."""
+    reactions = {f"turn{i}": ({"A": 1}, {"B": 1}) for i in range(20)}
+    space = reachable(Network.from_reactions(reactions, np.full(20, 0.1)), [1, 0])
+    assert DiscreteChain.of(space.transitions()).terms == 40
+    assert Transient().solve(space.network, [1, 0], [1.0]).error > 40 * 2.0**-53

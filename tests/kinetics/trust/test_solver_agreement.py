@@ -63,10 +63,11 @@ def test_refusals_and_estimates_are_said():
     found = compare_solvers(net, [0], [1.0, 2.0], [FiniteStateProjection(), Transient(max_states=100)])
     assert [name for name, _ in found.refusals] == ["exact"]
     assert "exact gave no answer: over 100 states" in str(found)
-    by_law = Network.from_reactions({"death": ({"X": 1}, {})}, ["X / (1 + X)"])
-    found = compare_solvers(by_law, [9], [1.0, 2.0])
-    assert found.failures == ()
-    assert not any(pair.is_bound for pair in found.pairs)
-    assert "(estimate)" in str(found)
+    for law, is_bound in (("X / (1 + X)", True), ("floor(X / 3 * 3) / (1 + X)", False)):
+        by_law = Network.from_reactions({"death": ({"X": 1}, {})}, [law])
+        found = compare_solvers(by_law, [9], [1.0, 2.0])
+        assert found.failures == ()
+        assert {pair.is_bound for pair in found.pairs} == {is_bound}
+        assert ("(estimate)" in str(found)) != is_bound
     with pytest.raises(ValueError, match="no solver takes the network"):
         compare_solvers(net, [0], [1.0], [Transient(max_states=100)])
