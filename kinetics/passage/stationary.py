@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
-from kinetics.passage.certified import leaving_rates
-from kinetics.passage.elimination import Elimination, TooLargeError, equations
+from kinetics.passage.certified import Equations, leaving_rates
+from kinetics.passage.elimination import Elimination, SparseFactors, TooLargeError, equations
 from kinetics.passage.entry import reached_states
 from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
@@ -20,7 +20,9 @@ from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
+FEW = 300  # states that are eliminated at once; of more, factors are mostly faster
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
+CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
 
 
@@ -89,11 +91,12 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     """The stationary distribution to which the chain converges from `initial`.
 
     max_states : networks with more reachable states, or infinitely many, are refused
-    ValueError: missing rates, too many states, or a band too wide to eliminate
+    ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
 
-    It is solved by elimination without subtractions (Grassmann, Taksar & Heyman 1985, doi:10.1287/opre.33.5.1107), one
-    closed class at a time; where the chain may end up in several, they are weighted by the probability of ending up in
-    each. Cost: the number of states times the square of the band's width.
+    Each closed class is solved by sparse factors, as time between visits to a likely state, or where it is small or
+    they prove no error by elimination without subtractions (Grassmann, Taksar & Heyman 1985,
+    doi:10.1287/opre.33.5.1107); where the chain may end up in several, they are weighted by the probability of ending
+    up in each. Cost: of the factors, or the number of states times the square of the band's width.
     """
     space = reached_states(network, initial, max_states)
     found = stationary_of(space.transitions(), np.eye(1, len(space))[0])
@@ -178,47 +181,52 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
     place = np.full(transitions.size, -1)
     place[members] = np.arange(members.size)
     inside = place[rows] >= 0
-    inner = place[rows[inside]], place[columns[inside]], rates[inside]
+    nowhere = np.zeros(members.size)
+    inner = Transitions(place[rows[inside]], place[columns[inside]], rates[inside], nowhere, transitions.roundings)
+    factored = _by_factors(inner) if members.size > FEW else None
+    if factored is not None and factored[1] <= CLOSE:
+        return factored
     try:
-        chain = Elimination(*inner, np.zeros(members.size), transitions.roundings)
-    except TooLargeError as refusal:
-        return _rest_of_many(*inner, members.size, transitions.roundings, refusal)
+        chain = Elimination(*inner[:5])
+    except TooLargeError:
+        found, error = factored or _by_factors(inner)
+        if not error < 1e-3:
+            raise
+        return found, error
     found = chain.stationary()
     if chain.error <= FINE:
         return found, chain.error
-    better, error = _anchored(*inner, members.size, transitions.roundings, int(np.argmax(found)))
+    better, error = _between_visits(Elimination, inner, int(np.argmax(found)))
     return (better, error) if error < chain.error else (found, chain.error)
 
 
-def _rest_of_many(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, rate_error: float, refusal: TooLargeError
-) -> tuple[Floats, float]:
-    """The same between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
-    fastest = np.lexsort((rates, rows))
-    likeliest = columns[fastest[np.append(np.flatnonzero(np.diff(rows[fastest])), rows.size - 1)]]
+def _by_factors(chain: Transitions) -> tuple[Floats, float]:
+    """Between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
+    fastest = np.lexsort((chain.rates, chain.rows))
+    last = np.append(np.flatnonzero(np.diff(chain.rows[fastest])), chain.rows.size - 1)
+    likeliest = chain.columns[fastest[last]]
     anchor = 0
-    for _ in range(n):
+    for _ in range(chain.size):
         anchor = int(likeliest[anchor])
     for _ in range(ANCHORS):
-        found, error = _anchored(rows, columns, rates, n, rate_error, anchor)
-        if error <= 1e-9:
+        found, error = _between_visits(SparseFactors, chain, anchor)
+        if error <= CLOSE or np.argmax(found) == anchor:
             break
         anchor = int(np.argmax(found))
-    if not error < 1e-3:
-        raise refusal
     return found, error
 
 
-def _anchored(
-    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, n: int, rate_error: float, anchor: int
-) -> tuple[Floats, float]:
-    """The same as time spent in each state between two visits to one, whose limits are proven afterwards."""
-    place = np.arange(n) - (np.arange(n) > anchor)
+def _between_visits(solver: type[Equations], chain: Transitions, anchor: int) -> tuple[Floats, float]:
+    """The distribution as time spent in each state between two visits to one, with an error proven afterwards."""
+    rows, columns, rates, *_ = chain
+    n, states = chain.size, np.arange(chain.size)
+    place = states - (states > anchor)
     begins, inside, ends = rows == anchor, (rows != anchor) & (columns != anchor), columns == anchor
     leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
-    chain = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, rate_error)
-    stays = chain.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
-    found = np.insert(stays.values, anchor, 1.0)
-    total = float(found.sum())
-    error = stays.relative + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2)
-    return found / total, float(np.nan_to_num(1.001 * error, nan=np.inf, posinf=np.inf))
+    inner = solver(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
+    with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
+        stays = inner.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
+        found = np.insert(stays.values, anchor, 1.0)
+        total = float(found.sum())
+        error = 1.001 * (stays.relative + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2))
+        return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
