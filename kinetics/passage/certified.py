@@ -115,7 +115,7 @@ class Equations(ABC):
             for _ in range(REFINEMENTS):
                 if not np.isfinite(left).all():
                     return prior
-                residuals.corrected(high, low, solve(np.maximum(left, 0.0)) - solve(np.maximum(-left, 0.0)))
+                residuals.corrected(high, low, solve(left))
                 left, doubt = self._left(weights, high, low, is_occupation)
                 errors = self.at_most(np.abs(left) + doubt, begun, is_occupation)
                 if (errors[~nothing] <= FINE * high[~nothing]).all():
