@@ -103,7 +103,6 @@ class Passes:
     """The pass forwards, and those backwards on top of it.
 
     occupation : (N,) expected weight of the steps after each visit of a state
-    spent : (N,) expected weight of the step at each visit
     """
 
     def __init__(self, entries: ChannelEntries, start: Floats, weights: Weights) -> None:
@@ -120,8 +119,8 @@ class Passes:
         # where each entry is in P
         keys = np.repeat(np.arange(n), np.diff(matrix.indptr)) * n + matrix.indices
         self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
-        self._forwards = Forwards(matrix, start, np.array([sums_after(weights.values), weights.values]))
-        self.occupation, self.spent = self._forwards.mixed
+        self._forwards = Forwards(matrix, start, sums_after(weights.values))
+        self.occupation = self._forwards.mixed
 
     def slopes(self, values: Floats, lost: float, worth: Floats | None = None) -> Slopes:
         """Of the mean of `values` (N,).
@@ -132,21 +131,24 @@ class Passes:
         chain, entries = self._entries.transitions, self._entries
         values, rounded_values = earning_with(chain, values, worth)
         scale = float(values.max()) or 1.0
-        later, gained, moved, held = self._back(values / scale)
+        later, gained, held = self._back(values / scale)
         mean, share = float(self._start @ later), chain.rates / self._rate
-        value = entries.by_channel(share * gained[self._places])
-        size = entries.by_channel(share * moved[self._places])
-        level = entries.by_channel(share * held[chain.rows])
+        terms = share * gained[self._places]
+        value = entries.by_channel(terms)
+        # all that is added and subtracted on the way to these terms
+        size = 2.0 * entries.by_channel(share * held[chain.rows]) + value
         stays = self._matrix.diagonal()[chain.rows]
         firings = entries.by_channel(share * (1.0 + share / stays) * self.occupation[chain.rows])
         wrong, error = self._wrong, self._weights.error + 4.0 * ROUNDOFF + rounded_values
         relative = expm1(wrong) + error
         scores = wrong * exp(wrong) * (2.0 + wrong * exp(wrong)) + error
-        wide = np.minimum(relative * (2.0 * level + size), scores * np.sqrt(mean * firings))
-        rounded = 2.0 * self._forwards.length + entries.most + RATE_ERROR + 16.0
-        wide = 1.02 * wide + 1.01 * ROUNDOFF * rounded * size + lost
+        wide = np.minimum(relative * size, scores * np.sqrt(mean * firings))
+        rounded = 2.0 * self._forwards.length + RATE_ERROR + 16.0
+        added = rounded * size + entries.most * entries.by_channel(np.abs(terms))
+        wide = 1.02 * wide + 1.01 * ROUNDOFF * added + lost
         if worth is not None:
-            direct = entries.by_channel(chain.rates * worth * self.spent[chain.rows] / scale)
+            spent = sum(self._weights.values[n : n + len(block)] @ block for n, block in self._forwards.backwards())
+            direct = entries.by_channel(chain.rates * worth * np.asarray(spent)[chain.rows] / scale)
             relative += ROUNDOFF * (entries.most + rounded)
             value, wide = value + direct, wide + 1.01 * relative * direct
         answer = LimitedValue.within(
@@ -154,23 +156,27 @@ class Passes:
         )
         return Slopes(answer, value * scale, wide * scale, chain.is_certified)
 
-    def _back(self, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """l_0 (N,); of every entry of P the sums of v (l there - l here) and of its size; of every state that of v l.
+    def _back(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+        """l_0 (N,); of every entry of P the sum of v (l there - l here); of every state that of v l.
 
         Added up within blocks first, so that the roundings are those of 2 sqrt(n) additions.
         """
         from kinetics.kernels import markov
 
-        matrix = self._matrix
-        later, sums = np.zeros(values.size), np.zeros(2 * matrix.nnz + values.size)
+        one_step_arrays, later = arrays(self._matrix), np.zeros(values.size)
+        gained, held = np.zeros(self._matrix.nnz), np.zeros(values.size)
         for begin, vectors in self._forwards.backwards():
-            added = np.zeros_like(sums)
+            more, longer = np.zeros_like(gained), np.zeros_like(held)
             weights = self._weights.values[begin : begin + len(vectors)]
-            parts = np.split(added, [matrix.nnz, 2 * matrix.nnz])
-            markov.steps_back(matrix.indptr, matrix.indices, matrix.data, vectors, weights, values, later, *parts)
-            sums += added
-        gained, moved, held = np.split(sums, [matrix.nnz, 2 * matrix.nnz])
-        return later, gained, moved, held
+            markov.steps_back(*one_step_arrays, vectors, weights, values, later, more, longer)
+            gained += more
+            held += longer
+        return later, gained, held
+
+
+def arrays(matrix: Any) -> tuple[Any, Any, Floats]:
+    """A matrix by rows, as kernels read it; short numbers of states take less room in the cache."""
+    return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data
 
 
 class Forwards:
@@ -179,13 +185,14 @@ class Forwards:
     They are kept where all of them fit into `KEPT_BYTES`; else only the first of each block is, and the others are made
     again, at the cost of one more pass a function.
 
-    mixed : (W, N) sums over n of weights (W, n_steps) times v_n
+    mixed : (N,) sum over n of weights (n_steps,) times v_n
     """
 
     def __init__(self, matrix: Any, start: Floats, weights: Floats) -> None:
-        transposed = matrix.T.tocsr()
-        self._arrays = (transposed.indptr, transposed.indices, transposed.data)
-        n, self._n_steps = start.size, weights.shape[1]
+        from kinetics.kernels import markov
+
+        self._arrays = arrays(matrix.T.tocsr())
+        n, self._n_steps = start.size, weights.size
         self.length = ceil(sqrt(self._n_steps))
         n_blocks = ceil(self._n_steps / self.length)
         keeps = 8.0 * n * self._n_steps <= KEPT_BYTES
@@ -193,13 +200,14 @@ class Forwards:
         check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time, or start from fewer copies")
         self._block = np.empty((1 if keeps else self.length, n))
         self._vectors = np.empty((self._n_steps if keeps else n_blocks, n))
-        self._keeps, self.mixed, now = keeps, np.zeros((len(weights), n)), start.copy()
+        self._keeps, mixed, now = keeps, np.zeros((1, n)), start.copy()
         for b, begin in enumerate(range(0, self._n_steps, self.length)):
             block = self._vectors[begin : begin + self.length] if keeps else self._block[: self._n_steps - begin]
             self._fill(block, now)
             self._vectors[begin if keeps else b] = now
-            self.mixed += weights[:, begin : begin + len(block)] @ block
+            markov.mix(np.zeros(1, dtype=np.int64), weights[None, begin : begin + len(block)], block, mixed)
             now = self._next(block[-1])
+        self.mixed = mixed[0]
 
     def _fill(self, block: Floats, first: Floats) -> None:
         """The rows of a block, from its first."""

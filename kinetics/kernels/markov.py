@@ -136,14 +136,14 @@ def powers(begins, sources, shares, vectors):
 
 
 @compiled
-def steps_back(begins, ends, shares, vectors, weights, values, later, gained, moved, held):
+def steps_back(begins, ends, shares, vectors, weights, values, later, gained, held):
     """Step backwards, and note what each rate brings: `later` becomes P later + weights[b] values, b = B - 1, ..., 0.
 
     begins, ends, shares : P by rows, compressed, with K entries
     vectors : (B, N) probabilities before each step
     weights : (B,) of the values (N,)
     later : (N,), changed in place
-    gained, moved : (K,) to which probability * (later there - later here) is added before each step, and its size
+    gained : (K,) to which probability * (later there - later here) is added before each step
     held : (N,) to which probability * later is added likewise
     """
     n = values.size
@@ -155,9 +155,7 @@ def steps_back(begins, ends, shares, vectors, weights, values, later, gained, mo
             for k in range(begins[i], begins[i + 1]):
                 there = now[ends[k]]
                 total += shares[k] * there
-                change = chance * (there - here)
-                gained[k] += change
-                moved[k] += abs(change)
+                gained[k] += chance * (there - here)
             held[i] += chance * here
             before[i] = total + weights[b] * values[i]
         now, before = before, now

@@ -1,0 +1,61 @@
+"""What derivatives cost, in counted steps and solutions: no more for forty channels than for four."""
+
+import numpy as np
+import pytest
+from known_systems import walk
+
+from kinetics.chain import Chain, Sensitivity
+from kinetics.derivatives import at_a_time
+from kinetics.kernels import elimination, markov
+
+
+class Counted:
+    """Calls of a function, and a number that each adds."""
+
+    def __init__(self, function, amount):
+        self.function, self.amount, self.total = function, amount, 0
+
+    def __call__(self, *arguments):
+        self.total += self.amount(*arguments)
+        return self.function(*arguments)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Steps forwards and backwards; eliminations and substitutions."""
+    found = {}
+    for module, name, amount in (
+        (markov, "powers", lambda begins, sources, shares, vectors: len(vectors) - 1),
+        (markov, "steps_back", lambda begins, ends, shares, vectors, weights, *rest: weights.size),
+        (elimination, "reduce", lambda *arguments: 1),
+        (elimination, "solve", lambda *arguments: 1),
+        (elimination, "occupy", lambda *arguments: 1),
+    ):
+        found[name] = Counted(getattr(module, name), amount)
+        monkeypatch.setattr(module, name, found[name])
+    return found
+
+
+@pytest.mark.parametrize("places", [2, 20])
+def test_a_pass_forwards_and_one_backwards(places, counted, monkeypatch):
+    chain = Chain.of(walk(places), {"place0": 1})
+    target = f"place{places} == 1"
+    kept = Sensitivity(chain).until(target, by=30.0)
+    steps = counted["steps_back"].total
+    assert 30 < steps < 2000
+    assert steps - 1 <= counted["powers"].total <= steps
+    # from checkpoints, where vectors would take too much room: the steps forwards are made twice, to the same numbers
+    monkeypatch.setattr(at_a_time, "KEPT_BYTES", 100)
+    again = Sensitivity(chain).until(target, by=30.0)
+    assert counted["powers"].total <= 3 * steps
+    assert np.array_equal(kept.value, again.value)
+
+
+@pytest.mark.parametrize("places", [2, 20])
+def test_one_elimination_and_two_substitutions(places, counted):
+    chain = Chain.of(walk(places), {"place0": 1})
+    Sensitivity(chain).passage(f"place{places} == 1")
+    assert [counted[name].total for name in ("reduce", "solve", "occupy")] == [1, 1, 1]
+    # the control: means of two functions share the pass forwards, and no more
+    Sensitivity(chain).means(np.asarray(chain.counts, dtype=float).T[:2], 5.0)
+    assert counted["steps_back"].total >= 2 * counted["powers"].total
