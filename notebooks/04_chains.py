@@ -205,11 +205,11 @@ _ = right.set_ylabel("particles in the cluster")
 # %% [markdown]
 # ## 5. Derivatives
 #
-# One pass forwards and one backwards, or one elimination, give the derivatives of an answer by all
-# parameters at once, with limits as well. The parameters of a network's chain are its rate constants; of any other
-# chain they are named, each with the rates that are in proportion to it. Elasticities of three answers about the pumps,
-# relative change for relative change: failures are three at once to run dry, so their rate counts threefold; what a
-# quicker mechanic saves is as much again for each pump that must be down while he works.
+# One pass forwards and one backwards, or one elimination, give the derivatives of an answer by all parameters at once,
+# with limits as well. The parameters of a network's chain are its rate constants; of any other chain they are named,
+# each with the rates that are in proportion to it. Elasticities, relative change for relative change, of three answers
+# about the pumps: to run dry takes three failures on top of each other, so that their rate counts almost threefold, and
+# the mechanic's almost minus twofold; the cost of a year hardly depends on him.
 
 # %%
 sensitivity = Sensitivity(pumps, {"fail": np.triu(rates) > 0, "repair": np.tril(rates) > 0})
@@ -219,12 +219,10 @@ derivatives = {
     "cost of a year": sensitivity.reward("cost", up_to=8760),
 }
 wanted = ["elasticity", "elasticity_low", "elasticity_high"]
-pd.concat(
-    {name: pd.DataFrame(one.to_dict(), columns=["parameters", *wanted]) for name, one in derivatives.items()}
-)
+pd.concat({name: pd.DataFrame(one.to_dict(), columns=["parameters", *wanted]) for name, one in derivatives.items()})
 
 # %% [markdown]
-# The mean time until dry has the elasticities by both rates add up to −1, to the last digit: time has no scale of its own.
+# The elasticities of a mean time add up to −1: twice as fast at everything takes half the time.
 
 # %%
 float(derivatives["mean time until dry"].elasticity.sum())

@@ -9,7 +9,7 @@ from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.py"))
-SHOWN = {"01_the_loop": (8, 4), "02_rules": (8, 0), "03_mechanics": (5, 2), "04_chains": (2, 3)}  # pictures, tables
+SHOWN = {"01_the_loop": (8, 4), "02_rules": (8, 0), "03_mechanics": (5, 2), "04_chains": (2, 4)}  # pictures, tables
 
 
 def test_there_are_notebooks():

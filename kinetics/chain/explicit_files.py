@@ -9,7 +9,9 @@ becomes a reward a time unit of that state.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -141,20 +143,35 @@ def _entries(path: Path) -> tuple[int, NDArray[np.int64], NDArray[np.int64], Flo
         raise ValueError(f"{path}, line {first}: {heading!r}; only Markov chains in continuous time are read")
     sizes = (0, 0) if is_storms else _parsed(path, first, heading, "numbers of states and transitions", _two)
 
-    def entry(line: str) -> tuple[int, int, float]:
-        row, column, value = line.split()[:3]
-        return int(row), int(column), float(value)
-
-    found = [_parsed(path, number, line, "two states and a number", entry) for number, line in lines[1:]]
-    rows, columns = (np.array([each[k] for each in found], dtype=np.int64) for k in (0, 1))
+    rows, columns, values = _table(path, lines[1:])
     n = sizes[0] if not is_storms else int(max(rows.max(initial=-1), columns.max(initial=-1))) + 1
-    if not is_storms and len(found) != sizes[1]:
-        raise ValueError(f"{path}: {len(found)} lines follow, where its first one says {sizes[1]}; is it cut short?")
+    if not is_storms and rows.size != sizes[1]:
+        raise ValueError(f"{path}: {rows.size} lines follow, where its first one says {sizes[1]}; is it cut short?")
     for ends in (rows, columns):
         if n < 1 or ends.min(initial=0) < 0 or ends.max(initial=0) >= n:
             raise ValueError(f"{path}: states go from 0 to {n - 1}; {ends.max(initial=0)} or one below 0 came")
     check_memory(f"{n} states", 8.0 * 20 * n, "give a smaller chain")
-    return n, rows, columns, np.array([each[2] for each in found], dtype=np.float64)
+    return n, rows, columns, values
+
+
+def _table(path: Path, lines: list[tuple[int, str]]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Two states and a number a line: read at once, or where that fails one by one, to say which line is wrong."""
+    kinds = [("row", np.int64), ("column", np.int64), ("value", np.float64)]
+    with warnings.catch_warnings(), suppress(ValueError, DeprecationWarning):
+        warnings.simplefilter("error", DeprecationWarning)  # of states that are no whole numbers
+        texts = [line for _, line in lines]
+        table = (
+            np.loadtxt(texts, dtype=kinds, comments=None, usecols=(0, 1, 2), ndmin=1) if texts else np.empty(0, kinds)
+        )
+        return table["row"], table["column"], table["value"]
+
+    def entry(line: str) -> tuple[int, int, float]:
+        row, column, value = line.split()[:3]
+        return int(row), int(column), float(value)
+
+    found = [_parsed(path, number, line, "two states and a number", entry) for number, line in lines]
+    rows, columns = (np.array([each[k] for each in found], dtype=np.int64) for k in (0, 1))
+    return rows, columns, np.array([each[2] for each in found], dtype=np.float64)
 
 
 def _two(line: str) -> tuple[int, int]:

@@ -10,7 +10,7 @@ from kinetics import Chain
 
 Wide = np.longdouble
 MOST_FILLED = 12_000  # states for which sparse LU is tried
-ITERATIONS = 20_000
+ITERATIONS = 5_000
 SETTLED = 1e-17  # relative change of the slowest value
 
 
