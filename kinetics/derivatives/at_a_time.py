@@ -43,7 +43,7 @@ from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
 
-KEPT_BYTES = 2**29  # of all vectors of the pass forwards; beyond, they are made again from every sqrt(n)-th
+KEPT_BYTES = 2**27  # of all vectors of the pass forwards; beyond, they are made again from every sqrt(n)-th
 
 
 class Weights(NamedTuple):
