@@ -43,7 +43,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
 
 SPARE = 1.25  # q over the largest exit rate: as a rate in doubt changes what stays, much has to
-KEPT_BYTES = 2**29  # of all vectors of the pass forwards; beyond, they are made again from every sqrt(n)-th
+KEPT_BYTES = 2**27  # of all vectors of the pass forwards; beyond, they are made again from every sqrt(n)-th
 
 
 class Weights(NamedTuple):

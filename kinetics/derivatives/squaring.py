@@ -35,7 +35,7 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats
 
-MAX_SQUARED = 200  # states, some ten seconds
+MAX_SQUARED = 500  # states, some thirty seconds: three times what the dense method takes with its proof
 RESULT_BITS = 50  # of what rates bring, next to the largest value
 
 

@@ -26,6 +26,7 @@ STEP = 1e-4  # relative; a difference is right to its square, or to the answer's
 CASES = (
     (40, "", 'R{"quadmer"}=? [ I=2000 ]'),
     (60, "", 'R{"quadmer"}=? [ I=2000 ]'),
+    (120, "", 'R{"quadmer"}=? [ I=2000 ]'),
     (60, "", 'R{"quadmer"}=? [ C<=2000 ]'),
     (60, "", "P=? [ F<=500 quadmer >= 3 ]"),
     (60, "quadmer >= 3", 'R{"monomer"}=? [ F quadmer >= 3 ]'),
