@@ -174,8 +174,8 @@ class Passes:
 
 
 def arrays(matrix: Any) -> tuple[Any, Any, Floats]:
-    """A matrix by rows, as kernels read it; short numbers of states take less room in the cache."""
-    return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data
+    """A matrix by rows, as kernels read it: with unsigned places, which Numba need not look at."""
+    return matrix.indptr.astype(np.uint32), matrix.indices.astype(np.uint32), matrix.data
 
 
 class Forwards:
