@@ -37,6 +37,9 @@ study: $(READY)
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/rates.toml \
 		--control $(STUDY)/control-rates.toml --csv $(STUDY)/events.csv \
 		--report $(STUDY)/validation.html --json > $(STUDY)/validation.json
+	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks collision --out $(STUDY)/next-rates.toml
+	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/next-rates.toml \
+		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
 	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.line4_page calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.line4_page
 

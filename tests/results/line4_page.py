@@ -3,7 +3,7 @@
     python -m tests.results.line4_page
 
 writes them anew, each between a line `<!-- line4: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
-prints the files of the calibration runs instead, for `wellmixed loads`, which needs runs alike in their tanks.
+prints the files of the calibration runs instead, for `wellmixed loads`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ import pandas as pd
 
 from calibration.pipeline.plan import StudyPlan
 from kinetics.rates import Rates
+from kinetics.runs import BY_UNKNOWN, NO_BREAK
 from mechsim.runs.store import RunStore
+from mechsim.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "results" / "line4"
@@ -232,9 +234,9 @@ def doubts(found: dict[str, Any]) -> str:
     failed = sorted((row for row in tested if row["doubtful"]), key=lambda row: row["p"])
     if not failed:
         return f"none of {len(tested)} tests fails."
-    kinds = listed(list(dict.fromkeys(f"`{row['test']}`" for row in failed)))
-    worst = failed[0]
-    return f"{len(failed)} of {len(tested)} tests fail, of {kinds}; least likely, {worst['channel']}: {worst['seen']}."
+    worst = {row["test"]: row for row in reversed(failed)}
+    told = [f"of `{row['test']}` least likely, {row['channel']}: {row['seen']}" for row in reversed(worst.values())]
+    return f"{len(failed)} of {len(tested)} tests fail; {'; '.join(told)}."
 
 
 # What the held-out runs showed
@@ -274,6 +276,61 @@ def rules() -> str:
 def verdict() -> str:
     """The verdict of `validate` over all its checks."""
     return paragraph(f"`validate` says: {stored('validation.json')['verdict']}.")
+
+
+def missed() -> str:
+    """Rows of events that a rule on their ratio does not allow, to one digit more than the rules show."""
+    allowed, least = plan().verdict.ratio, plan().verdict.from_events
+    rows = pd.read_csv(STUDY / "events.csv")
+    shown = rows[rows["group"].isin(("joins", "breaks")) & (rows["expected"] >= least) & (rows["size"] != "all sizes")]
+    off = shown[~(shown["seen"] / shown["expected"]).between(*allowed)]
+    if off.empty:
+        return "No row misses its rule."
+    told = [
+        f"{row['group']} of {row['size']} come {row['seen'] / row['expected']:.4f} times as often as expected "
+        f"(p = {row['p']:.2g})"
+        for row in off.to_dict("records")
+    ]
+    return paragraph(f"The rule from {allowed[0]:g} to {allowed[1]:g} is missed where {listed(told)}.")
+
+
+def several() -> str:
+    """How many breaks had several partners at once, run by run."""
+    known = plan()
+    of: dict[str, dict[tuple[int, str], list[int]]] = {"calibration": {}, "held out": {}}
+    for manifest, arrays in RunStore.found(STUDY / "runs").contents():
+        kind = "calibration" if manifest["inputs"]["seed"] == known.calibration.seed else "held out"
+        size = manifest["inputs"]["scene"]["tank"]["size"]
+        key = cubes_in(manifest["inputs"]["composition"]), " x ".join(f"{edge:g}" for edge in size)
+        counts = of[kind].setdefault(key, [0, 0])
+        counts[0] += int((arrays["partners"] == BY_UNKNOWN).sum())
+        counts[1] += int((arrays["partners"] != NO_BREAK).sum())
+    usual = " x ".join(f"{edge:g}" for edge in Scene.load(known.scene).tank.size)
+    said = {
+        kind: [
+            f"{seen} of {breaks} ({seen / breaks:.0%}) at {cubes} cubes" + ("" if tank == usual else f" in {tank}")
+            for (cubes, tank), (seen, breaks) in sorted(counts.items(), key=lambda each: (each[0][1] != usual, each[0]))
+        ]
+        for kind, counts in of.items()
+    }
+    return paragraph(
+        f"Several partners touched a structure at once in {listed(said['calibration'])} of the calibration runs, and in "
+        f"{listed(said['held out'])} of the held-out ones."
+    )
+
+
+def next_model() -> str:
+    """Breaks seen and expected under the next model, and the rules of the plan."""
+    found = stored("next-validation.json")
+    rows = [row for row in found["events"] if row["group"] == "breaks"]
+    told = [f"{ratio(row['seen'], row['expected'])} at {row['size']}" for row in rows]
+    words = {True: "holds", False: "fails", None: "cannot be judged"}
+    bars = [f"{row['rule']}: {words[row['is_cleared']]}" for row in found["rules"]]
+    model = Rates.load(STUDY / "next-rates.toml").breaks.model
+    return paragraph(
+        f"Under `{model}`, breaks seen / expected are {listed(told)}; p of them is at least "
+        f"{min(row['p'] for row in rows):.2g}. The rules of the plan: {'; '.join(bars)}."
+    )
 
 
 def summary_table() -> str:
@@ -338,6 +395,9 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "events": event_table,
     "rules": rules,
     "verdict": verdict,
+    "missed": missed,
+    "several": several,
+    "next": next_model,
     "summary": summary_table,
     "paper": beside_the_paper,
 }
