@@ -79,7 +79,7 @@ def homogeneity(ax: Axes, channel: str, labels: Sequence[str], rates: Limited, p
         ax.hlines(np.arange(values.size), low, np.minimum(high, 1e3), color=PREDICTED, linewidth=0.6, alpha=0.5)
         ax.plot(values, np.arange(values.size), ".", color=PREDICTED, markersize=3)
         ax.set_xlim(-0.05, 1.2 * max(values.max(), 1.0))
-        ax.set_ylabel(f"{values.size} groups, by their rates")
+        ax.set_ylabel(f"{values.size} groups, in the order of their rates")
     ax.axvline(1.0, color=OBSERVED, linestyle="--", label="pooled")
     ax.set_xlabel("rate in units of the pooled rate, 95 % interval")
     ax.set_title(f"{channel}, p = {p_value:.2g}")

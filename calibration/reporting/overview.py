@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
-exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
+exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen. The paper's estimator, from means of
+waiting times (its eqs 12 to 15), stands beside it for comparison; it is biased and nothing here uses it.
 """
 ABOUT_DIAGNOSTICS = """
 Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
@@ -30,10 +31,11 @@ means that the runs cannot tell. Every test conditions on the number of events o
 its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm 1979).
 """
 ABOUT_BREAKS = """
-The AIC counts parameters against likelihood: the smaller is the better. The log score is that of breaks in runs that
-were left out of the fit; the larger is the better. The deviance compares the breaks of runs alike with those expected.
-Where runs record who broke what, and the breaks ask for a model with partners, that record chooses among those that can
-explain it: what a wall broke, only a model with walls can. Then the shape, too, is that of this record.
+The AIC weighs likelihood against the number of parameters: smaller is better. The log score is that of breaks in runs
+that were left out of the fit: larger is better. The deviance compares the breaks of each kind of run with those
+expected. Where runs record who broke what, and the breaks call for a model with partners, that record chooses among the
+models that can explain it: only a model with walls can explain a break by a wall. The shape parameters then come from
+that record, too.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -52,8 +54,9 @@ They were stated before the runs, and each is judged by itself. The verdict belo
 checks together, corrected for their number, speak against the prediction.
 """
 ABOUT_SINGLE_RUNS = """
-Each run's joins and breaks over those expected, and its final counts, as shares of their predicted distribution: evenly
-spread if the model holds. Their distance from that is judged among simulated groups of as many runs.
+For each run, where its joins and breaks (over those expected) and its final counts fall in their predicted distribution
+(PIT, the probability integral transform): evenly spread from 0 to 1 if the model holds. Their distance from an even
+spread is judged among simulated groups of as many runs.
 """
 
 Draw = Callable[[Any], Any]
@@ -116,11 +119,11 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
         Heading("Do the runs behave like a well-mixed Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {diagnosis.verdict}"),
         ReportTable(
-            "Verdicts, a row a test, with the size and power that each was measured to have.",
+            "Verdicts, one row for each test, with the size and power that it was measured to have.",
             diagnosis.verdicts(),
             f"{name}-verdicts",
         ),
-        ReportTable("P-values, a row a channel.", diagnosis.p_values(), f"{name}-p"),
+        ReportTable("P-values, one row for each channel.", diagnosis.p_values(), f"{name}-p"),
         Chart(
             "All p-values beside those of as many tests of a true model.",
             diagnosis.plot,
@@ -131,7 +134,7 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
     for test in diagnosis.tests:
         worst = diagnosis.worst(test.name)
         if worst is not None:
-            caption = f"{test.question} Least likely, {worst.title}: {worst.seen}; p = {worst.p_value:.2g}."
+            caption = f"{test.question} The least likely is {worst.subject}: {worst.seen}; p = {worst.p_value:.2g}."
             parts.append(Chart(caption, worst.plot, name=f"{name}-{test.name}"))
     return parts
 
@@ -143,7 +146,7 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("Who breaks a bond"),
-        Text(f"{ABOUT_BREAKS} Chosen is {compared.chosen.model.name}: {compared.reason}."),
+        Text(f"{ABOUT_BREAKS} The model {compared.chosen.model.name} is chosen: {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
         *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
     ]
@@ -179,7 +182,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         Heading("Single runs"),
         Text(ABOUT_SINGLE_RUNS),
         Chart(
-            "PIT of single runs, a panel a size.",
+            "PIT of single runs, one panel for each size.",
             partial(_draw_single_runs, study.comparisons),
             panels=len(study.comparisons),
             name="pit",
@@ -187,7 +190,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         Heading("Counts over time"),
         Text(ABOUT_VALIDATION),
         ReportTable(
-            "One column a size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"
+            "One column for each size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"
         ),
     ]
     for comparison in study.comparisons:

@@ -41,6 +41,11 @@ class DiagnosticResult:
         """Channel, test and variant."""
         return f"{self.channel}: {self.test} {self.variant}".rstrip()
 
+    @property
+    def subject(self) -> str:
+        """Channel and variant, where the test has been named."""
+        return f"{self.channel} {self.variant}".rstrip()
+
     def plot(self, ax: Axes) -> Axes:
         """Draw the evidence, or the reason why there is none; returns `ax`."""
         if self.draw is not None:
