@@ -40,8 +40,8 @@ study: $(READY)
 	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks collision --out $(STUDY)/next-rates.toml
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/next-rates.toml \
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
-	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.line4_page calibration) --json > $(STUDY)/loads.json
-	$(BIN)/python -m tests.results.line4_page
+	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
+	$(BIN)/python -m tests.results.study_pages
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from line4_page import PAGES, STUDY, filled, numbers, plan, rates, stored
+from study_pages import PAGES, Study, filled, numbers
 
 from calibration.pipeline.bars import bars
 from calibration.pipeline.calibration_study import run_planned_calibration
@@ -19,14 +19,15 @@ from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 
-RUNS = STUDY / "runs"
-README, OWN = (page.read_text(encoding="utf-8") for page in PAGES)
+LINE4 = Study("line4")
+STUDY, RUNS = LINE4.folder, LINE4.folder / "runs"
+README, OWN, T5 = (page.read_text(encoding="utf-8") for page in PAGES)
 (SECTION,) = re.findall(r"^## A study of the line of four\n(.*?)^##", README, flags=re.MULTILINE | re.DOTALL)
 # What is told of the past, whose data are no longer kept: physics 1 to 3, a threshold, seeds; and a level of 1 %.
 TOLD = {"1", "2", "3", "0.008", "101", "202"}
 
 
-@pytest.mark.parametrize("page", [README, OWN], ids=["README", "results"])
+@pytest.mark.parametrize("page", [README, OWN, T5], ids=["README", "line4", "t5"])
 def test_pages_say_what_the_files_hold(page):
     assert filled(page) == page
     changed = re.sub(r"(?<=\d\.)\d", lambda digit: str((int(digit[0]) + 1) % 10), page)  # control: other decimals
@@ -34,11 +35,11 @@ def test_pages_say_what_the_files_hold(page):
 
 
 def test_every_other_number_of_the_section_is_accounted_for():
-    scene = Scene.load(plan().scene)
+    scene = Scene.load(LINE4.plan.scene)
     breaking, bonding = (next(e for e in scene.effects if e.effect == name) for name in ("breaking", "bonding"))
     table3 = Rates.load("table3").channels["1+1->2"]
     known = {f"{breaking.threshold:g}", f"{bonding.latch.probability:g}", f"{1e5 * table3.rate * table3.ways:.1f}e-5"}
-    cubes = {sum(t.composition.values()) for t in plan().held_out.tanks}
+    cubes = {sum(t.composition.values()) for t in LINE4.plan.held_out.tanks}
     known |= {f"{n}" for n in cubes}
     assert set(numbers(SECTION)) <= known | TOLD
     assert known - {f"{n}" for n in cubes} <= set(numbers(SECTION))
@@ -50,21 +51,21 @@ def test_every_other_number_of_the_section_is_accounted_for():
 def held_out():
     """Stored held-out runs, a list for each tank of the plan."""
     whole = [record for file in sorted(RUNS.glob("*.run")) if (record := record_at(str(file), RUNS)).completed]
-    ours = [record for record in whole if record.spec.seed == plan().held_out.seed]
+    ours = [record for record in whole if record.spec.seed == LINE4.plan.held_out.seed]
     return [
-        [r for r in ours if (r.spec.scene, r.spec.composition) == (plan().scene_of(tanks), tanks.composition)]
-        for tanks in plan().held_out.tanks
+        [r for r in ours if (r.spec.scene, r.spec.composition) == (LINE4.plan.scene_of(tanks), tanks.composition)]
+        for tanks in LINE4.plan.held_out.tanks
     ]
 
 
 @pytest.mark.parametrize("file", ["rates.toml", "control-rates.toml"])
 def test_rates_are_those_of_the_calibration_runs(file):
     """Joins to the last digit, events and exposures; the shape of breaks to what a search resolves."""
-    specs = plan().specs(plan().calibration)
+    specs = LINE4.plan.specs(LINE4.plan.calibration)
     if len(RunStore.found(RUNS).existing(specs)) < len(specs):
         pytest.skip("the stored runs were made with other versions of the engine or of numpy")
-    breaks = plan().verdict.control if file.startswith("control") else None
-    study = run_planned_calibration(plan(), RUNS, breaks=breaks, progress=False)
+    breaks = LINE4.plan.verdict.control if file.startswith("control") else None
+    study = run_planned_calibration(LINE4.plan, RUNS, breaks=breaks, progress=False)
     known = Rates.load(STUDY / file)
     assert known.breaks.model == (breaks or study.break_models.chosen.model.name)
     assert known.evidence["runs_digest"] == study.outcome.digest
@@ -80,13 +81,13 @@ def test_rates_are_those_of_the_calibration_runs(file):
 
 def test_events_are_those_of_the_held_out_runs():
     """Seen and expected, counted here from the runs and the rates."""
-    network = book_of(Scene.load(plan().scene).rules)[1].network
+    network = book_of(Scene.load(LINE4.plan.scene).rules)[1].network
     rows = pd.read_csv(STUDY / "events.csv")
     groups, totals = event_groups(network), {}
     for records in filter(None, held_out()):
         size = records[0].spec.scene.tank.size
         cubes = records[0].spec.n_cubes
-        model = rates().expected(network, records[0].path.tank)
+        model = LINE4.rates.expected(network, records[0].path.tank)
         for record in records:
             path, end = record.path, record.spec.duration  # a run ends with a whole step, a little later
             assert (path.channels != RESTART).all()
@@ -110,13 +111,13 @@ def test_events_are_those_of_the_held_out_runs():
 @pytest.mark.validate
 def test_the_verdict_is_that_of_the_runs():
     """Every p-value of the events, and every rule of the plan with its control."""
-    specs = plan().specs(plan().held_out)
+    specs = LINE4.plan.specs(LINE4.plan.held_out)
     if len(RunStore.found(RUNS).existing(specs)) < len(specs):
         pytest.skip("held-out runs are missing, or were made with other versions of the engine or of numpy")
-    study = run_planned_validation(plan(), rates(), RUNS, progress=False)
-    control = run_planned_validation(plan(), Rates.load(STUDY / "control-rates.toml"), RUNS, progress=False)
-    found = stored("validation.json")
-    assert [bar.to_dict() for bar in bars(plan().verdict, study, control)] == found["rules"]
+    study = run_planned_validation(LINE4.plan, LINE4.rates, RUNS, progress=False)
+    control = run_planned_validation(LINE4.plan, Rates.load(STUDY / "control-rates.toml"), RUNS, progress=False)
+    found = LINE4.stored("validation.json")
+    assert [bar.to_dict() for bar in bars(LINE4.plan.verdict, study, control)] == found["rules"]
     assert (study.is_consistent, study.verdict.sentence) == (found["is_consistent"], found["verdict"])
     rows = pd.read_csv(STUDY / "events.csv")
     for name in ("seen", "expected", "low", "high", "p", "p_scatter"):

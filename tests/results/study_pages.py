@@ -1,9 +1,9 @@
-"""The numbers of the study's pages, from its stored files: blocks of README.md and of results/line4/README.md.
+"""The numbers of the studies' pages, from their stored files: blocks of README.md and of results/STUDY/README.md.
 
-    python -m tests.results.line4_page
+    python -m tests.results.study_pages
 
-writes them anew, each between a line `<!-- line4: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
-prints the files of the calibration runs instead, for `wellmixed loads`.
+writes them anew, each between a line `<!-- STUDY: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
+prints the files of line4's calibration runs instead, for `wellmixed loads`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -28,26 +28,37 @@ from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-STUDY = ROOT / "results" / "line4"
-PAGES = (ROOT / "README.md", STUDY / "README.md")
-BLOCK = re.compile(r"(<!-- line4: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5")}
+PAGES = (ROOT / "README.md", *(folder / "README.md" for folder in STUDIES.values()))
+BLOCK = re.compile(r"(<!-- (line4|t5): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
 
 
-@cache
-def stored(name: str) -> dict[str, Any]:
-    """What a command said with --json."""
-    return json.loads((STUDY / name).read_text(encoding="utf-8"))
+class Study:
+    """One study's folder, and what stands in it."""
 
+    def __init__(self, name: str) -> None:
+        self.folder = STUDIES[name]
+        self._stored: dict[str, Any] = {}
 
-@cache
-def plan() -> StudyPlan:
-    return StudyPlan.load(STUDY / "plan.toml")
+    def stored(self, name: str) -> dict[str, Any]:
+        """What a command said with --json."""
+        if name not in self._stored:
+            self._stored[name] = json.loads((self.folder / name).read_text(encoding="utf-8"))
+        return self._stored[name]
 
+    @property
+    def summaries(self) -> list[dict[str, Any]]:
+        """Of each size of the held-out runs."""
+        return [each["summary"] for each in self.stored("validation.json")["comparisons"]]
 
-@cache
-def rates() -> Rates:
-    return Rates.load(STUDY / "rates.toml")
+    @cached_property
+    def plan(self) -> StudyPlan:
+        return StudyPlan.load(self.folder / "plan.toml")
+
+    @cached_property
+    def rates(self) -> Rates:
+        return Rates.load(self.folder / "rates.toml")
 
 
 def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -75,9 +86,9 @@ def ratio(seen: float, expected: float) -> str:
 # What the plan fixed
 
 
-def planned() -> str:
+def planned(study: Study) -> str:
     """Runs, sizes, seeds and rules."""
-    ours, held, rules = plan().calibration, plan().held_out, plan().verdict
+    ours, held, rules = study.plan.calibration, study.plan.held_out, study.plan.verdict
     times = sorted({f"{t.along:g}" for t in ours.tanks if t.along is not None}, key=float)
     kinds = {tuple(sorted(t.composition.items())) for t in ours.tanks}
     watched = sorted({cubes_in(t.composition) for t in ours.tanks})
@@ -120,14 +131,14 @@ def one(values: Any) -> str:
 # What the calibration runs showed
 
 
-def made() -> str:
+def made(study: Study) -> str:
     """Runs, events and cost of the calibration."""
-    known = rates().evidence
-    channels = stored("calibration.json")["channels"]
+    known = study.rates.evidence
+    channels = study.stored("calibration.json")["channels"]
     joins = [row["events"] for row in channels if "+" in row["channel"].split("->")[0]]
     breaks = sum(row["events"] for row in channels) - sum(joins)
-    added = re.search(r"The last \w+ calibration runs were added.*", plan().purpose)
-    wanted = re.search(r"(\d+) events a join channel and (\d+) breaks", plan().purpose)
+    added = re.search(r"The last \w+ calibration runs were added.*", study.plan.purpose)
+    wanted = re.search(r"(\d+) events a join channel and (\d+) breaks", study.plan.purpose)
     return paragraph(
         f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 60:.0f} min of CPU time; "
         f"{known['runs_left_out'] or 'none'} had to be left out. They hold {sum(joins):,} joins, at least {min(joins)} "
@@ -136,11 +147,11 @@ def made() -> str:
     )
 
 
-def rate_table() -> str:
+def rate_table(study: Study) -> str:
     """Rates beside the paper's. Those of breaks are means over the calibration tanks."""
     paper = Rates.load("table3").channels
     rows = []
-    for row in stored("calibration.json")["channels"]:
+    for row in study.stored("calibration.json")["channels"]:
         name, ways = row["channel"], row["ways"]
         cells = [f"{1e5 * row[key]:.2f}" for key in ("rate", "low", "high")]
         theirs = paper[name]
@@ -154,7 +165,7 @@ def rate_table() -> str:
     return table((*titles, "k·N per combination", "paper's, as read in `table3`"), rows)
 
 
-def model_table() -> str:
+def model_table(study: Study) -> str:
     """Break models side by side."""
     rows = [
         (
@@ -162,27 +173,27 @@ def model_table() -> str:
             f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}", f"{row['deviance']:.1f} ({row['freedom']})",
             f"{row['p_deviance']:.2g}", row["shape"],
         )
-        for row in pd.read_csv(STUDY / "calibration_breaks.csv").to_dict("records")
+        for row in pd.read_csv(study.folder / "calibration_breaks.csv").to_dict("records")
     ]  # fmt: skip
     titles = ("break model", "free parameters", "AIC above the least", "log score", "deviance (df)", "p of it")
     return table((*titles, "shape [95 %]"), rows)
 
 
-def reason() -> str:
+def reason(study: Study) -> str:
     """Why one model was chosen, and what its shape means in this tank."""
-    found = stored("calibration.json")["breaks"]
+    found = study.stored("calibration.json")["breaks"]
     text = f"`calibrate` says: {found['reason']}."
-    shape = rates().breaks.shape
-    if "wall" in shape:
+    shape = study.rates.breaks.shape
+    if "wall" in shape and study.plan.name == "line4":
         share = [shape["wall"] / (shape["wall"] + (n - 1) * 4 ** shape["alpha"]) for n in (15, 30)]
         text += f" In a tank of 15 lines of four the walls make {share[0]:.0%} of the breaks, in one of 30 "
         text += f"{share[1]:.0%}."
     return paragraph(text)
 
 
-def gauge() -> str:
+def gauge(study: Study) -> str:
     """Breaks counted beside those that logged hits promise."""
-    found = stored("loads.json")
+    found = study.stored("loads.json")
     rows = [
         (row["species"], str(row["counted"]), f"{row['expected']:.0f} ± {row['error']:.0f}", f"{row['z']:+.1f}")
         for row in found["checks"]
@@ -191,9 +202,9 @@ def gauge() -> str:
     return table(titles, rows)
 
 
-def exponents() -> str:
+def exponents(study: Study) -> str:
     """How hits grow with the partner's size, level by level."""
-    found = stored("loads.json")
+    found = study.stored("loads.json")
     said = [
         f"{row['alpha']:.2f} ({row['low']:.2f} to {row['high']:.2f}) above {row['level']:.4g}"
         for row in found["exponents"]
@@ -204,11 +215,11 @@ def exponents() -> str:
     )
 
 
-def pairs() -> str:
+def pairs(study: Study) -> str:
     """Breaks at one moment, counted in the calibration runs."""
     breaks = together = 0
-    for manifest, arrays in RunStore.found(STUDY / "runs").contents():
-        if manifest["inputs"]["seed"] == plan().calibration.seed:
+    for manifest, arrays in RunStore.found(study.folder / "runs").contents():
+        if manifest["inputs"]["seed"] == study.plan.calibration.seed:
             joins = [name.split("->")[0].count("+") for name in manifest["facts"]["channels"]]
             times = [t for t, c in zip(arrays["times"], arrays["channels"], strict=True) if c >= 0 and not joins[c]]
             breaks += len(times)
@@ -219,11 +230,11 @@ def pairs() -> str:
     )
 
 
-def diagnostics() -> str:
+def diagnostics(study: Study) -> str:
     """What the diagnostics doubt, of the calibration and of the held-out runs."""
     return bullets(
         [
-            f"{name}: {doubts(stored(file)['diagnostics'])}"
+            f"{name}: {doubts(study.stored(file)['diagnostics'])}"
             for name, file in (("Calibration runs", "calibration.json"), ("Held-out runs", "validation.json"))
         ]
     )
@@ -242,18 +253,18 @@ def doubts(found: dict[str, Any]) -> str:
 # What the held-out runs showed
 
 
-def made_so_far() -> str:
+def made_so_far(study: Study) -> str:
     """How many of the planned held-out runs the page rests on."""
-    wanted = sum(t.runs for t in plan().held_out.tanks)
-    summary = [each["summary"] for each in stored("validation.json")["comparisons"]]
-    runs, hours = sum(row["runs"] for row in summary), sum(row["cpu_mechanics_s"] for row in summary) / 3600
+    wanted = sum(t.runs for t in study.plan.held_out.tanks)
+    runs = sum(row["runs"] for row in study.summaries)
+    hours = sum(row["cpu_mechanics_s"] for row in study.summaries) / 3600
     return f"{runs} of {wanted} held-out runs, {hours:.1f} h of CPU time."
 
 
-def event_table() -> str:
+def event_table(study: Study) -> str:
     """Joins and breaks, a line a size, from events.csv."""
-    rows = pd.read_csv(STUDY / "events.csv")
-    runs = {each["summary"]["label"]: each["summary"]["runs"] for each in stored("validation.json")["comparisons"]}
+    rows = pd.read_csv(study.folder / "events.csv")
+    runs = {row["label"]: row["runs"] for row in study.summaries}
     runs["all sizes"] = sum(runs.values())
     lines = []
     for size in dict.fromkeys(rows["size"]):
@@ -266,22 +277,22 @@ def event_table() -> str:
     return table((*titles, "breaks: seen / expected", "p", "p of their scatter"), lines)
 
 
-def rules() -> str:
+def rules(study: Study) -> str:
     """The plan's rules, and what came."""
     words = {True: "holds", False: "**fails**", None: "cannot be judged"}
-    found = stored("validation.json")["rules"]
+    found = study.stored("validation.json")["rules"]
     return table(("rule", "", "what came"), [(row["rule"], words[row["is_cleared"]], row["came"]) for row in found])
 
 
-def verdict() -> str:
+def verdict(study: Study) -> str:
     """The verdict of `validate` over all its checks."""
-    return paragraph(f"`validate` says: {stored('validation.json')['verdict']}.")
+    return paragraph(f"`validate` says: {study.stored('validation.json')['verdict']}.")
 
 
-def missed() -> str:
+def missed(study: Study) -> str:
     """Rows of events that a rule on their ratio does not allow, to one digit more than the rules show."""
-    allowed, least = plan().verdict.ratio, plan().verdict.from_events
-    rows = pd.read_csv(STUDY / "events.csv")
+    allowed, least = study.plan.verdict.ratio, study.plan.verdict.from_events
+    rows = pd.read_csv(study.folder / "events.csv")
     shown = rows[rows["group"].isin(("joins", "breaks")) & (rows["expected"] >= least) & (rows["size"] != "all sizes")]
     off = shown[~(shown["seen"] / shown["expected"]).between(*allowed)]
     if off.empty:
@@ -294,11 +305,11 @@ def missed() -> str:
     return paragraph(f"The rule from {allowed[0]:g} to {allowed[1]:g} is missed where {listed(told)}.")
 
 
-def several() -> str:
+def several(study: Study) -> str:
     """How many breaks had several partners at once, run by run."""
-    known = plan()
+    known = study.plan
     of: dict[str, dict[tuple[int, str], list[int]]] = {"calibration": {}, "held out": {}}
-    for manifest, arrays in RunStore.found(STUDY / "runs").contents():
+    for manifest, arrays in RunStore.found(study.folder / "runs").contents():
         kind = "calibration" if manifest["inputs"]["seed"] == known.calibration.seed else "held out"
         size = manifest["inputs"]["scene"]["tank"]["size"]
         key = cubes_in(manifest["inputs"]["composition"]), " x ".join(f"{edge:g}" for edge in size)
@@ -314,30 +325,29 @@ def several() -> str:
         for kind, counts in of.items()
     }
     return paragraph(
-        f"Several partners touched a structure at once in {listed(said['calibration'])} of the calibration runs, and in "
-        f"{listed(said['held out'])} of the held-out ones."
+        f"Several partners touched a structure at once in {listed(said['calibration'])} of the calibration runs, and "
+        f"in {listed(said['held out'])} of the held-out ones."
     )
 
 
-def next_model() -> str:
+def next_model(study: Study) -> str:
     """Breaks seen and expected under the next model, and the rules of the plan."""
-    found = stored("next-validation.json")
+    found = study.stored("next-validation.json")
     rows = [row for row in found["events"] if row["group"] == "breaks"]
     told = [f"{ratio(row['seen'], row['expected'])} at {row['size']}" for row in rows]
     words = {True: "holds", False: "fails", None: "cannot be judged"}
     bars = [f"{row['rule']}: {words[row['is_cleared']]}" for row in found["rules"]]
-    model = Rates.load(STUDY / "next-rates.toml").breaks.model
+    model = Rates.load(study.folder / "next-rates.toml").breaks.model
     return paragraph(
         f"Under `{model}`, breaks seen / expected are {listed(told)}; p of them is at least "
         f"{min(row['p'] for row in rows):.2g}. The rules of the plan: {'; '.join(bars)}."
     )
 
 
-def summary_table() -> str:
+def summary_table(study: Study) -> str:
     """Counts over time, first lines and costs, a line a size."""
     rows = []
-    for each in stored("validation.json")["comparisons"]:
-        row = each["summary"]
+    for row in study.summaries:
         exact = "" if row["cpu_exact_s"] is None else f"; {row['cpu_exact_s']:.2g}"
         rows.append(
             (
@@ -349,13 +359,13 @@ def summary_table() -> str:
             )
         )  # fmt: skip
     titles = ("held out", "means in their band", "p of means", "CRPS (model's own)", "p of single runs")
-    titles += ("first line (tu)", "predicted: mean; sd of a run", "p of first lines")
+    titles += ("first target (tu)", "predicted: mean; sd of a run", "p of these")
     return table((*titles, "mechanics (CPU s)", "1,000 SSA runs; exact (CPU s)"), rows)
 
 
-def beside_the_paper() -> str:
+def beside_the_paper(study: Study) -> str:
     """First lines and first Ts beside the paper's."""
-    (row,) = [e["summary"] for e in stored("validation.json")["comparisons"] if e["summary"]["label"] == "60 cubes"]
+    (row,) = [row for row in study.summaries if row["label"] == "60 cubes"]
     points = pd.read_csv(ROOT / "results" / "section5" / "number_points.csv").set_index("number")
     late = [
         f"{point['median_low'] / point['paper_median']:.1f} to {point['median_high'] / point['paper_median']:.1f} "
@@ -381,7 +391,7 @@ def beside_the_paper() -> str:
     return bullets([line, first_t, speed])
 
 
-BLOCKS: dict[str, Callable[[], str]] = {
+BLOCKS: dict[str, Callable[[Study], str]] = {
     "plan": planned,
     "made": made,
     "rates": rate_table,
@@ -405,7 +415,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
 
 def filled(text: str) -> str:
     """A page with its blocks made anew."""
-    return BLOCK.sub(lambda found: f"{found[1]}{BLOCKS[found[2]]()}\n{found[3]}", text)
+    studies = {name: Study(name) for name in STUDIES}
+    return BLOCK.sub(lambda found: f"{found[1]}{BLOCKS[found[3]](studies[found[2]])}\n{found[4]}", text)
 
 
 def numbers(text: str) -> Counter[str]:
@@ -416,7 +427,9 @@ def numbers(text: str) -> Counter[str]:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["calibration"]:
-        files = [STUDY.relative_to(ROOT) / "runs" / f"{spec.key}.run" for spec in plan().specs(plan().calibration)]
+        line4 = Study("line4")
+        runs = line4.folder.relative_to(ROOT) / "runs"
+        files = [runs / f"{spec.key}.run" for spec in line4.plan.specs(line4.plan.calibration)]
         sys.stdout.write(" ".join(map(str, files)))
     else:
         for page in PAGES:
