@@ -110,7 +110,7 @@ ten_years = 3.2e8
 generator = kron(csr_array(quick), eye_array(16)) + kron(eye_array(21), csr_array(slow))
 exact = np.outer(first, second).ravel()
 stiff = Chain(generator, initial=0)
-uniform = DiscreteChain.of(stiff.transitions.generator())
+uniform = DiscreteChain.of(stiff.transitions)
 steps = uniform.rate * ten_years
 slowest, fastest = generator.data[generator.data > 0].min(), generator.data.max()
 seconds, rounding = steps * uniform.step_seconds, uniform.rounding(steps)

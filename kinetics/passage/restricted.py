@@ -68,7 +68,7 @@ def restricted_passage(
         return RestrictedPassage(end, 0.0, 0.0, float(space.is_stopped[0]), 0.0, 0.0, len(space))
     jumps = space.transitions()
     going, start = lumped(jumps, space.is_stopped, np.eye(1, len(space))[0])
-    chain = DiscreteChain.from_rates(going.rows, going.columns, going.rates, going.exits, rate_error=jumps.roundings)
+    chain = DiscreteChain.of(going)
     # The window's own arrays have a place for each step, so the bound comes first.
     steps = chain.steps_until(end, TOLERANCE) if chain.rate * end < np.inf else np.inf
     if steps > MAX_STEPS or not steps * chain.step_seconds <= max_seconds:
