@@ -25,8 +25,7 @@ class Arrival:
 
     def __init__(self, transitions: Transitions, start: Floats, target: str) -> None:
         self._transitions, self._start, self._target = transitions, start, target
-        rows, columns, rates, *_ = transitions
-        self.chain = DiscreteChain.from_rates(rows, columns, rates, transitions.exits)
+        self.chain = DiscreteChain.of(transitions)
         self._absorption = Absorption(self.chain, start)
 
     def cdf(self, time: float) -> LimitedValue:
