@@ -69,7 +69,9 @@ class Sensitivity:
         n_entries = transitions.rates.size
         self._names = tuple(parameters)
         tables = [square(f"parameter {name!r}", given, len(chain)) for name, given in parameters.items()]
-        self._shares = np.array([each[transitions.rows, transitions.columns] for each in tables]).reshape(-1, n_entries)
+        self._shares = np.zeros((len(tables), n_entries))
+        if n_entries:  # scipy gives no empty row for no places
+            self._shares[:] = [each[transitions.rows, transitions.columns] for each in tables]
         self._entries = ChannelEntries(transitions._replace(channels=np.arange(n_entries)), n_entries)
 
     def until(self, target: Target, through: Target | None = None, by: float | None = None) -> Derivatives:

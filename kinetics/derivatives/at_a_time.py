@@ -77,7 +77,7 @@ def slopes_up_to(
     chain = entries.transitions
     if time == 0.0 or not chain.rates.any():
         value = float(start @ earning) * time
-        limited = LimitedValue.within(value, ROUNDOFF * (start.size + 2), chain.is_certified)
+        limited = LimitedValue.within(value, ROUNDOFF * (start.size + 2), time == 0.0 or chain.is_certified)
         return Slopes.none(limited, entries.n_channels)
     n_steps, (first, window), error = _window(entries, time)
     tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain, SPARE)

@@ -27,7 +27,7 @@ class Slopes(NamedTuple):
     @classmethod
     def none(cls, answer: LimitedValue, n_channels: int) -> Slopes:
         """Of an answer that no rate changes."""
-        return cls(answer, np.zeros(n_channels), np.zeros(n_channels), True)
+        return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 
 
 class ChannelEntries(NamedTuple):

@@ -163,7 +163,7 @@ def committor_of(
     probabilities, never = member @ start, float(start[dead].sum())
     times = np.where(probabilities > 0, 0.0, np.nan)
     error = 0.0
-    if first.any():
+    if size:
         place = np.where(way, np.cumsum(way) - 1, -1)
         inside = way[rows] & way[columns]
         out = way[rows] & ~way[columns]

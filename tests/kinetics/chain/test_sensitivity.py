@@ -135,6 +135,9 @@ def test_where_no_rate_matters():
         Sensitivity(Chain.of(decay(), {"X": 3})).passage("X == 4")
     with pytest.raises(ValueError, match="give one of at"):
         asked.reward("X")
+    still = Sensitivity(Chain(np.zeros((2, 2)), 0), {"k": np.ones((2, 2))}).until(np.array([False, True]))
+    assert still.is_bound
+    assert not still.value.any()
 
 
 def test_an_answer_shows_itself():

@@ -4,7 +4,7 @@ from known_systems import assert_follows_cdf, assert_follows_table, line, networ
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from kinetics import first_passage
+from kinetics import Chain, first_passage
 from kinetics.passage import committor
 
 
@@ -74,6 +74,18 @@ def test_ends_that_are_no_target():
     there = committor(net, [0, 1, 0, 0], {"B": at_least(1, 1)})
     assert_allclose([there.probabilities[0], there.never, there.mean_times[0]], [1.0, 0.0, 0.0])
     assert there.sample_path("B").times.size == 0
+
+
+def test_committors_of_all_states_from_a_start_in_a_target():
+    rates = np.zeros((5, 5))
+    rates[[1, 1, 2, 2, 3], [0, 2, 1, 4, 4]] = [1.0, 1.0, 1.0, 2.0, 1.0]
+    ends = {"low": np.arange(5) == 0, "high": np.arange(5) == 4}
+    for start in (0, 4, 1):
+        found = Chain(rates, start).committor(ends)
+        assert_allclose(found.committors[0], [1.0, 0.6, 0.2, 0.0, 0.0], rtol=1e-15)
+        assert_allclose(found.probabilities, found.committors[:, start], rtol=1e-15)
+        assert found.occupation.any() == (start == 1)
+        assert found.probability_bounds("low", 1)[0] <= 0.6 <= found.probability_bounds("low", 1)[1]
 
 
 def test_one_target_is_a_first_passage():

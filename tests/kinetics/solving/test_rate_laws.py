@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from kinetics import Chain, FiniteStateProjection, Transient, first_passage, solve, stationary
+from kinetics import Chain, FiniteStateProjection, Sensitivity, Transient, first_passage, solve, stationary
 from kinetics.network import Network
 from kinetics.network.laws import hill, michaelis_menten
 from kinetics.passage.restricted import restricted_passage
@@ -130,6 +130,26 @@ def test_a_rate_that_may_be_above_zero_is_not_taken_for_none():
     assert chain.until("B >= 1").low in (0.0, 1.0)
     assert not chain.until("B >= 1").is_bound
     assert Chain.of(closed("max(0, A - 3)"), [3, 0]).until("B >= 1").is_bound
+
+
+def test_derivatives_that_seem_to_be_zero_are_not_proven_under_such_a_law():
+    # A a time unit, which the machine takes for none
+    for law, is_bound in (("1e17 + A - 1e17", False), ("max(0, A - 3)", True)):
+        net = closed(law)
+        asked = Sensitivity(Chain.of(net, [3, 0]))
+        for found in (asked.until("B >= 1"), asked.until("B >= 1", by=1.0), asked.reward("B", up_to=1.0)):
+            assert not found.value.any()
+            assert (found.is_bound, found.answer.is_bound) == (is_bound, is_bound)
+
+
+def test_distributions_of_passages_hold_what_a_law_rounds():
+    # 0.5 + 0.3 A, right to some 1e-7 of it: far more than the passes round
+    for law, is_near in (("(1e9 + 0.3 * A - 1e9) + 0.5", False), ("0.3 * A + 0.5", True)):
+        found = first_passage(closed(law), [2, 0], "B", 1)
+        low, high = found.cdf_bounds([1.0])
+        survived = -np.expm1(-1.1)
+        assert low[0] <= survived <= high[0]
+        assert (high[0] - low[0] < 1e-12) == is_near
 
 
 def test_jumps_are_weighted_by_the_chance_that_they_come():
