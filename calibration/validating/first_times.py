@@ -165,11 +165,12 @@ def _passage(
 ) -> _Passage:
     """The exact distribution, or that of SSA runs where the states are too many."""
     from kinetics.passage import first_passage
+    from kinetics.passage.elimination import TooLargeError
 
     try:
         exact = first_passage(network, initial, species, max_states=max_states)
         return _Passage(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
-    except TooManyStatesError:
+    except (TooManyStatesError, TooLargeError):
         pass
     index = network.index(species)
     lasting = network.with_rates(network.known_rates * (network.reactants[:, index] == 0))

@@ -16,12 +16,17 @@ from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.support.arrays import Floats
 
 MAX_WORK = 3e10  # multiplications, some ten seconds
+MAX_FACTORED = 1e12  # the same for sparse LU, which takes some hundred seconds then
 MAX_NUMBERS = 3e8  # in the band, 2.4 GB
 FLOOR = 1e-250  # of a scale, over its largest value
 
 
 class TooLargeError(ValueError):
-    """Elimination would take too long."""
+    """Elimination would take too long; `work` multiplications."""
+
+    def __init__(self, message: str, work: float) -> None:
+        super().__init__(message)
+        self.work = work
 
 
 class Elimination(Equations):
@@ -61,7 +66,8 @@ class Elimination(Equations):
         here, there = place[rows], place[columns]
         self.width = int(np.abs(here - there).max(initial=1))
         if n * self.width**2 > MAX_WORK or n * (2 * self.width + 1) > MAX_NUMBERS:
-            raise TooLargeError(f"{n} states, up to {self.width} apart, are too many to eliminate")
+            message = f"{n} states, up to {self.width} apart, are too many to eliminate"
+            raise TooLargeError(message, n * float(self.width) ** 2)
         self._band = np.zeros((n, 2 * self.width + 1))
         np.add.at(self._band, (here, there - here + self.width), rates)
         self._exits = np.empty(n)
@@ -168,10 +174,12 @@ class SparseFactors(Equations):
 def equations(
     rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
 ) -> Equations:
-    """Elimination where the chain is small or narrow enough, else sparse LU."""
+    """Elimination where the chain is small or narrow enough, else sparse LU; TooLargeError where that would fill up."""
     try:
         return Elimination(rows, columns, rates, leaving, rate_error)
-    except TooLargeError:
+    except TooLargeError as refusal:
+        if refusal.work > MAX_FACTORED:
+            raise
         return SparseFactors(rows, columns, rates, leaving, rate_error)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import Equations, leaving_rates
-from kinetics.passage.elimination import Elimination, SparseFactors, TooLargeError, equations
+from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, equations
 from kinetics.passage.entry import reached_states
 from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
@@ -21,6 +21,7 @@ from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
 FEW = 300  # states that are eliminated at once; of more, factors are mostly faster
+MANY = 20_000  # states that sparse factors are tried on before anything foretells their cost
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
 CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
@@ -183,12 +184,14 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
     inside = place[rows] >= 0
     nowhere = np.zeros(members.size)
     inner = Transitions(place[rows[inside]], place[columns[inside]], rates[inside], nowhere, transitions.roundings)
-    factored = _by_factors(inner) if members.size > FEW else None
+    factored = _by_factors(inner) if FEW < members.size <= MANY else None
     if factored is not None and factored[1] <= CLOSE:
         return factored
     try:
         chain = Elimination(*inner[:5])
-    except TooLargeError:
+    except TooLargeError as refusal:
+        if factored is None and refusal.work > MAX_FACTORED:
+            raise
         found, error = factored or _by_factors(inner)
         if not error < 1e-3:
             raise

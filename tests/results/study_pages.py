@@ -23,7 +23,7 @@ import pandas as pd
 
 from calibration.pipeline.plan import StudyPlan
 from kinetics.rates import Rates
-from kinetics.runs import BY_UNKNOWN, NO_BREAK
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 
@@ -163,6 +163,29 @@ def rate_table(study: Study) -> str:
         )  # fmt: skip
     titles = ("channel", "ways", "rate (1e-5/tu)", "95 % interval", "events")
     return table((*titles, "k·N per combination", "paper's, as read in `table3`"), rows)
+
+
+def channel_table(study: Study) -> str:
+    """Rates of all channels. Those of breaks are means over the calibration tanks."""
+    rows = [
+        (
+            row["channel"].replace("->", "→"), f"{row['ways']:g}", f"{1e5 * row['rate']:.2f}",
+            f"{1e5 * row['low']:.2f} to {1e5 * row['high']:.2f}", str(row["events"]),
+        )
+        for row in study.stored("calibration.json")["channels"]
+    ]  # fmt: skip
+    return table(("channel", "ways", "rate (1e-5/tu)", "95 % interval", "events"), rows)
+
+
+def who_broke(study: Study) -> str:
+    """Breaks by what broke them, in all runs of the study."""
+    counts: Counter[str] = Counter()
+    for manifest, arrays in RunStore.found(study.folder / "runs").contents():
+        named = dict(enumerate(manifest["facts"]["species"]))
+        names = {BY_WALL: "a wall", BY_UNKNOWN: "several partners at once"} | named
+        counts.update(names[partner] for partner in arrays["partners"].tolist() if partner != NO_BREAK)
+    told = [f"{n} by {name}" for name, n in counts.most_common()]
+    return paragraph(f"Of the {sum(counts.values())} breaks of all runs {listed(told)}.")
 
 
 def model_table(study: Study) -> str:
@@ -395,6 +418,8 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "plan": planned,
     "made": made,
     "rates": rate_table,
+    "channels": channel_table,
+    "partners": who_broke,
     "models": model_table,
     "reason": reason,
     "gauge": gauge,
