@@ -371,13 +371,14 @@ def summary_table(study: Study) -> str:
     """Counts over time, first lines and costs, a line a size."""
     rows = []
     for row in study.summaries:
+        spread = "not solved for" if row["first_sd"] is None else f"{row['first_sd']:.0f}"
         exact = "" if row["cpu_exact_s"] is None else f"; {row['cpu_exact_s']:.2g}"
         rows.append(
             (
                 row["label"], f"{row['coverage']:.0%}", f"{row['p_misfit']:.2g}",
                 f"{row['crps']:.2f} ({row['crps_floor']:.2f})", f"{row['p_single_runs']:.2g}",
                 f"{row['first_observed']:.0f} [{row['first_low']:.0f}, {row['first_high']:.0f}]",
-                f"{row['first_predicted']:.0f}; {row['first_sd']:.0f}", f"{row['p_first']:.2g}",
+                f"{row['first_predicted']:.0f}; {spread}", f"{row['p_first']:.2g}",
                 f"{row['cpu_mechanics_s']:.0f}", f"{row['cpu_ssa_s']:.2g}{exact}",
             )
         )  # fmt: skip
