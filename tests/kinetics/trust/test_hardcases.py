@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array, triu
@@ -22,6 +24,11 @@ def test_names_differ_and_every_method_is_tried():
     (nothing,) = [case for case in CASES if case.name == "nothing to do"]
     tried = {found.method.split(",")[0] for found in nothing.attempts()}
     assert tried == {method.name for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
+
+
+def test_readme_counts_the_cases():
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    assert f" at {len(CASES)} cases in " in readme
 
 
 def test_wrong_answers_are_seen():
