@@ -112,17 +112,6 @@ def number_text(value: float) -> str:
     return repr(value) if value >= 0 else f"({value!r})"
 
 
-def names_in(node: Any) -> set[str]:
-    """All ids in a formula."""
-    found, waiting = set(), [node]
-    while waiting:  # a sum of thousands of terms is thousands deep, too deep for recursion
-        node = waiting.pop()
-        if node.isName():
-            found.add(node.getName())
-        waiting += [node.getChild(i) for i in range(node.getNumChildren())]
-    return found
-
-
 def is_sum(node: Any) -> bool:
     """Whether a formula is a sum of others."""
     import libsbml

@@ -74,6 +74,11 @@ class Equations(ABC):
         # Every figure is a ratio of sums of spanning forests: see `elimination`. Leaving and weights round once, too.
         self.rates_error = float(np.expm1(1.001 * ROUNDOFF * 2.0 * leaving.size * (self.given + 2.0)))
         self._terms = 4.0 + float(np.bincount(columns, minlength=1).max()) + self.given
+        self._factor(rows, columns, rates, leaving)
+
+    @abstractmethod
+    def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+        """Prepare what `solve` and `occupation` need."""
 
     @abstractmethod
     def solve(self, weights: Floats) -> Floats:

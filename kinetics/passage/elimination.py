@@ -44,20 +44,12 @@ class Elimination(Equations):
     count these states.
     """
 
-    def __init__(
-        self,
-        rows: NDArray[Any],
-        columns: NDArray[Any],
-        rates: Floats,
-        leaving: Floats,
-        rate_error: float = RATE_ERROR,
-    ) -> None:
+    def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
         from kinetics.kernels import elimination
 
-        super().__init__(rows, columns, rates, leaving, rate_error)
         n = leaving.size
         pattern: Any = csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
         self._order = np.asarray(reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
@@ -118,18 +110,10 @@ class SparseFactors(Equations):
     faster than a narrow band here (George & Liu 1989, doi:10.1137/1031001).
     """
 
-    def __init__(
-        self,
-        rows: NDArray[Any],
-        columns: NDArray[Any],
-        rates: Floats,
-        leaving: Floats,
-        rate_error: float = RATE_ERROR,
-    ) -> None:
+    def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
         from scipy.sparse import csc_array, dia_array
         from scipy.sparse.linalg import splu
 
-        super().__init__(rows, columns, rates, leaving, rate_error)
         n = leaving.size
         self._exits = totals(rows, rates, n) + leaving
         jumps: Any = csc_array((rates, (rows, columns)), shape=(n, n))

@@ -8,79 +8,24 @@ prints the files of line4's calibration runs instead, for `wellmixed loads`.
 
 from __future__ import annotations
 
-import json
 import re
 import sys
-import textwrap
 from collections import Counter
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from calibration.pipeline.plan import StudyPlan
 from kinetics.rates import Rates
 from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
+from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
 
-ROOT = Path(__file__).parents[2]
-STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5")}
 PAGES = (ROOT / "README.md", *(folder / "README.md" for folder in STUDIES.values()))
 BLOCK = re.compile(r"(<!-- (line4|t5): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
-
-
-class Study:
-    """One study's folder, and what stands in it."""
-
-    def __init__(self, name: str) -> None:
-        self.folder = STUDIES[name]
-        self._stored: dict[str, Any] = {}
-
-    def stored(self, name: str) -> dict[str, Any]:
-        """What a command said with --json."""
-        if name not in self._stored:
-            self._stored[name] = json.loads((self.folder / name).read_text(encoding="utf-8"))
-        return self._stored[name]
-
-    @property
-    def summaries(self) -> list[dict[str, Any]]:
-        """Of each size of the held-out runs."""
-        return [each["summary"] for each in self.stored("validation.json")["comparisons"]]
-
-    @cached_property
-    def plan(self) -> StudyPlan:
-        return StudyPlan.load(self.folder / "plan.toml")
-
-    @cached_property
-    def rates(self) -> Rates:
-        return Rates.load(self.folder / "rates.toml")
-
-
-def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = (titles, ["---"] * len(titles), *rows)
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-
-
-def bullets(lines: Sequence[str]) -> str:
-    return "\n".join(textwrap.fill(f"- {line}", 118, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
-
-
-def paragraph(text: str) -> str:
-    return textwrap.fill(text, 120, break_on_hyphens=False)
-
-
-def listed(things: Sequence[Any]) -> str:
-    *others, last = map(str, things)
-    return f"{', '.join(others)} and {last}" if others else last
-
-
-def ratio(seen: float, expected: float) -> str:
-    return f"{seen:.0f} / {expected:.{0 if expected >= 100 else 1}f} = {seen / expected:.2f}"
 
 
 # What the plan fixed
@@ -112,20 +57,6 @@ def planned(study: Study) -> str:
         f"{rules.p_pit:g}; and `{rules.control}` breaks, the control, fail."
     )
     return bullets([calibration, held_out, verdict])
-
-
-def cubes_in(composition: dict[str, int]) -> int:
-    sizes = {"monomer": 1, "dimer": 2, "trimer": 3, "quadmer": 4}
-    return sum(sizes[name] * n for name, n in composition.items())
-
-
-def only(values: Any) -> Any:
-    (value,) = set(values)
-    return value
-
-
-def one(values: Any) -> str:
-    return f"{only(values):,g}"
 
 
 # What the calibration runs showed

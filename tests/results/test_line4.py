@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from study_pages import PAGES, Study, filled, numbers
 
 from calibration.pipeline.bars import bars
 from calibration.pipeline.calibration_study import run_planned_calibration
@@ -18,6 +17,8 @@ from mechsim.inspection.poses import record_at
 from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
+from tests.results.studies import Study
+from tests.results.study_pages import PAGES, filled, numbers
 
 LINE4 = Study("line4")
 STUDY, RUNS = LINE4.folder, LINE4.folder / "runs"

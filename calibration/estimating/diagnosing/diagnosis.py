@@ -59,11 +59,11 @@ class Diagnosis:
         tested = self.tested
         if not tested:
             return "Nothing could be tested: there are too few events or runs."
-        named = f"of {len(tested)} tests, at {LEVEL:.0%} for all together"
+        tests = f"{len(tested)} tests, at {LEVEL:.0%} for all together"
         if not self.failed:
             least = tested[0]
-            return f"No sign against the model {named}; the smallest p is {least.p_value:.2g} ({least.title})."
-        return f"The model is doubtful: {len(self.failed)} {named}, fail ({', '.join(self.doubtful)})."
+            return f"No sign against the model in {tests}; the smallest p is {least.p_value:.2g} ({least.title})."
+        return f"The model is doubtful: {len(self.failed)} of {tests}, fail ({', '.join(self.doubtful)})."
 
     def verdicts(self) -> list[dict[str, Any]]:
         """One row a diagnostic: its question, the smallest p, a verdict in words, its measured size and power."""

@@ -229,3 +229,9 @@ def test_runs_follow_the_chain():
     never = Chain([[0, 0], [1.0, 0]], 0)
     with pytest.raises(ValueError, match="never reached"):
         never.sample_path_to([False, True])
+
+
+def test_other_labels_take_the_place_of_the_first_ones():
+    chain = queue().with_labels({"full": "n == 6"})
+    assert chain.until("full", by=3.0).value == chain.until("n == 6", by=3.0).value
+    assert list(queue().with_labels({"idle": "n == 0"}).labels) == ["idle"]

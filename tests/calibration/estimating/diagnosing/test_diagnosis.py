@@ -28,7 +28,7 @@ def test_sound_runs_raise_no_doubt_and_a_faster_channel_does_by_name():
     network = line_network()
     sound = diagnose(tanks(network, np.random.default_rng(6)))
     assert sound.doubtful == []
-    assert sound.verdict.startswith("No sign against the model of ")
+    assert sound.verdict.startswith("No sign against the model in ")
     found = diagnose(tanks(network, np.random.default_rng(6), (1.0, 3.0)))
     assert "2+2->4: start" in found.doubtful
     assert all(name.startswith(("2+2->4", "any event", "all joins")) for name in found.doubtful)
