@@ -276,10 +276,10 @@ def event_ratios(ax: Axes, names: Sequence[str], seen: ArrayLike, expected: Limi
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.minorticks_off()
     _one_line_each(ax, names)
-    ax.set_ylim(bottom=len(names) + 0.6)  # room for the legend
+    ax.set_ylim(bottom=len(names) + 1.0)  # room for the legend
     ax.set_xlabel("events seen / expected")
     ax.set_title(title)
-    ax.legend(frameon=False, fontsize="small", loc="lower center", ncols=2)
+    ax.legend(frameon=False, fontsize="small", loc="lower center", ncols=2, handlelength=1.2, columnspacing=1.0)
     return ax
 
 

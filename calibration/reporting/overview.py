@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from calibration.validating.events import EventRow
     from calibration.watched.study import WatchedStudy
 
+NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
 exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen. The paper's estimator, from means of
@@ -165,8 +166,7 @@ def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
 
 def _validation_parts(study: ValidationStudy) -> list[Part]:
     species = study.comparisons[0].network.species
-    panels = [comparison.events for comparison in study.comparisons]
-    panels += [study.pooled] if study.pooled else []
+    panels = notable([comparison.events for comparison in study.comparisons] + ([study.pooled] if study.pooled else []))
     parts: list[Part] = [
         Heading("Predicted against simulated"),
         Text(f"Verdict: {study.verdict.sentence}."),
@@ -174,10 +174,12 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         Text(ABOUT_EVENTS),
         ReportTable("Events of joins, of breaks and of each channel.", _event_table(study), "events"),
         Chart(
-            "Events seen over expected; the numbers on the right are both.",
+            f"Events seen over expected; the numbers on the right are both. Left out: channels of which none was seen "
+            f"and fewer than {NOTABLE:g} were expected, at every size.",
             partial(_draw_events, panels),
             panels=len(panels),
             name="events-figure",
+            lines=len(panels[0]) + 2,
         ),
         Heading("Single runs"),
         Text(ABOUT_SINGLE_RUNS),
@@ -207,6 +209,12 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
     """Rows of events, the size in words."""
     return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
+
+
+def notable(panels: Sequence[Sequence[EventRow]]) -> list[list[EventRow]]:
+    """The rows of each panel without the channels that no panel has anything to show of."""
+    shown = {row.group for rows in panels for row in rows if row.seen > 0 or row.expected >= NOTABLE}
+    return [[row for row in rows if row.group in shown] for rows in panels]
 
 
 def _draw_events(panels: Sequence[Sequence[EventRow]], axes: Any) -> None:

@@ -77,6 +77,7 @@ class Chart:
 
     draw : called with the axes, or with a list of `panels` axes where there are several
     rows, name : the data, and the name under which picture and data are written if files are requested
+    lines : of text that each panel must hold; 0 for none
     """
 
     caption: str
@@ -84,6 +85,7 @@ class Chart:
     panels: int = 1
     rows: Rows = ()
     name: str = ""
+    lines: int = 0
 
     def html(self) -> str:
         """The figure as HTML, its picture within it as SVG."""
@@ -99,12 +101,13 @@ class Chart:
         from matplotlib.figure import Figure
 
         columns = self.panels if self.panels <= 3 else 2
-        lines = math.ceil(self.panels / columns)
-        size = (6.4, 4.2) if self.panels == 1 else (max(10.0, 4.2 * columns), 3.6 * lines)
+        rows = math.ceil(self.panels / columns)
+        width, height = (6.4, 4.2) if self.panels == 1 else (max(10.0, 4.2 * columns), 3.6)
+        size = (width, max(height, 1.2 + 0.2 * self.lines) * rows)
         # the hash salt and the missing date keep the file the same from one run to the next
         with mpl.rc_context({"svg.hashsalt": "wellmixed", "font.size": 9.0}):
             figure = Figure(figsize=size, layout="constrained")
-            axes = [figure.add_subplot(lines, columns, i + 1) for i in range(self.panels)]
+            axes = [figure.add_subplot(rows, columns, i + 1) for i in range(self.panels)]
             self.draw(axes[0] if self.panels == 1 else axes)
             buffer = io.BytesIO()
             figure.savefig(buffer, format="svg", metadata={"Date": None})

@@ -4,6 +4,8 @@ import re
 import pytest
 
 from calibration import Chart, Heading, HtmlReport, ReportTable, Text
+from calibration.reporting.overview import NOTABLE, notable
+from calibration.validating.events import EventRow
 
 NASTY = "<script>alert(\"1\")</script> & 'co'"
 ROWS = [
@@ -95,3 +97,22 @@ def test_a_failing_chart_leaves_the_old_report(tmp_path):
 def test_refuses_names_that_make_no_files(parts, message):
     with pytest.raises(ValueError, match=message):
         HtmlReport("r", parts)
+
+
+def test_panels_of_many_lines_are_higher():
+    def height(lines):
+        return re.search(rb'<svg [^>]*height="([0-9.]+)pt"', Chart("", lambda axes: None, panels=2, lines=lines).svg)[1]
+
+    assert height(0) == height(10)
+    assert float(height(40)) > 2 * float(height(10))
+
+
+def test_channels_without_anything_to_show_are_left_out_at_every_size():
+    def row(size, group, seen, expected):
+        return EventRow(size, 8, None, group, seen, expected, 0.0, 1.0, 1.0, 1e-4, 1.0, 0.5, 1.5, 0.5, 1e-4)
+
+    small = [row("small", "joins", 9, 8.0), row("small", "rare", 0, NOTABLE / 2), row("small", "odd", 0, 0.0)]
+    large = [row("large", "joins", 9, 8.0), row("large", "rare", 0, NOTABLE / 2), row("large", "odd", 1, 0.0)]
+    shown = notable([small, large])
+    assert [[r.group for r in rows] for rows in shown] == [["joins", "odd"]] * 2
+    assert [[r.group for r in rows] for rows in notable([small])] == [["joins"]]
