@@ -12,6 +12,7 @@ from kinetics.support.cli.lazy_commands import mount
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
+    "new": ("calibration.commands.new", "new", "Make the folder of a study: from a shape to rules, scene and plan."),
     "simulate": (
         "mechsim.commands.simulate",
         "simulate",

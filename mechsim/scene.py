@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.config import Settings, find, is_path, read_toml, validated
 from mechsim.effects import AnyEffect
 from mechsim.effects.base import Effect, EventKind
 
@@ -73,7 +73,10 @@ class Guard(Settings):
 
 
 class Scene(Settings):
-    """Everything on which a mechanics run depends, except the initial composition, the duration and the seed."""
+    """Everything on which a mechanics run depends, except the initial composition, the duration and the seed.
+
+    rules : a shipped rule book, or a file; in the file of a scene, a path is relative to the folder of that file
+    """
 
     name: str = Field(min_length=1, max_length=80)
     rules: str
@@ -107,7 +110,8 @@ class Scene(Settings):
     def load(cls, name_or_path: str | Path) -> Scene:
         """Load a shipped scene by its name (`line4`), or a TOML file of your own."""
         path = find(name_or_path, SCENES, "scene")
-        return validated(cls, read_toml(path), path.name)
+        scene = validated(cls, read_toml(path), path.name)
+        return scene.model_copy(update={"rules": str(path.parent / scene.rules)}) if is_path(scene.rules) else scene
 
     def effect(self, name: str) -> Any | None:
         """Settings of a listed effect, or None."""
@@ -138,7 +142,11 @@ class Scene(Settings):
         return validated(Scene, data, f"scene {self.name}")
 
     @property
+    def content(self) -> dict[str, Any]:
+        """All settings, ready for JSON; a book of one's own without its folder, so that it may be kept anywhere."""
+        return self.model_dump(mode="json") | {"rules": Path(self.rules).name}
+
+    @property
     def fingerprint(self) -> str:
         """SHA-256 of the scene's content (not of its file)."""
-        text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()

@@ -85,7 +85,7 @@ def refused(wellmixed_here, tmp_path):
         (CONTACT, "", "effect 'breaking' needs effect 'contact', which the scene does not list"),
         (CONTACT, CONTACT * 2, "effect 'contact' is listed twice"),
         ('rules = "line4"', 'rules = "line5"', "unknown rule book 'line5'; shipped are line4"),
-        ('rules = "line4"', 'rules = "line5.toml"', "rule book file line5.toml does not exist"),
+        ('rules = "line4"', 'rules = "line5.toml"', "line5.toml does not exist"),
         ("sigma = 4.0", "sigma = ", "scene.toml is not valid TOML"),
         ("sigma = 4.0", f"sigma = {'[' * 3000}", "scene.toml is not valid TOML"),
         ("sigma = 4.0", f"sigma.{'a.' * 1900}b = 1", "tables within tables, too deep"),

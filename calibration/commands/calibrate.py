@@ -17,6 +17,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
+from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -27,7 +28,11 @@ if TYPE_CHECKING:
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("scene", metavar="SCENE|PLAN")
+@click.argument(
+    "scene",
+    metavar="SCENE|PLAN|FOLDER",
+    **or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"}),
+)
 @click.option(
     "--out",
     required=True,
@@ -93,7 +98,8 @@ def calibrate(
     are used. A channel without events is named: the runs give it no more than an upper limit. Exit code 4: some runs
     were stopped by the guard or given up; the rates come from the others.
 
-    A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself.
+    A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself. A FOLDER,
+    as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
 
     With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
     those of runs that others watched. A row of their table holds run, time and channel, or run, time and the copies of

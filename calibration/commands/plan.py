@@ -9,6 +9,7 @@ import click
 
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
+from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
 from kinetics.support.tables import text_table
 from mechsim.commands.options import executor_options, progress_option, runs_option
 
@@ -35,7 +36,7 @@ class Percentage(click.ParamType):
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("scene")
+@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "out": PLAN}))
 @click.option(
     "--out",
     required=True,
@@ -184,7 +185,7 @@ def plan(
     if as_json:
         echo_json(planned.to_dict() | {"out": out, "seed": seed})
     else:
-        click.echo(_text(planned))
+        click.echo(plan_tables(planned))
         click.echo(f"plan written to {out}")
     for shortfall in planned.shortfalls:
         click.echo(f"falls short: {shortfall}", err=True)
@@ -192,7 +193,7 @@ def plan(
         click.get_current_context().exit(2)
 
 
-def _text(planned: PlannedStudy) -> str:
+def plan_tables(planned: PlannedStudy) -> str:
     """The plan in three tables, for people."""
     found = planned.to_dict()
     channels = planned.forecast.network.channels

@@ -14,6 +14,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
+from kinetics.support.cli.study_folder import PLAN, RUNS, or_study_folder, rates_of
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -23,7 +24,11 @@ if TYPE_CHECKING:
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("scene", metavar="SCENE|PLAN")
+@click.argument(
+    "scene",
+    metavar="SCENE|PLAN|FOLDER",
+    **or_study_folder(PLAN, {"runs_folder": RUNS, "rates_name": rates_of, "report": "validation.html"}),
+)
 @click.option(
     "--rates",
     "rates_name",
@@ -87,7 +92,8 @@ def validate(
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself, and the
-    rules by which its verdict falls; the report says which of them hold.
+    rules by which its verdict falls; the report says which of them hold. A FOLDER, as `wellmixed new` makes it, holds
+    the plan and the rates, and gets report and runs.
 
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the

@@ -55,7 +55,7 @@ def _on_events(rules: VerdictRules, compared: ComparedSizes, groups: tuple[str, 
     """The rules on seen and expected events of these groups of channels."""
     rows = [row for row in compared.events if row.group in groups]
     by_size = [row for row in rows if row.cubes is not None]
-    pooled = [row for row in rows if row.cubes is None] or by_size
+    pooled = [row for row in [r for r in rows if r.cubes is None] or by_size if row.expected >= rules.from_events]
     least = min(rows, key=lambda row: row.p)
     low, high = rules.ratio
     large = [row for row in by_size if row.expected >= rules.from_events]
@@ -74,8 +74,8 @@ def _on_events(rules: VerdictRules, compared: ComparedSizes, groups: tuple[str, 
         ),
         Bar(
             f"seen / expected over all sizes from {rules.pooled_ratio[0]:g} to {rules.pooled_ratio[1]:g}",
-            ", ".join(map(_shown, pooled)),
-            not outside,
+            ", ".join(map(_shown, pooled)) or f"neither expects {rules.from_events:g} events",
+            not outside if pooled else None,
         ),
     ]
 

@@ -111,7 +111,7 @@ class CalibrationStudy:
         evidence = {
             "scene": self.scene.name,
             "scene_hash": self.scene.fingerprint,
-            "rules": self.scene.rules,
+            "rules": self.scene.content["rules"],
             "rules_hash": book_of(self.scene.rules)[0].fingerprint,
             **self.settings,
             "runs": len(self.sound),

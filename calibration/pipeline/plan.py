@@ -48,7 +48,7 @@ class VerdictRules(Settings):
 
     p_row : smallest predictive p-value of any row of seen and expected events
     ratio, from_events : range of seen / expected wherever at least `from_events` events are expected
-    pooled_ratio : the same over all sizes together, for joins and for breaks
+    pooled_ratio : the same over all sizes together, for joins and for breaks, of which as many must be expected
     p_pit : smallest p-value of the randomised PIT over all single runs
     control : a break model that must fail these rules
     """

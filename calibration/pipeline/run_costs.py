@@ -32,7 +32,7 @@ class RunCosts:
 
     def __call__(self, spec: RunSpec) -> float:
         """Of one run."""
-        kind = _kind(spec.scene.model_dump(mode="json"), spec.composition)
+        kind = _kind(spec.scene.content, spec.composition)
         if kind not in self._per_tu:
             self._per_tu[kind] = timed(spec).cpu_per_tu
         return self._per_tu[kind] * spec.duration

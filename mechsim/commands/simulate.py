@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
+from kinetics.support.cli.study_folder import RUNS, SCENE, cubes_of, is_filled, or_study_folder
 from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scene")
+@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "cubes": cubes_of}))
 @click.option(
     "--cubes",
     metavar="N",
@@ -87,9 +88,9 @@ def simulate(
 ) -> None:
     """Simulate SCENE by rigid-body mechanics: cubes in an agitated tank that bond by rules.
 
-    SCENE is a shipped scene (line4, t5, pyramid45) or a TOML file. Every run is kept in the runs folder under the hash
-    of its inputs, and the same command again makes only those that are missing. Exit code 4: some runs were stopped by
-    the guard or given up.
+    SCENE is a shipped scene (line4, t5, pyramid45) or a TOML file; FOLDER is one of `wellmixed new`. Every
+    run is kept in the runs folder under the hash of its inputs, and the same command again makes only those that are
+    missing. Exit code 4: some runs were stopped by the guard or given up.
     """
     from mechsim.inspection.summary import row, table
     from mechsim.runs.ensemble import run_all
@@ -112,7 +113,7 @@ def simulate(
         described = known.scene(described)
     described = described.without(*without)
     derivation = book_of(described.rules)[1]
-    start = _composition(derivation, cubes, initial)
+    start = _composition(derivation, None if initial is not None and is_filled("cubes") else cubes, initial)
     # A picture needs poses of its run: those at the start and the end, where no others are asked for.
     often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]

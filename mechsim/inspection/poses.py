@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from kinetics.assembly.faces import scheme_of
-from kinetics.support.config import validated
 from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.store import DamagedRunError, decode
-from mechsim.scene import Scene
 
 NOT_THERE = "no poses were recorded; run it again with poses every so many tu (simulate --poses)"
 
@@ -106,9 +104,7 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
         manifest, arrays = decode(path.read_bytes(), path)
     except DamagedRunError as error:
         raise ValueError(f"{path} is damaged: {error}; make the run again") from error
-    inputs = manifest["inputs"]
-    known = {f.name: inputs[f.name] for f in fields(RunSpec) if f.name in inputs}
-    spec = RunSpec(**known | {"scene": validated(Scene, inputs["scene"], str(path))})
-    if book_of(spec.scene.rules)[0].fingerprint != inputs["rules"]:
+    spec = RunSpec.of_inputs(manifest["inputs"], path)
+    if book_of(spec.scene.rules)[0].fingerprint != manifest["inputs"]["rules"]:
         raise ValueError(f"{path}: rule book {spec.scene.rules} is no longer the one that the run was made with")
     return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"], manifest["cost"])

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import io
 from collections import deque
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.support.config import validated
 from kinetics.support.tables import text_table
 from mechsim.runs.record import RunRecord, RunSpec, execute
 from mechsim.runs.store import DamagedRunError, decode, write_whole
-from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from mechsim.world.world import World
@@ -97,7 +95,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
         manifest, _ = decode(Path(file).read_bytes(), Path(file))
     except DamagedRunError as error:
         raise ValueError(f"{file} is not a sound run file: {error}") from error
-    spec = spec_of(manifest["inputs"])
+    spec = RunSpec.of_inputs(manifest["inputs"], file)
     if spec.key != manifest["key"]:
         differ = [name for name, value in spec.inputs.items() if manifest["inputs"].get(name) != value]
         raise ValueError(
@@ -110,12 +108,6 @@ def replay(file: str | Path, last: int = 40) -> Replay:
     *poses, speed, spin = (np.array(column) for column in zip(*frames, strict=True))
     shown = replace(record, arrays=record.arrays | dict(zip(names, poses, strict=True)))
     return Replay(shown, speed, spin, is_same=record.digest == manifest["digest"])
-
-
-def spec_of(inputs: dict[str, Any]) -> RunSpec:
-    """The run that a file's inputs describe."""
-    known = {field.name: inputs[field.name] for field in fields(RunSpec) if field.name in inputs}
-    return RunSpec(**known | {"scene": validated(Scene, inputs["scene"], "the scene of the run file")})
 
 
 def _frame(world: World) -> tuple:

@@ -7,9 +7,10 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
 from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
+from kinetics.support.config import is_path, validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
@@ -34,9 +36,14 @@ COMPLETED = "completed"
 PROGRESS_STEPS = 500
 
 
-@lru_cache(maxsize=16)
 def book_of(rules: str) -> tuple[RuleBook, Derivation]:
-    """A rule book and its network, derived once a process."""
+    """A rule book and its network, derived once a process, and again where its file has changed."""
+    written = Path(rules).stat() if is_path(rules) and Path(rules).is_file() else None
+    return _book_of(rules, written and (written.st_ino, written.st_size, written.st_mtime_ns))
+
+
+@lru_cache(maxsize=16)
+def _book_of(rules: str, _written: tuple[int, ...] | None) -> tuple[RuleBook, Derivation]:
     book = RuleBook.load(rules)
     return book, derive(book)
 
@@ -123,7 +130,7 @@ class RunSpec:
     def inputs(self) -> dict[str, Any]:
         """Everything that decides what happens, ready for JSON; versions that change the physics included."""
         inputs: dict[str, Any] = {
-            "scene": self.scene.model_dump(mode="json"),
+            "scene": self.scene.content,
             "rules": book_of(self.scene.rules)[0].fingerprint,
             "composition": dict(sorted(self.composition.items())),
             "duration": self.duration,
@@ -137,6 +144,28 @@ class RunSpec:
             inputs["physics"] |= {"free_spin": FREE_SPIN}
         # Named only where it is asked for: a run without it keeps the name that it had before there was one.
         return inputs if self.until is None else inputs | {"until": self.until}
+
+    @classmethod
+    def of_inputs(cls, inputs: dict[str, Any], file: str | Path) -> RunSpec:
+        """The run that the inputs of a stored run describe.
+
+        file : of the run. A rule book that is not shipped is looked for beside it, in the folder above, and in the
+            working directory.
+
+        ValueError: no such run, or no such book.
+        """
+        scene = validated(Scene, inputs["scene"], str(file))
+        if is_path(scene.rules):
+            folder = Path(file).absolute().parent
+            places = dict.fromkeys([folder, folder.parent, Path.cwd()])
+            found = [place / scene.rules for place in places if (place / scene.rules).is_file()]
+            if not found:
+                raise ValueError(
+                    f"{file} was made with a rule book {scene.rules}, which none of {', '.join(map(str, places))} "
+                    "holds; put it beside the run"
+                )
+            scene = scene.model_copy(update={"rules": str(found[0])})
+        return cls(**{f.name: inputs[f.name] for f in fields(cls) if f.name in inputs} | {"scene": scene})
 
     @property
     def streams(self) -> np.random.SeedSequence:

@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.study_folder import BOOK, cubes_of, is_filled, or_study_folder, rates_of
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -178,6 +179,8 @@ def starting_options(command: Callable[..., None]) -> Any:
     @wraps(command)
     def with_start(**given: Any) -> None:
         asked = AskedStart(*(given.pop(name) for name in AskedStart._fields))
+        if asked.initial is not None and is_filled("cubes"):
+            asked = asked._replace(cubes=None)
         command(asked=asked, **given)
 
     decorated: Any = with_start
@@ -196,7 +199,9 @@ def starting_options(command: Callable[..., None]) -> Any:
             metavar="NAME|FILE",
             help="Rate constants: a shipped table such as table3, or a .toml file.",
         ),
-        click.argument("source", metavar="NETWORK"),
+        click.argument(
+            "source", metavar="NETWORK|FOLDER", **or_study_folder(BOOK, {"rates_name": rates_of, "cubes": cubes_of})
+        ),
     ):
         decorated = decorate(decorated)
     return decorated

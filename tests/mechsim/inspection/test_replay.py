@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from mechsim.commands.replay import replay as command
-from mechsim.inspection.replay import replay, spec_of
+from mechsim.inspection.replay import replay
 from mechsim.runs.record import RunSpec, execute
 from mechsim.runs.store import RunStore
 
@@ -56,7 +56,7 @@ NONE_STORED = "no stored run was made with this physics and these versions of th
 def of_this_physics():
     """Stored runs that can be made again here; the folder may hold runs of more than one physics."""
     for manifest, arrays in RunStore(RESULTS).contents():
-        if spec_of(manifest["inputs"]).inputs["physics"] == manifest["inputs"]["physics"]:
+        if RunSpec.of_inputs(manifest["inputs"], RESULTS).inputs["physics"] == manifest["inputs"]["physics"]:
             yield manifest, arrays
 
 
@@ -68,7 +68,7 @@ def test_a_stored_run_of_the_study_begins_as_it_did():
         if not runs:
             pytest.skip(NONE_STORED)
         manifest, arrays = min(runs, key=lambda run: run[1]["times"][1])
-        spec = spec_of(manifest["inputs"])
+        spec = RunSpec.of_inputs(manifest["inputs"], RESULTS)
         begun = execute(replace(spec, duration=float(arrays["times"][1]) + 0.1)).arrays  # of the same random streams
         assert len(begun["times"]) >= 2
         for name in ("times", "channels"):
@@ -113,7 +113,7 @@ def test_what_cannot_be_replayed_is_refused(stopped, tmp_path, monkeypatch):
 def test_inputs_name_a_run_fully(stopped):
     spec = stopped[0].spec
     for other in (spec, replace(spec, restart=True, poses=0.5), replace(spec, until="quadmer")):
-        again = spec_of(json.loads(json.dumps(other.inputs, sort_keys=True)))
+        again = RunSpec.of_inputs(json.loads(json.dumps(other.inputs, sort_keys=True)), "a.run")
         assert again.key == other.key
         assert list(again.composition) == ["monomer", "dimer"]
 

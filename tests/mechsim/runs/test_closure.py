@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import ROTATIONS, RuleBook, Structure, placements
-from mechsim.inspection.replay import spec_of
 from mechsim.runs.record import RunRecord, RunSpec, book_of, execute
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -109,7 +108,7 @@ def test_a_stored_run_keeps_the_physics_that_made_it(study):
     for manifest in manifests:
         inputs = manifest["inputs"]
         assert sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest() == manifest["key"]
-        spec = spec_of(inputs)
+        spec = RunSpec.of_inputs(inputs, store.folder)
         assert (store.read(spec) is not None) == (spec.inputs["physics"] == inputs["physics"])
 
 

@@ -1,0 +1,96 @@
+"""The command `wellmixed new`: from a shape to the folder of a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from calibration.commands.plan import Percentage, plan_tables
+from calibration.commands.shared import seed_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
+
+
+@click.command(cls=NumbersCommand)
+@click.argument("target")
+@click.argument("folder", required=False)
+@click.option(
+    "--cubes",
+    type=click.IntRange(min=1),
+    multiple=True,
+    metavar="N ...",
+    help="Numbers of cubes of the calibration.  [default: 60 and 120 in a tank of line4's size, more in a larger one]",
+)
+@click.option(
+    "--held-out",
+    type=click.IntRange(min=1),
+    multiple=True,
+    metavar="N ...",
+    help="Numbers of cubes of the held-out runs.  [default: 40, 80 and 160, likewise]",
+)
+@click.option(
+    "--along",
+    type=click.FloatRange(min=0),
+    multiple=True,
+    metavar="T ...",
+    help="Times on the predicted path at which tanks may be taken, tu.  [default: 0, 50, 200, 800, 2000]",
+)
+@click.option("--duration", metavar="T", type=float, help="Length of a calibration run, tu.  [default: 500]")
+@click.option("--held-out-duration", metavar="T", type=float, help="Length of a held-out run, tu.  [default: 2000]")
+@click.option(
+    "--width",
+    metavar="PERCENT",
+    type=Percentage(),
+    help="Half-width of the 95 % interval of every join's rate and of all breaks together.  [default: 10%]",
+)
+@click.option(
+    "--cpu-hours",
+    metavar="H",
+    type=click.FloatRange(min=0, min_open=True),
+    help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
+)
+@click.option(
+    "--time-limit",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0, min_open=True),
+    default=120,
+    show_default=True,
+    help="Wall time allowed for the search of a rule book, s.",
+)
+@seed_option(1)
+@json_option
+def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wanted: Any) -> None:
+    """Make the FOLDER of a study of TARGET: its rule book, a scene and a plan with its cost in CPU hours.
+
+    TARGET is a shipped target or a .toml file, as `wellmixed rules compile` takes it; FOLDER is by default its name.
+    Nothing is simulated but a few short trials for the cost. The plan follows the path that rates like those of lines
+    and Ts predict. Then simulate, calibrate, predict and validate take the folder for all that they need.
+    """
+    from calibration.pipeline.new_study import new_study
+
+    asked = {name: value for name, value in wanted.items() if value not in (None, ())}
+    made = new_study(target, folder or Path(target).stem, time_limit, **asked)
+    planned = made.planned
+    if as_json:
+        echo_json(
+            planned.to_dict()
+            | {
+                "folder": str(made.folder),
+                "letters": made.compiled.letters,
+                "senses": made.compiled.capability,
+                "verified": made.compiled.verified,
+                "tank": made.scene.tank.size,
+                "seed": wanted["seed"],
+            }
+        )
+    else:
+        click.echo(f"{made.folder}: a book of {made.compiled.letters} letters; cubes sense: {made.compiled.capability}")
+        click.echo("\n".join(made.compiled.verified))
+        click.echo(plan_tables(planned))
+        steps = "\n".join(
+            f"  wellmixed {step} {made.folder}" for step in ("simulate", "calibrate", "predict", "validate")
+        )
+        click.echo(f"next:\n{steps}")
+    for shortfall in planned.shortfalls:
+        click.echo(f"falls short: {shortfall}", err=True)

@@ -1,0 +1,117 @@
+"""From a target to the folder of a study: rule book, scene in a tank that suits it, and plan with its cost."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import tempfile
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.pipeline.planner import PlannedStudy, PlanRequest, make_plan
+from calibration.pipeline.run_costs import RunCosts
+from kinetics.assembly import Derivation, Structure, derive
+from kinetics.assembly.compiler import Compiled, Target, compile_book
+from kinetics.assembly.compiler.target import TARGETS
+from kinetics.assembly.rules.writing import written
+from kinetics.rates import ClassRates, Rates
+from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
+from kinetics.support.config import find, validated, write_toml
+from mechsim.scene import Scene
+
+LINE, OTHER = "line4", "t5"  # scenes whose physics a new study gets: bonds of a T are stronger, for it has levers
+ROOM = 1.6  # the shortest edge of the tank over the length of the target, so that it can turn
+# Of lines of four and Ts (results/line4, results/t5): joins of every class within a factor of 1.6, breaks within six
+JOIN, BREAK = 3e-5, 1e-4  # 1/tu per way, joins in a tank of PLACE
+PLACE = (2.0, 2.0, 3.0)
+CUBES = {"cubes": (60, 120), "held_out": (40, 80, 160)}  # in such a tank; more in a larger one
+
+
+@dataclass(frozen=True, eq=False)
+class NewStudy:
+    """What `new_study` made. folder : where it is; compiled : the rule book; scene; planned : the plan, and its cost"""
+
+    folder: Path
+    compiled: Compiled
+    scene: Scene
+    planned: PlannedStudy
+
+
+def new_study(name_or_path: str, folder: str | Path, time_limit: float = 120.0, **wanted: Any) -> NewStudy:
+    """Compile a target's rule book, and write it with a scene and a plan into a new folder, whole or not at all.
+
+    name_or_path : a target, see `Target.load`; wanted : what the plan is to reach, see `PlanRequest`
+
+    The plan's path is predicted by rates like those of lines and Ts (`guessed_rates`), because nothing has run yet.
+    ValueError: the folder is there already; the book grows from a seed.
+    """
+    goal = Path(folder)
+    if goal.exists():
+        raise ValueError(f"{goal} is there already; give another name, or remove it")
+    if not goal.absolute().parent.is_dir():
+        raise ValueError(f"the folder of {goal} does not exist; make it first")
+    target = Target.load(name_or_path)
+    compiled = compile_book(target, time_limit=time_limit)
+    derivation = derive(compiled.book)
+    if compiled.book.seed() is not None:
+        raise ValueError(
+            f"{target.name} grows from a seed: a tank holds one growing structure, and no plan measures all its "
+            "channels; compile its book by `wellmixed rules compile` and simulate its growth"
+        )
+    made = Path(tempfile.mkdtemp(prefix=f".{goal.name}.", dir=goal.absolute().parent))
+    try:
+        shutil.copyfile(find(name_or_path, TARGETS, "target"), made / TARGET)
+        (made / BOOK).write_text(written(compiled.book, "\n".join(compiled.verified)), encoding="utf-8")
+        scene = scene_for(target.name, derivation)
+        write_toml(scene.model_dump(mode="json", exclude_none=True), made / SCENE)
+        scale = math.prod(scene.tank.size) / math.prod(PLACE)
+        sizes = {name: tuple(round(n * scale) for n in cubes) for name, cubes in CUBES.items()}
+        request = PlanRequest(name=target.name, scene=str(made / SCENE), **sizes | wanted)
+        planned = make_plan(request, guessed_rates(derivation, scene.tank.size), RunCosts(made / RUNS))
+        planned.plan.save(made / PLAN)
+        made.chmod(0o755)
+        made.rename(goal)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+    here = replace(planned, request=replace(request, scene=str(goal / SCENE)))
+    return NewStudy(goal, compiled, scene, here)
+
+
+def scene_for(name: str, derivation: Derivation) -> Scene:
+    """The physics of line4, or of t5 unless the target is a line, in their tank or one that the target can turn in."""
+    largest = max(derivation.structures.values(), key=len)
+    is_line = np.count_nonzero(np.ptp(np.array(largest.positions), axis=0)) == 1
+    like = Scene.load(LINE if is_line else OTHER)
+    longest = max(extent(structure) for structure in derivation.structures.values())
+    factor = max(1.0, ROOM * longest * like.cubes.edge / min(like.tank.size))
+    data = like.model_dump(mode="json") | {
+        "name": name,
+        "rules": BOOK,
+        "tank": {"size": [round(factor * edge, 3) for edge in like.tank.size]},
+    }
+    scene = validated(Scene, data, f"a scene for {name}")
+    return scene.without("breaking") if derivation.book.semantics.bonds == "hold" else scene
+
+
+def extent(structure: Structure) -> float:
+    """Largest distance between corners of its cubes, in edges."""
+    places = np.array(structure.positions, dtype=float)
+    corners = (places[:, None] + np.array(list(product((-0.5, 0.5), repeat=3)))).reshape(-1, 3)
+    return float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
+
+
+def guessed_rates(derivation: Derivation, tank: tuple[float, float, float]) -> Rates:
+    """Rates before anything is measured: one for all joins, by the tank's volume, and one of first order for breaks."""
+    network = derivation.network
+    join = JOIN * math.prod(PLACE) / math.prod(tank)
+    ordered = [ClassRates.uniform(join, BREAK).base(derivation).known_rates, network.ways]
+    channels = {
+        name: {"rate": rate, "ways": ways}
+        for name, rate, ways in zip(network.channels, *map(np.ndarray.tolist, map(np.asarray, ordered)), strict=True)
+    }
+    data = {"convention": {"combinations": "distinct"}, "tank": tank, "channels": channels}
+    return validated(Rates, data, "guessed rates")
