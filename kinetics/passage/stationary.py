@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
-from kinetics.passage.certified import Equations, leaving_rates
-from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, equations
+from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
+from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError
 from kinetics.passage.entry import reached_states
+from kinetics.passage.equations import equations, is_easy
+from kinetics.passage.iteration import Iteration
 from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
@@ -20,11 +22,14 @@ from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
-FEW = 300  # states that are eliminated at once; of more, factors are mostly faster
 MANY = 20_000  # states that sparse factors are tried on before anything foretells their cost
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
 CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
+ALIKE = 8.0  # times as likely: no better anchor
+Solver = TypeVar("Solver", bound=Equations)
+LOST = 1e-291  # what is smaller may be
+LOWEST = -600.0  # logarithm of the smallest guess
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +189,12 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
     inside = place[rows] >= 0
     nowhere = np.zeros(members.size)
     inner = Transitions(place[rows[inside]], place[columns[inside]], rates[inside], nowhere, transitions.roundings)
-    factored = _by_factors(inner) if FEW < members.size <= MANY else None
+    easy = is_easy(inner.rows, inner.columns, inner.size)
+    if not easy:
+        iterated = _by_iteration(inner)
+        if iterated[1] <= CLOSE:
+            return iterated
+    factored = _by_factors(inner) if not easy and members.size <= MANY else None
     if factored is not None and factored[1] <= CLOSE:
         return factored
     try:
@@ -201,6 +211,32 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
         return found, chain.error
     better, error = _between_visits(Elimination, inner, int(np.argmax(found)))
     return (better, error) if error < chain.error else (found, chain.error)
+
+
+def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
+    """Between visits to a likely state: of a first guess, then of what a rough solution says."""
+    guess = _guessed(chain)
+    for _ in range(ANCHORS):
+        anchor = int(np.argmax(guess))
+        inner, into = _around(Iteration, chain, anchor)
+        with np.errstate(all="ignore"):
+            guess = np.insert(inner.about(into, np.delete(guess, anchor) / guess[anchor]), anchor, 1.0)
+        if guess.max() <= ALIKE:
+            break
+    return _normalised(inner.occupied(into, np.delete(guess, anchor)), anchor)
+
+
+def _guessed(chain: Transitions) -> Floats:
+    """About the probabilities (N,), times some number."""
+    from scipy.sparse import csr_array
+
+    from kinetics.kernels import balance
+
+    table: Any = csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
+    table.sum_duplicates()
+    logs = np.empty(chain.size)
+    balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
+    return np.exp(np.maximum(logs - logs.max(), LOWEST))
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:
@@ -221,15 +257,27 @@ def _by_factors(chain: Transitions) -> tuple[Floats, float]:
 
 def _between_visits(solver: type[Equations], chain: Transitions, anchor: int) -> tuple[Floats, float]:
     """The distribution as time spent in each state between two visits to one, with an error proven afterwards."""
+    inner, into = _around(solver, chain, anchor)
+    with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
+        return _normalised(inner.occupied(into), anchor)
+
+
+def _around(solver: type[Solver], chain: Transitions, anchor: int) -> tuple[Solver, Floats]:
+    """The equations of all states but one, and how often each is entered (N - 1,) in a time unit there."""
     rows, columns, rates, *_ = chain
     n, states = chain.size, np.arange(chain.size)
     place = states - (states > anchor)
     begins, inside, ends = rows == anchor, (rows != anchor) & (columns != anchor), columns == anchor
     leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
     inner = solver(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
-    with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
-        stays = inner.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
-        found = np.insert(stays.values, anchor, 1.0)
+    return inner, leaving_rates(place[columns[begins]], rates[begins], n - 1)
+
+
+def _normalised(stays: BoundedSolution, anchor: int) -> tuple[Floats, float]:
+    """Probabilities (N,) from the time in all states but one, where that is 1; and a bound on their error."""
+    found = np.insert(stays.values, anchor, 1.0)
+    with np.errstate(all="ignore"):
         total = float(found.sum())
-        error = 1.001 * (stays.relative + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2))
+        relative = stays.relative_above(LOST * total) + float(stays.errors.sum()) / total
+        error = 1.001 * (relative + ROUNDOFF * (found.size + 2))
         return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
