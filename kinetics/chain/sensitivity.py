@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.chain.chain import Chain, Mask, Target
 from kinetics.chain.checks import square
+from kinetics.chain.in_time import one_time, steps_to, stopped_in
 from kinetics.derivatives import (
     ChannelEntries,
     Derivatives,
@@ -26,9 +27,8 @@ from kinetics.derivatives import (
 )
 from kinetics.derivatives.squaring import MAX_SQUARED
 from kinetics.network import Network
-from kinetics.passage.backward import steps_until
 from kinetics.solving.uniformisation import STEP_SECONDS
-from kinetics.support.arrays import Floats, real_number, rising_times
+from kinetics.support.arrays import Floats, whole_number
 
 ADJOINT, SQUARING, ELIMINATION = "adjoint uniformisation", "squaring, with its derivative", "elimination, adjoint"
 MAX_SECONDS = 7200.0
@@ -114,7 +114,7 @@ class Sensitivity:
         if at is not None:
             return self.means(earning[None, :], at)[0]
         if up_to is not None:
-            end = _time("up_to", up_to)
+            end = one_time("up_to", up_to)
             return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
         if until is not None:
             goal = self._chain.states(until)
@@ -132,11 +132,11 @@ class Sensitivity:
         self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
     ) -> list[Derivatives]:
         """Of means at a time, of the chain that is stopped."""
-        end, entries, space = _time("time", at), self._entries, self._chain.space
+        end, entries, space = one_time("time", at), self._entries, self._chain.space
         if stops is not None:
             entries = entries._replace(transitions=entries.transitions.stopped(stops))
-            space = None if space is None else replace(space, is_stopped=space.is_stopped | stops)
-        steps = steps_until(entries.transitions, end)
+            space = stopped_in(space, stops)
+        steps = steps_to(entries.transitions, self._start, values.sum(axis=0), end)
         if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
             return self._answers(lambda: slopes_by_squaring(entries, self._start, values, end, space), SQUARING)
         seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
@@ -176,16 +176,12 @@ def passage_sensitivity(
     certain : whether it is the mean, which a target that may be missed does not have
     ValueError: unknown species, missing rates, too many states, or a mean that is infinite
     """
-    place = network.index(species)
-    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= copies)
-    goal = np.asarray(chain.counts)[:, place] >= copies
+    place, wanted = network.index(species), whole_number("copies", copies, 0)
+    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= wanted)
+    goal = np.asarray(chain.counts)[:, place] >= wanted
     asked = Sensitivity(chain)
     return asked.passage(goal) if certain else asked.until(goal)
 
 
 def _probability(found: Derivatives) -> Derivatives:
     return replace(found, answer=found.answer.capped())
-
-
-def _time(name: str, given: float) -> float:
-    return float(rising_times([real_number(name, given)])[0])
