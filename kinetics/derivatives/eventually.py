@@ -55,14 +55,14 @@ def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, w
         if members.size > 1:
             beyond = _beyond_the_mean(entries, rest, members, values, mean, rounded)
             inside = BoundedSolution(*(_only(members, each) for each in share))
-            parts = _sums(entries, inside, beyond)
+            parts = flow_sums(entries, inside, beyond)
             value, wide = value + parts[0], wide + parts[1]
     if len(rest.classes) > 1:
         passing = ~np.isin(np.arange(chain.size), np.concatenate(rest.classes)) & chain.reached_from(start > 0)
         if start[passing].any():
             solved = OnTheWay.of(chain, start, passing, ends, np.zeros(chain.size))
             error = 2.0 * rest.error + rounded + (values.size + 4.0) * ROUNDOFF
-            parts = _sums(entries, *_on_the_way(solved, error))
+            parts = flow_sums(entries, *_on_the_way(solved, error))
             value, wide = value + parts[0], wide + parts[1]
     if worth is not None:
         parts = _direct(entries, share, worth)
@@ -76,7 +76,7 @@ def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = N
         return Slopes.none(ending.limited, entries.n_channels)
     stopped = entries._replace(transitions=solved.chain)
     times, values = _on_the_way(solved, rounded)
-    value, wide = _sums(stopped, times, values)
+    value, wide = flow_sums(stopped, times, values)
     if worth is not None:
         parts = _direct(stopped, times, worth)
         value, wide = value + parts[0], wide + parts[1]
@@ -86,11 +86,11 @@ def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = N
 def _on_the_way(solved: OnTheWay, rounded: float) -> tuple[BoundedSolution, BoundedSolution]:
     """Time spent in each state, and what is solved for, which has one more relative error."""
     values, errors = solved.solution
-    spent = _everywhere(solved.way, solved.equation.occupied(solved.first))
+    spent = everywhere(solved.way, solved.equation.occupied(solved.first))
     return spent, BoundedSolution(values, errors + rounded * values)
 
 
-def _everywhere(way: Mask, solution: BoundedSolution) -> BoundedSolution:
+def everywhere(way: Mask, solution: BoundedSolution) -> BoundedSolution:
     """A solution on the way (N,), 0 elsewhere."""
     values, errors = np.zeros(way.size), np.zeros(way.size)
     values[way], errors[way] = solution
@@ -107,7 +107,7 @@ def _beyond_the_mean(
     way = _only(members, np.ones(chain.size)).astype(bool) & ~is_back
     none = np.zeros(chain.size)
     solved = OnTheWay.of(chain.stopped(is_back), none, way, none, values)
-    waits, late = _everywhere(way, solved.equation.solved(np.ones(int(way.sum()))))
+    waits, late = everywhere(way, solved.equation.solved(np.ones(int(way.sum()))))
     (gains, wrong), losses = solved.solution, mean * waits
     wide = wrong + mean * late + rounded * gains + (rest.error + rounded + ROUNDOFF * (values.size + 4.0)) * losses
     return BoundedSolution(gains - losses, wide + ROUNDOFF * np.abs(gains - losses))
@@ -119,7 +119,7 @@ def _only(members: Ints, values: Floats) -> Floats:
     return kept
 
 
-def _sums(entries: ChannelEntries, times: BoundedSolution, values: BoundedSolution) -> tuple[Floats, Floats]:
+def flow_sums(entries: ChannelEntries, times: BoundedSolution, values: BoundedSolution) -> tuple[Floats, Floats]:
     """Sums over the entries of each channel of time * rate * (value there - value here), and how far off they are."""
     rows, columns, rates, *_ = entries.transitions
     gaps, wrong = values.values[columns] - values.values[rows], values.errors[columns] + values.errors[rows]
