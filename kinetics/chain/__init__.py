@@ -6,7 +6,7 @@ from kinetics.chain.checks import Reward
 from kinetics.chain.explicit_files import read_explicit, write_explicit
 from kinetics.chain.prism_model import prism_text
 from kinetics.chain.queries import ask
-from kinetics.chain.sensitivity import Sensitivity, passage_sensitivity
+from kinetics.chain.sensitivity import Sensitivity, passage_sensitivity, sensitivity_to
 
 __all__ = [
     "Chain",
@@ -19,5 +19,6 @@ __all__ = [
     "passage_sensitivity",
     "prism_text",
     "read_explicit",
+    "sensitivity_to",
     "write_explicit",
 ]

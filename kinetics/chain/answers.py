@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,10 @@ class ChainAnswer:
     def of(cls, limited: LimitedValue, method: str, cpu_seconds: float) -> ChainAnswer:
         """The answer of a value with limits."""
         return cls(*limited, method, cpu_seconds)
+
+    def capped(self) -> ChainAnswer:
+        """The same of a probability: at most 1."""
+        return replace(self, value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
 
     def __str__(self) -> str:
         kind = "proven" if self.is_bound else "estimated"

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,28 +20,25 @@ from kinetics.chain.checks import (
     checked_reward,
     checked_start,
 )
+from kinetics.chain.in_time import BACKWARD, mean_at, one_time, stopped_in
 from kinetics.chain.listing import Condition, listed
+from kinetics.chain.paths import drawn_path
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.rewards import earned, named_reward
 from kinetics.network import Network
-from kinetics.passage.backward import LimitedValue, expected_at, expected_integral, steps_until, that_matter
+from kinetics.passage.backward import LimitedValue, expected_integral
 from kinetics.passage.committor import ChainCommittor, committor_of
 from kinetics.passage.first_passage import Passage, passage_to
 from kinetics.passage.projected import ProjectedPassage
-from kinetics.passage.sampled import sampled_jumps
 from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
-from kinetics.passage.until import always, always_by, earned_until, earning_with, until, until_by
+from kinetics.passage.until import always, earned_until, earning_with, until
 from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
-from kinetics.solving.dense import MAX_DENSE
-from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.solving.uniformisation import MAX_STEPS
-from kinetics.support.arrays import Floats, integers, read_only, real_number, rising_times
+from kinetics.support.arrays import Floats, integers, read_only, rising_times
 
 Mask = NDArray[np.bool_]
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
-BACKWARD, ELIMINATION = "uniformisation, backwards", "elimination"
-MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a small chain forwards by squaring
+ELIMINATION = "elimination"
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +220,7 @@ class Chain:
         def reached(goals: Mask) -> ChainAnswer:
             if by is None:
                 return self._answer(lambda: until(*self._begun, ways, goals).limited, ELIMINATION)
-            return self._in_time(goals, goals | ~ways, by, method, lambda t: until_by(*self._begun, ways, goals, t))
+            return self._in_time(goals, goals | ~ways, by, method)
 
         return self._either_way(reached, goal, self._lost & ways & ~goal)
 
@@ -235,7 +231,7 @@ class Chain:
         def stays(kept: Mask) -> ChainAnswer:
             if by is None:
                 return self._answer(lambda: always(*self._begun, kept).limited, ELIMINATION)
-            return self._in_time(kept, ~kept, by, method, lambda t: always_by(*self._begun, kept, t))
+            return self._in_time(kept, ~kept, by, method)
 
         return self._either_way(stays, wanted & ~self._lost, self._lost & wanted)
 
@@ -252,34 +248,10 @@ class Chain:
     def _begun(self) -> tuple[Transitions, Floats]:
         return self.transitions, np.asarray(self.initial)
 
-    def _in_time(
-        self,
-        held: Mask,
-        stops: Mask,
-        by: float,
-        method: ListingMethod | None,
-        backwards: Callable[[float], LimitedValue],
-    ) -> ChainAnswer:
+    def _in_time(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None) -> ChainAnswer:
         """The probability of `held` at a time, of the chain that is stopped."""
-        end = float(rising_times([real_number("by", by)])[0])
-        chain = self.transitions.stopped(stops)
-        most = MANY_STEPS if len(self) <= MAX_DENSE else MAX_STEPS
-        if method is None and self._steps(chain, held, end, most) <= most:
-            return self._answer(lambda: backwards(end), BACKWARD)
-        began, chosen = time.process_time(), method or Transient()
-        space = self._space
-        if space is not None:
-            space = replace(space, is_stopped=space.is_stopped | stops)
-        rows, error, is_bound = chosen.probabilities(chain, self._begun[1], np.array([end]), space)
-        value = float(rows[0] @ held)
-        slack = error + ROUNDOFF * len(self)
-        limited = LimitedValue(min(value, 1.0), max(value - slack, 0.0), min(value + slack, 1.0), is_bound)
-        return ChainAnswer.of(limited, chosen.name, time.process_time() - began)
-
-    def _steps(self, chain: Transitions, held: Mask, end: float, most: int) -> float:
-        """Steps backwards; only where they are more than `most`, of the states that matter alone."""
-        steps = steps_until(chain, end)
-        return steps if steps <= most else steps_until(that_matter(chain, self._begun[1], held.astype(float))[0], end)
+        chain, space = self.transitions.stopped(stops), stopped_in(self._space, stops)
+        return mean_at(chain, self._begun[1], held.astype(float), one_time("by", by), space, method).capped()
 
     def reward(
         self,
@@ -297,14 +269,21 @@ class Chain:
         """
         given = self.reward_asked(name, at, up_to, until, stationary)
         if at is not None:
-            now = float(rising_times([at])[0])
-            rates = np.asarray(given.rates)
-            return self._answer(lambda: earned(expected_at, *self._begun, rates, now, self._lost, given.most), BACKWARD)
+            now = one_time("at", at)
+            return earned(
+                lambda values: mean_at(*self._begun, values, now, self._space),
+                np.asarray(given.rates),
+                self._lost,
+                given.most,
+            )
         earning, rounded = earning_with(self.transitions, np.asarray(given.rates), self.worth(given))
         if up_to is not None:
-            end = float(rising_times([up_to])[0])
-            total = partial(earned, expected_integral, *self._begun, earning, end, self._lost, given.most)
-            return self._answer(lambda: total().wider(rounded), BACKWARD)
+            end = one_time("up_to", up_to)
+
+            def total(values: Floats) -> ChainAnswer:
+                return self._answer(lambda: expected_integral(*self._begun, values, end).wider(rounded), BACKWARD)
+
+            return earned(total, earning, self._lost, given.most)
         if until is not None:
             goal = self.states(until)
             unsure = self._lost & ~goal
@@ -334,7 +313,7 @@ class Chain:
         """Probability of the states after infinite time."""
         held = self.states(states)
         found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), ELIMINATION)
-        return replace(found, value=min(found.value, 1.0), high=min(found.high, 1.0))
+        return found.capped()
 
     def stationary(self) -> ChainStationary:
         """The distribution after infinite time, with a relative error a state."""
@@ -366,8 +345,7 @@ class Chain:
     def sample_path(self, end: float, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until `end`, tu; (seed, run) name it."""
         self.check_whole("a run")
-        until_then = float(rising_times([end])[0])
-        return self._path(self._begun[1], until_then, seed, run)
+        return drawn_path(*self._begun, one_time("end", end), seed, run)
 
     def sample_path_to(self, target: Target, seed: int = 0, run: int = 0) -> ChainPath:
         """One run until the target, drawn from the runs that reach it, however few (Doob's h-transform)."""
@@ -377,23 +355,7 @@ class Chain:
         weights = self._begun[1] * chances
         if not weights.any():
             raise ValueError("the target is never reached; there are no such runs")
-        return self._path(weights / weights.sum(), np.inf, seed, run, found.transitions, chances)
-
-    def _path(
-        self,
-        start: Floats,
-        end: float,
-        seed: int,
-        run: int,
-        transitions: Transitions | None = None,
-        chances: Floats | None = None,
-    ) -> ChainPath:
-        chain = self.transitions if transitions is None else transitions
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, 1)))  # the jumps have (run,)
-        begin = int(rng.choice(len(self), p=start))
-        times, entries = sampled_jumps(chain, begin, end, seed, run, chances)
-        last = float(times[-1]) if times.size else 0.0
-        return ChainPath(np.append(0.0, times), np.append(begin, chain.columns[entries]), end if end < np.inf else last)
+        return drawn_path(found.transitions, weights / weights.sum(), np.inf, seed, run, chances)
 
     def _answer(self, question: Callable[[], LimitedValue], method: str) -> ChainAnswer:
         began = time.process_time()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.support.arrays import Floats, read_only, real_number, reals
+from kinetics.support.arrays import Floats, read_only, real_number, reals, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -81,10 +81,11 @@ def square(name: str, given: Any, n: int | None = None) -> csr_array:
 
 def checked_start(initial: ArrayLike, n: int) -> Floats:
     """Probabilities (N,) at time 0, from these or from the number of one state."""
-    if np.ndim(initial) == 0 and isinstance(initial, int | np.integer) and not isinstance(initial, bool):
-        if not 0 <= int(initial) < n:
-            raise ValueError(f"initial state {initial}; expected 0 to {n - 1}")
-        return read_only(np.eye(1, n, int(initial))[0])
+    if np.ndim(initial) == 0:
+        state = whole_number("initial", initial, 0)  # type: ignore[arg-type]
+        if state >= n:
+            raise ValueError(f"initial state {state}; expected 0 to {n - 1}")
+        return read_only(np.eye(1, n, state)[0])
     start = reals("initial", initial, (n,), minimum=0)
     total = float(start.sum())
     if abs(total - 1.0) > NORMED:

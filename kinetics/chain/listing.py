@@ -40,7 +40,7 @@ def listed(
     if within is None:
         space = reached_states(network, initial, max_states, None if stop is None else stops)
         return space, np.zeros(len(space), dtype=bool)
-    if isinstance(within, int):
+    if not isinstance(within, str) and not callable(within):
         return nearest_states(network, initial, within, max_states, stops)
     inside = within
 

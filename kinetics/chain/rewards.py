@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.checks import Reward
-from kinetics.passage.backward import LimitedValue
-from kinetics.solving import Transitions
 from kinetics.support.arrays import Floats
 
 
@@ -29,23 +29,18 @@ def named_reward(
 
 
 def earned(
-    mean: Callable[..., LimitedValue],
-    transitions: Transitions,
-    start: Floats,
-    rates: Floats,
-    time: float,
-    lost: NDArray[np.bool_],
-    most: float | None,
-) -> LimitedValue:
-    """Mean of what is earned at `rates` (N,) at or up to a time, by `expected_at` or `expected_integral`.
+    mean: Callable[[Floats], ChainAnswer], rates: Floats, lost: NDArray[np.bool_], most: float | None
+) -> ChainAnswer:
+    """Mean of what is earned at `rates` (N,), where `mean` answers for any values (N,).
 
     Where the chain is lost (N,), it is nothing at least and `most` a time unit at most; None: nobody knows.
     """
-    known = mean(transitions, start, np.where(lost, 0.0, rates), time)
+    known = mean(np.where(lost, 0.0, rates))
     if not lost.any():
         return known
-    away = mean(transitions, start, lost.astype(float), time)
+    away = mean(lost.astype(float))
     if away.high == 0.0:
         return known
     more = np.inf if most is None else 1.001 * most * away.high
-    return known._replace(high=known.high + more, is_bound=known.is_bound and away.is_bound)
+    seconds = known.cpu_seconds + away.cpu_seconds
+    return replace(known, high=known.high + more, is_bound=known.is_bound and away.is_bound, cpu_seconds=seconds)

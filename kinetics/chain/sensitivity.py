@@ -12,8 +12,11 @@ from numpy.typing import ArrayLike
 
 from kinetics.chain.chain import Chain, Mask, Target
 from kinetics.chain.checks import square
+from kinetics.chain.in_time import mean_at, one_time, steps_to, stopped_in
 from kinetics.derivatives import (
+    LARGEST_ORDER,
     ChannelEntries,
+    Density,
     Derivatives,
     Slopes,
     slopes_always,
@@ -21,14 +24,19 @@ from kinetics.derivatives import (
     slopes_by_squaring,
     slopes_earned,
     slopes_in_the_end,
+    slopes_moment,
+    slopes_quantile,
+    slopes_sd,
     slopes_until,
     slopes_up_to,
 )
 from kinetics.derivatives.squaring import MAX_SQUARED
 from kinetics.network import Network
-from kinetics.passage.backward import steps_until
+from kinetics.passage.backward import LimitedValue
+from kinetics.solving.poisson import ROUNDOFF
+from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import STEP_SECONDS
-from kinetics.support.arrays import Floats, real_number, rising_times
+from kinetics.support.arrays import Floats, real_number, whole_number
 
 ADJOINT, SQUARING, ELIMINATION = "adjoint uniformisation", "squaring, with its derivative", "elimination, adjoint"
 MAX_SECONDS = 7200.0
@@ -43,9 +51,11 @@ class Sensitivity:
     parameters : name -> (N, N) sparse: how the rates between states depend on it, d ln(rate) / d ln(parameter); 1
         where a rate is in proportion to it, as with a mask
 
-    By `until` and `reward` at or up to a time: one pass forwards and one backwards, or for small and stiff chains three
-    times the products of the dense method, with an estimated error; ever, until a target or in the end: one elimination
-    and two substitutions. ValueError: a chain from elsewhere without parameters, and what the chain refuses.
+    By `until` and `reward` at or up to a time: one pass forwards and one backwards, about three times the answer's
+    time; for small and stiff chains three times the products of the dense method. Ever, until a target or in the end:
+    one elimination and two substitutions, and up to four more where a target is remote. Limits are relative to the
+    answer; of `always`, the end, `passage_sd` and higher moments, as much wider as rates fire often before. ValueError:
+    a chain from elsewhere without parameters, and what the chain refuses.
     """
 
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:
@@ -100,6 +110,65 @@ class Sensitivity:
         ones = np.ones(goal.size)
         return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), ELIMINATION)
 
+    def passage_moment(self, target: Target, order: int) -> Derivatives:
+        """Of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
+        goal, power = self._chain.states(target), whole_number("order", order, 1)
+        if power > LARGEST_ORDER:
+            raise ValueError(f"order = {power}; moments are known up to {LARGEST_ORDER}")
+        return self._answer(lambda: slopes_moment(self._entries, self._start, goal, power), ELIMINATION)
+
+    def passage_sd(self, target: Target) -> Derivatives:
+        """Of the standard deviation of the first-passage time to a target that is certain."""
+        goal = self._chain.states(target)
+
+        def slopes() -> Slopes:
+            found = self._chain.passage(target)
+            sd = LimitedValue.within(found.sd, found.sd_error, found.is_bound)
+            return slopes_sd(self._entries, self._start, goal, sd)
+
+        return self._answer(slopes, ELIMINATION)
+
+    def passage_quantile(self, target: Target, q: float) -> Derivatives:
+        """Of the time by which the target has been reached with probability q; as good as the quantile is known.
+
+        ValueError: the target is reached with a smaller probability, or too many steps
+        """
+        began, goal = time.process_time(), self._chain.states(target)
+        if not 0.0 < real_number("q", q) < 1.0:
+            raise ValueError(f"q = {q}; expected a probability between 0 and 1")
+        found = self._chain.passage(target)
+        (low,), (high,) = found.quantile_bounds([q])
+        if not np.isfinite(high):
+            raise ValueError(
+                f"the target is reached with probability {found.probability:.6g} only, so q = {q:g} is never reached; "
+                f"ask for a smaller q"
+            )
+        quantile = LimitedValue(float(found.quantile(q)), float(low), float(high), found.is_bound)
+        # the smaller of the probabilities of being there and of being on the way is known better
+        held, sign = (goal, 1.0) if q <= 0.5 else (~goal, -1.0)
+        cdf = self._at(held[None, :].astype(float), quantile.value, stops=goal)[0]
+        wide = np.maximum(cdf.high - cdf.value, cdf.value - cdf.low)
+        slopes = Slopes(quantile, sign * cdf.value, wide, cdf.is_bound)
+        if quantile.value > 0.0:
+            slopes = slopes_quantile(slopes, quantile, self._density(goal, quantile.value), self._largest_share)
+        return self._derivatives(slopes, cdf.method, time.process_time() - began)
+
+    def _density(self, goal: Mask, at: float) -> Density:
+        """Of the time to a target, at a time, tu."""
+        chain = self._chain.transitions.stopped(goal)
+        hits = goal[chain.columns]
+        into = totals(chain.rows[hits], chain.rates[hits], goal.size)
+        steep = into * chain.exits + totals(chain.rows, chain.rates * into[chain.columns], goal.size)
+        space = stopped_in(self._chain.space, goal)
+        found, bend = (mean_at(chain, self._start, values, at, space) for values in (into, steep))
+        rounded = ROUNDOFF * (chain.roundings + np.bincount(chain.rows, minlength=1).max() + 2.0)
+        limited = LimitedValue(found.value, found.low, found.high, found.is_bound and bend.is_bound).wider(rounded)
+        return Density(limited, 1.001 * bend.high, 1.001 * float(into.max()), 1.001 * float(chain.exits.max()))
+
+    @property
+    def _largest_share(self) -> float:
+        return 1.0 if self._shares is None else float(np.abs(self._shares).max(initial=0.0))
+
     def reward(
         self,
         name: str | None = None,
@@ -114,7 +183,7 @@ class Sensitivity:
         if at is not None:
             return self.means(earning[None, :], at)[0]
         if up_to is not None:
-            end = _time("up_to", up_to)
+            end = one_time("up_to", up_to)
             return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
         if until is not None:
             goal = self._chain.states(until)
@@ -132,11 +201,11 @@ class Sensitivity:
         self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
     ) -> list[Derivatives]:
         """Of means at a time, of the chain that is stopped."""
-        end, entries, space = _time("time", at), self._entries, self._chain.space
+        end, entries, space = one_time("time", at), self._entries, self._chain.space
         if stops is not None:
             entries = entries._replace(transitions=entries.transitions.stopped(stops))
-            space = None if space is None else replace(space, is_stopped=space.is_stopped | stops)
-        steps = steps_until(entries.transitions, end)
+            space = stopped_in(space, stops)
+        steps = steps_to(entries.transitions, self._start, values.sum(axis=0), end)
         if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
             return self._answers(lambda: slopes_by_squaring(entries, self._start, values, end, space), SQUARING)
         seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
@@ -154,18 +223,29 @@ class Sensitivity:
         began = time.process_time()
         found = [self._by_parameter(each) for each in question()]
         seconds = time.process_time() - began
-        return [
-            Derivatives(
-                self._names, answer, value, value - wide, value + wide, is_bound, self._constants, method, seconds
-            )
-            for answer, value, wide, is_bound in found
-        ]
+        return [self._derivatives(each, method, seconds) for each in found]
+
+    def _derivatives(self, found: Slopes, method: str, seconds: float) -> Derivatives:
+        """By parameters, with the limits of each."""
+        answer, value, wide, is_bound = found
+        low, high = value - wide, value + wide
+        return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)
 
     def _by_parameter(self, found: Slopes) -> Slopes:
         if self._shares is None:
             return found
         wide = found.wide + 2.0**-52 * found.value.size * np.abs(found.value)
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
+
+
+def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: int = 1) -> tuple[Sensitivity, Mask]:
+    """Of a chain that stops at copies of a species, and the states (N,) in which it does.
+
+    ValueError: unknown species, missing rates, or too many states
+    """
+    place, wanted = network.index(species), whole_number("copies", copies, 0)
+    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= wanted)
+    return Sensitivity(chain), np.asarray(chain.counts)[:, place] >= wanted
 
 
 def passage_sensitivity(
@@ -176,16 +256,9 @@ def passage_sensitivity(
     certain : whether it is the mean, which a target that may be missed does not have
     ValueError: unknown species, missing rates, too many states, or a mean that is infinite
     """
-    place = network.index(species)
-    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= copies)
-    goal = np.asarray(chain.counts)[:, place] >= copies
-    asked = Sensitivity(chain)
+    asked, goal = sensitivity_to(network, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)
 
 
 def _probability(found: Derivatives) -> Derivatives:
     return replace(found, answer=found.answer.capped())
-
-
-def _time(name: str, given: float) -> float:
-    return float(rising_times([real_number(name, given)])[0])

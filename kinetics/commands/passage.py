@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
@@ -18,6 +19,13 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
+from kinetics.support.tables import text_table
+
+if TYPE_CHECKING:
+    from kinetics.derivatives import Derivatives
+    from kinetics.network import Network
+    from kinetics.passage import Passage
+    from kinetics.support.arrays import Ints
 
 MOST = 1_000_000  # states
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
@@ -48,7 +56,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant does to the mean time, or to the probability where that is below 1.",
+    help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
 )
 @plot_option
 @seed_option
@@ -84,11 +92,7 @@ def passage(
     made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
-    slopes = None
-    if with_sensitivity:
-        from kinetics.chain import passage_sensitivity
-
-        slopes = passage_sensitivity(made.network, begin.state, species, copies, found.is_certain)
+    slopes = _sensitivities(made.network, begin.state, species, copies, found) if with_sensitivity else None
     if plot_file:
         from kinetics.support import plots
 
@@ -112,7 +116,11 @@ def passage(
                 "curve": {"times": curve, "cdf": found.cdf(curve)},
                 "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
                 "error": found.error,
-                "sensitivity": None if slopes is None else slopes.to_dict(),
+                "sensitivity": None if slopes is None else slopes.of_mean.to_dict(),
+                "sensitivity_sd": None if slopes is None or slopes.of_sd is None else slopes.of_sd.to_dict(),
+                "sensitivity_quantiles": None
+                if slopes is None
+                else {q: each.to_dict() for q, each in slopes.of_quantiles.items()},
                 "seed": seed,
                 "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": time.process_time() - began,
@@ -130,7 +138,52 @@ def passage(
         click.echo(note)
     if slopes is not None:
         of = "mean time" if found.is_certain else "probability of ever reaching the target"
-        click.echo(f"\nelasticity of the {of} to each rate constant\n{slopes}")
+        click.echo(f"\nelasticity of the {of} to each rate constant\n{slopes.of_mean}")
+        if slopes.others:
+            click.echo(f"\nelasticities of sd and quantiles\n{slopes}")
+        if slopes.refusal:
+            click.echo(f"no elasticities of quantiles: {slopes.refusal}")
+
+
+class Sensitivities(NamedTuple):
+    """What each rate constant does to the mean, or to the probability; to sd and quantiles, as far as there are any.
+
+    refusal : why there are no quantiles
+    """
+
+    of_mean: Derivatives
+    of_sd: Derivatives | None
+    of_quantiles: dict[float, Derivatives]
+    refusal: str
+
+    @property
+    def others(self) -> dict[str, Derivatives]:
+        """All but the first, by name."""
+        named = {} if self.of_sd is None else {"sd": self.of_sd}
+        return named | {f"q = {q:g}": each for q, each in self.of_quantiles.items()}
+
+    def __str__(self) -> str:
+        rows = [
+            (name, *(f"{each.elasticity[p]:.6g}" for each in self.others.values()))
+            for p, name in enumerate(self.of_mean.parameters)
+        ]
+        widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
+        rows.append(("+- at most", *(f"{wide:.1e}" for wide in widths)))
+        kind = "proven" if all(each.is_bound for each in self.others.values()) else "estimated"
+        seconds = sum(each.cpu_seconds for each in self.others.values())
+        return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
+
+
+def _sensitivities(network: Network, initial: Ints, species: str, copies: int, found: Passage) -> Sensitivities:
+    from kinetics.chain import sensitivity_to
+
+    asked, goal = sensitivity_to(network, initial, species, copies)
+    mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
+    try:
+        quantiles = {q: asked.passage_quantile(goal, q) for q in QUANTILES if found.is_certain or q < found.probability}
+    except ValueError as refusal:  # too stiff
+        return Sensitivities(mean, sd, {}, str(refusal))
+    return Sensitivities(mean, sd, quantiles, "")
 
 
 def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:

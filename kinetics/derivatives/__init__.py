@@ -3,11 +3,14 @@
 from kinetics.derivatives.at_a_time import slopes_at, slopes_up_to
 from kinetics.derivatives.derivatives import Derivatives
 from kinetics.derivatives.eventually import slopes_always, slopes_earned, slopes_in_the_end, slopes_until
+from kinetics.derivatives.passage_times import LARGEST_ORDER, Density, slopes_moment, slopes_quantile, slopes_sd
 from kinetics.derivatives.slopes import ChannelEntries, Slopes
 from kinetics.derivatives.squaring import slopes_by_squaring
 
 __all__ = [
+    "LARGEST_ORDER",
     "ChannelEntries",
+    "Density",
     "Derivatives",
     "Slopes",
     "slopes_always",
@@ -15,6 +18,9 @@ __all__ = [
     "slopes_by_squaring",
     "slopes_earned",
     "slopes_in_the_end",
+    "slopes_moment",
+    "slopes_quantile",
+    "slopes_sd",
     "slopes_until",
     "slopes_up_to",
 ]

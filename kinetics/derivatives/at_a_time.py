@@ -5,9 +5,14 @@ probability of n steps, or for the integral that of more than n, over q. A chann
 rate, so its derivative by ln k_r is the sum over n of v_n (Q_r / q) l_(n+1), with v_n = start P^n forwards and
 l_n = P l_(n+1) + w_n f backwards: the adjoint of all rates at once (reverse mode).
 
+Only states that are reached and lead to a value are stepped through, and steps end where all later ones together bring
+less than these round: about three times the cost of the value. Where the value has settled long before the time, and its
+pass stops, these go on: of differences that no longer change, a limit would say too little.
+
 Every rounding in v and l is as if an entry of P were wrong by a small share, k, at one step. So the computed
 derivative is a mean over the paths of n steps, in which the score of a path, M = sum of dln P / dln k_r over its steps,
-comes with each step's wrong factors. Two bounds follow, and for each channel the smaller is taken.
+comes with each step's wrong factors. A rate that is wrong counts in each jump, and in the waits as in so many jumps as
+are expected. Two bounds follow, and for each channel the smaller is taken.
 
 - Terms of one sign, as in the value itself: n k times the sum of all that is added and subtracted.
 - The score is a martingale: the mean of its square is that of the sum of its steps' squares, about the number of the
@@ -18,12 +23,12 @@ comes with each step's wrong factors. Two bounds follow, and for each channel th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import ceil, exp, expm1, sqrt
-from typing import Any, NamedTuple
+from math import exp, expm1
+from typing import NamedTuple
 
 import numpy as np
 
+from kinetics.derivatives.forwards import Forwards, places
 from kinetics.derivatives.slopes import ChannelEntries, Slopes
 from kinetics.passage.backward import (
     LEFT_OUT,
@@ -38,18 +43,17 @@ from kinetics.passage.backward import (
 )
 from kinetics.passage.until import earning_with
 from kinetics.solving.poisson import ROUNDOFF, poisson_window
+from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
-from kinetics.support.memory import check_memory
-
-SPARE = 1.25  # q over the largest exit rate: as a rate in doubt changes what stays, much has to
-KEPT_BYTES = 2**27  # of all vectors of the pass forwards; beyond, they are made again from every sqrt(n)-th
 
 
 class Weights(NamedTuple):
-    """Of the steps: their weights (n,), and the relative error of these."""
+    """Of the steps until a time, tu: their weights (n,), their sum's unit, and the relative error of a weight."""
 
+    time: float
     values: Floats
+    unit: float
     error: float
 
 
@@ -58,13 +62,13 @@ def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: f
 
     ValueError: too many steps, or too little memory
     """
-    chain = entries.transitions
-    if time == 0.0 or not chain.rates.any():
+    kept = Kept.of(entries, start, functions)
+    if time == 0.0 or not kept.entries.transitions.rates.any():
+        chain = entries.transitions
         return [Slopes.none(expected_at(chain, start, values, time), entries.n_channels) for values in functions]
-    n_steps, (first, window), error = _window(entries, time)
-    weights = Weights(np.append(np.zeros(first), window), error)
-    passes = Passes(entries, start, weights)
-    return [passes.slopes(values, LOST * n_steps) for values in functions]
+    (first, window), error = _window(kept.entries.transitions, time)
+    passes = Passes(kept, Weights(time, np.append(np.zeros(first), window), 1.0, error))
+    return [passes.slopes(f) for f in range(len(functions))]
 
 
 def slopes_up_to(
@@ -74,71 +78,108 @@ def slopes_up_to(
 
     earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
     """
-    chain = entries.transitions
+    total, rounded = earning_with(entries.transitions, earning, worth)
+    kept = Kept.of(entries, start, total[None, :], worth)
+    chain = kept.entries.transitions
     if time == 0.0 or not chain.rates.any():
-        value = float(start @ earning) * time
-        limited = LimitedValue.within(value, ROUNDOFF * (start.size + 2), time == 0.0 or chain.is_certified)
-        return Slopes.none(limited, entries.n_channels)
-    n_steps, (first, window), error = _window(entries, time)
-    tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain, SPARE)
-    weights = Weights(tails, error + ROUNDOFF * (window.size + 2))
-    return Passes(entries, start, weights).slopes(earning, LOST * n_steps * time, worth)
+        value, is_bound = float(start @ total) * time, time == 0.0 or entries.transitions.is_certified
+        return Slopes.none(LimitedValue.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
+    (first, window), error = _window(chain, time)
+    tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain)
+    error += ROUNDOFF * (window.size + 2) + rounded
+    return Passes(kept, Weights(time, tails, time, error)).slopes(0)
 
 
-def _window(entries: ChannelEntries, time: float) -> tuple[int, tuple[int, Floats], float]:
-    """The number of steps, the Poisson weights and where they begin, and the largest relative error of one."""
-    steps = steps_until(entries.transitions, time, SPARE)
+def _window(chain: Transitions, time: float) -> tuple[tuple[int, Floats], float]:
+    """The Poisson weights and where they begin, and the largest relative error of one."""
+    steps = steps_until(chain, time)
     if steps > MAX_STEPS:
         raise ValueError(
             f"the chain is too stiff for derivatives by uniformisation: {steps:.3g} steps until {time:g} tu, at most "
             f"{MAX_STEPS}; ask for an earlier time"
         )
-    mean = jump_rate(entries.transitions, SPARE) * time
+    mean = jump_rate(chain) * time
     first, window = poisson_window(mean, LEFT_OUT)
-    return first + window.size, (first, window), float(weights_errors(mean, first, window.size).max())
+    return (first, window), float(weights_errors(mean, first, window.size).max())
+
+
+class Kept(NamedTuple):
+    """What matters of a question: the states that are reached and lead to a value, all others being one without.
+
+    start : (N,); functions : (F, N), each at most 1, in units of `scales` (F,)
+    worth : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
+    """
+
+    entries: ChannelEntries
+    start: Floats
+    functions: Floats
+    scales: Floats
+    worth: Floats | None
+
+    @classmethod
+    def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, worth: Floats | None = None) -> Kept:
+        """Of functions (F, N) of all states."""
+        chain = entries.transitions
+        scales = np.where(functions.any(axis=1), functions.max(axis=1), 1.0)
+        shares = functions / scales[:, None]
+        kept = chain.reached_from(start > 0) & chain.leading_to(shares.max(axis=0) > 0)
+        if kept.all():
+            return cls(entries, start, shares, scales, worth)
+        inside = entries._replace(transitions=chain.within(kept))
+        start, shares = np.append(start[kept], 0.0), np.append(shares[:, kept], np.zeros((len(shares), 1)), axis=1)
+        return cls(inside, start, shares, scales, None if worth is None else worth[kept[chain.rows]])
+
+
+class Back(NamedTuple):
+    """What a pass backwards gives.
+
+    later : (N,) l_0
+    gained : of every entry of P off its diagonal the sum of v (l there - l here)
+    held : (N,) the sum of v l of every state
+    occupation : (N,) the weights of the steps after each visit of a state
+    spent : (N,) those at the visits, where they are asked for
+    """
+
+    later: Floats
+    gained: Floats
+    held: Floats
+    occupation: Floats
+    spent: Floats
 
 
 class Passes:
-    """The pass forwards, and those backwards on top of it.
+    """The pass forwards, and those backwards on top of it."""
 
-    occupation : (N,) expected weight of the steps after each visit of a state
-    """
-
-    def __init__(self, entries: ChannelEntries, start: Floats, weights: Weights) -> None:
-        chain = entries.transitions
-        self._entries, self._start, self._weights = entries, start, weights
-        matrix, roundings = one_step(chain, SPARE)
-        matrix.sort_indices()
-        self._matrix, self._rate = matrix, jump_rate(chain, SPARE)
-        n_steps, n = weights.values.size, chain.size
-        inflows = int(np.bincount(chain.columns, minlength=1).max())
-        # a rate that is wrong by e moves what stays, a fifth at least, by up to four times as much
-        each = ROUNDOFF * (roundings + 2.0 * (inflows + 2.0) + 4.0 * (chain.roundings + 1.0))
-        self._wrong = 1.01 * n_steps * each
+    def __init__(self, kept: Kept, weights: Weights) -> None:
+        chain = kept.entries.transitions
+        self._kept, self._weights = kept, weights
+        moves, self._stays, roundings = one_step(chain)
+        moves.sort_indices()
+        self._moves, self._rate = places(moves), jump_rate(chain)
+        n, inflows = chain.size, int(np.bincount(chain.columns, minlength=1).max())
+        self._forwards = Forwards(moves, self._stays, kept.start, weights.values, kept.functions)
+        steps = self._forwards.n_steps
+        each = roundings + 2.0 * (inflows + 2.0)
+        rates = (chain.roundings + 1.0) * (steps + float(chain.exits.max()) * weights.time)
+        self._wrong = 1.01 * ROUNDOFF * (steps * each + rates)
+        self._lost = (LOST * weights.values.size + self._forwards.rest) * weights.unit
         # where each entry is in P
-        keys = np.repeat(np.arange(n), np.diff(matrix.indptr)) * n + matrix.indices
+        keys = np.repeat(np.arange(n), np.diff(moves.indptr)) * n + moves.indices
         self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
-        self._forwards = Forwards(matrix, start, sums_after(weights.values))
-        self.occupation = self._forwards.mixed
 
-    def slopes(self, values: Floats, lost: float, worth: Floats | None = None) -> Slopes:
-        """Of the mean of `values` (N,).
-
-        lost : relative to the largest value, what is left out and underflows
-        worth : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
-        """
-        chain, entries = self._entries.transitions, self._entries
-        values, rounded_values = earning_with(chain, values, worth)
-        scale = float(values.max()) or 1.0
-        later, gained, held = self._back(values / scale)
-        mean, share = float(self._start @ later), chain.rates / self._rate
-        terms = share * gained[self._places]
+    def slopes(self, f: int) -> Slopes:
+        """Of the mean of one of the functions."""
+        entries, start, functions, scales, worth = self._kept
+        chain, scale, lost = entries.transitions, float(scales[f]), self._lost
+        found = self._back(functions[f])
+        mean, share = float(start @ found.later), chain.rates / self._rate
+        terms = share * found.gained[self._places]
         value = entries.by_channel(terms)
         # all that is added and subtracted on the way to these terms
-        size = 2.0 * entries.by_channel(share * held[chain.rows]) + value
-        stays = self._matrix.diagonal()[chain.rows]
-        firings = entries.by_channel(share * (1.0 + share / stays) * self.occupation[chain.rows])
-        wrong, error = self._wrong, self._weights.error + 4.0 * ROUNDOFF + rounded_values
+        size = 2.0 * entries.by_channel(share * found.held[chain.rows]) + value
+        stays = self._stays[chain.rows]
+        firings = entries.by_channel(share * (1.0 + share / stays) * found.occupation[chain.rows])
+        wrong, error = self._wrong, self._weights.error + 4.0 * ROUNDOFF
         relative = expm1(wrong) + error
         scores = wrong * exp(wrong) * (2.0 + wrong * exp(wrong)) + error
         wide = np.minimum(relative * size, scores * np.sqrt(mean * firings))
@@ -146,86 +187,31 @@ class Passes:
         added = rounded * size + entries.most * entries.by_channel(np.abs(terms))
         wide = 1.02 * wide + 1.01 * ROUNDOFF * added + lost
         if worth is not None:
-            spent = sum(self._weights.values[n : n + len(block)] @ block for n, block in self._forwards.backwards())
-            direct = entries.by_channel(chain.rates * worth * np.asarray(spent)[chain.rows] / scale)
+            direct = entries.by_channel(chain.rates * worth * found.spent[chain.rows] / scale)
             relative += ROUNDOFF * (entries.most + rounded)
             value, wide = value + direct, wide + 1.01 * relative * direct
         answer = LimitedValue.within(
-            mean * scale, relative + ROUNDOFF * (self._start.size + 2), chain.is_certified, lost * scale
+            mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale
         )
         return Slopes(answer, value * scale, wide * scale, chain.is_certified)
 
-    def _back(self, values: Floats) -> tuple[Floats, Floats, Floats]:
-        """l_0 (N,); of every entry of P the sum of v (l there - l here); of every state that of v l.
+    def _back(self, values: Floats) -> Back:
+        """A pass backwards of a function (N,).
 
         Added up within blocks first, so that the roundings are those of 2 sqrt(n) additions.
         """
         from kinetics.kernels import markov
 
-        one_step_arrays, later = arrays(self._matrix), np.zeros(values.size)
-        gained, held = np.zeros(self._matrix.nnz), np.zeros(values.size)
+        n, weights, steps = values.size, self._weights.values, self._forwards.n_steps
+        after, later, spent = sums_after(weights[:steps]), np.zeros(n), np.zeros(n)
+        sums = [np.zeros(self._moves[1].size), np.zeros(n), np.zeros(n)]
         for begin, vectors in self._forwards.backwards():
-            more, longer = np.zeros_like(gained), np.zeros_like(held)
-            weights = self._weights.values[begin : begin + len(vectors)]
-            markov.steps_back(*one_step_arrays, vectors, weights, values, later, more, longer)
-            gained += more
-            held += longer
-        return later, gained, held
-
-
-def arrays(matrix: Any) -> tuple[Any, Any, Floats]:
-    """A matrix by rows, as kernels read it: with unsigned places, which Numba need not look at."""
-    return matrix.indptr.astype(np.uint32), matrix.indices.astype(np.uint32), matrix.data
-
-
-class Forwards:
-    """v_n = start P^n (N,) for all steps n, from the last block of `length` steps to the first.
-
-    They are kept where all of them fit into `KEPT_BYTES`; else only the first of each block is, and the others are made
-    again, at the cost of one more pass a function.
-
-    mixed : (N,) sum over n of weights (n_steps,) times v_n
-    """
-
-    def __init__(self, matrix: Any, start: Floats, weights: Floats) -> None:
-        from kinetics.kernels import markov
-
-        self._arrays = arrays(matrix.T.tocsr())
-        n, self._n_steps = start.size, weights.size
-        self.length = ceil(sqrt(self._n_steps))
-        n_blocks = ceil(self._n_steps / self.length)
-        keeps = 8.0 * n * self._n_steps <= KEPT_BYTES
-        rows = self._n_steps if keeps else n_blocks + self.length
-        check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time, or start from fewer copies")
-        self._block = np.empty((1 if keeps else self.length, n))
-        self._vectors = np.empty((self._n_steps if keeps else n_blocks, n))
-        self._keeps, mixed, now = keeps, np.zeros((1, n)), start.copy()
-        for b, begin in enumerate(range(0, self._n_steps, self.length)):
-            block = self._vectors[begin : begin + self.length] if keeps else self._block[: self._n_steps - begin]
-            self._fill(block, now)
-            self._vectors[begin if keeps else b] = now
-            markov.mix(np.zeros(1, dtype=np.int64), weights[None, begin : begin + len(block)], block, mixed)
-            now = self._next(block[-1])
-        self.mixed = mixed[0]
-
-    def _fill(self, block: Floats, first: Floats) -> None:
-        """The rows of a block, from its first."""
-        from kinetics.kernels import markov
-
-        block[0] = first
-        markov.powers(*self._arrays, block)
-
-    def _next(self, vector: Floats) -> Floats:
-        pair = np.array([vector, vector])
-        self._fill(pair, vector)
-        return pair[1]
-
-    def backwards(self) -> Iterator[tuple[int, Floats]]:
-        """Where each block begins and its vectors (B, N), the last block first."""
-        for begin in reversed(range(0, self._n_steps, self.length)):
-            end = min(begin + self.length, self._n_steps)
-            if self._keeps:
-                yield begin, self._vectors[begin:end]
-            else:
-                self._fill(self._block[: end - begin], self._vectors[begin // self.length])
-                yield begin, self._block[: end - begin]
+            block = slice(begin, begin + len(vectors))
+            parts = [np.zeros_like(each) for each in sums]
+            markov.steps_back(*self._moves, self._stays, vectors, weights[block], after[block], values, later, *parts)
+            for s, part in enumerate(parts):
+                sums[s] += part
+            if self._kept.worth is not None:
+                spent += weights[block] @ vectors
+        gained, held, occupation = sums
+        return Back(later, gained, held, occupation, spent)

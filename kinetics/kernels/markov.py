@@ -121,42 +121,51 @@ def retreat(begins, targets, shares, stays, starts, chances, now, before, means)
 
 
 @compiled
-def powers(begins, sources, shares, vectors):
-    """Fill the rows of `vectors` after the first, each the product of a matrix with the row before.
+def powers(begins, sources, shares, stays, vectors):
+    """Fill the rows of `vectors` after the first, each one step after the row before, p <- p P.
 
-    begins, sources, shares : the matrix by rows, compressed; with P transposed, a row is a step after the one before
+    begins, sources, shares : the moves into each state, as in `advance`
+    stays : (N,) what remains of 1
     vectors : (B + 1, N), row 0 given, none negative
     """
     for b in range(vectors.shape[0] - 1):
-        for i in range(vectors.shape[1]):
-            total = 0.0
-            for k in range(begins[i], begins[i + 1]):
-                total += shares[k] * vectors[b, sources[k]]
-            vectors[b + 1, i] = total
+        now, after = vectors[b], vectors[b + 1]
+        end = begins[0]
+        for i in range(stays.size):
+            total = stays[i] * now[i]
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
+                total += shares[k] * now[sources[k]]
+            after[i] = total
 
 
 @compiled
-def steps_back(begins, ends, shares, vectors, weights, values, later, gained, held):
-    """Step backwards, and note what each rate brings: `later` becomes P later + weights[b] values, b = B - 1, ..., 0.
+def steps_back(begins, ends, shares, stays, vectors, weights, after, values, later, gained, held, mixed):
+    """Step backwards, and note what each move brings: `later` becomes P later + weights[b] values, b = B - 1, ..., 0.
 
-    begins, ends, shares : P by rows, compressed, with K entries
+    begins, ends, shares, stays : the K moves out of each state, as in `retreat`
     vectors : (B, N) probabilities before each step
-    weights : (B,) of the values (N,)
+    weights : (B,) of the values (N,); after : (B,) the sum of those of later steps
     later : (N,), changed in place
     gained : (K,) to which probability * (later there - later here) is added before each step
     held : (N,) to which probability * later is added likewise
+    mixed : (N,) to which after[b] * probability is added
     """
-    n = values.size
-    now = later.copy()
-    before = np.empty(n)
+    n = stays.size
+    now, before = later.copy(), np.empty(n)
     for b in range(weights.size - 1, -1, -1):
+        chances, weight, rest = vectors[b], weights[b], after[b]
+        end = begins[0]
         for i in range(n):
-            total, here, chance = 0.0, now[i], vectors[b, i]
-            for k in range(begins[i], begins[i + 1]):
+            here, chance = now[i], chances[i]
+            total = stays[i] * here
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
                 there = now[ends[k]]
                 total += shares[k] * there
                 gained[k] += chance * (there - here)
             held[i] += chance * here
-            before[i] = total + weights[b] * values[i]
+            mixed[i] += rest * chance
+            before[i] = total + weight * values[i]
         now, before = before, now
     later[:] = now

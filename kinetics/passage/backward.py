@@ -176,7 +176,7 @@ class BackwardPass:
     @cached_property
     def _arrays(self) -> tuple[tuple[Any, ...], float]:
         """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
-        moves, stays, roundings = _moves(self._chain, SPARE)
+        moves, stays, roundings = one_step(self._chain)
         return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 
 
@@ -203,17 +203,8 @@ def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
     return spare * float(transitions.exits.max(initial=0.0))
 
 
-def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, float]:
-    """P (N, N) by rows, and how many roundings of a result a step backwards with it adds at most."""
-    from scipy.sparse import csr_array, dia_array
-
-    moves, stays, roundings = _moves(transitions, spare)
-    diagonal: Any = dia_array((stays[None, :], [0]), shape=moves.shape)
-    return csr_array(moves + diagonal), roundings
-
-
-def _moves(transitions: Transitions, spare: float) -> tuple[Any, Floats, float]:
-    """P off its diagonal (N, N), the diagonal (N,), and roundings as above."""
+def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, Floats, float]:
+    """P off its diagonal (N, N) by rows, its diagonal (N,), and how many roundings a step backwards adds at most."""
     from scipy.sparse import csr_array
 
     n, rate = transitions.size, jump_rate(transitions, spare)

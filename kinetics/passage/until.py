@@ -1,4 +1,4 @@
-"""Whether a chain reaches a target on the way through given states, at all or by a time; what is earned until then."""
+"""Whether a chain reaches a target on the way through given states; what is earned until then."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.passage.backward import LimitedValue, expected_at
+from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
@@ -90,17 +90,6 @@ def always(transitions: Transitions, start: Floats, states: Mask) -> Ending:
     """Probability of never leaving `states` (N,): of entering some from which there is no way out of them."""
     trapped = states & ~transitions.stopped(~states).leading_to(~states)
     return until(transitions, start, states, trapped)
-
-
-def until_by(transitions: Transitions, start: Floats, through: Mask, target: Mask, time: float) -> LimitedValue:
-    """Probability of reaching the target by a time, tu, on the way through states `through` (N,) alone."""
-    chain = transitions.stopped(target | ~through)
-    return expected_at(chain, start, target.astype(float), time).capped()
-
-
-def always_by(transitions: Transitions, start: Floats, states: Mask, time: float) -> LimitedValue:
-    """Probability of not leaving `states` (N,) before a time, tu; as exact where it is tiny."""
-    return expected_at(transitions.stopped(~states), start, states.astype(float), time).capped()
 
 
 def earned_until(transitions: Transitions, start: Floats, earning: Floats, target: Mask) -> Ending:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -54,10 +55,14 @@ def rising_times(times: ArrayLike, strictly: bool = True) -> Floats:
 
 
 def whole_number(name: str, value: int, least: int) -> int:
-    """`value` where it is a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+    """`value`, a whole number of any type but truth, where it is at least `least`."""
+    try:
+        number = None if isinstance(value, bool) else index(value)
+    except TypeError:
+        number = None
+    if number is None or number < least:
         raise ValueError(f"{name} = {value!r}; expected a whole number of at least {least}")
-    return int(value)
+    return number
 
 
 def real_number(name: str, value: float) -> float:

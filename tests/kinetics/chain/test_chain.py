@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.special import gammainc
 from scipy.stats import chisquare
 
-from kinetics import Chain, Reward, Transient, committor, first_passage, solve, stationary
+from kinetics import Chain, Reward, Sensitivity, Transient, committor, first_passage, solve, stationary
 from kinetics.solving import Dense
 
 
@@ -172,8 +172,22 @@ def test_a_stiff_chain_is_solved_forwards():
     answer = chain.until("B >= 1", by=100.0)
     assert answer.method == "exact"
     assert answer.value == 1.0
-    with pytest.raises(ValueError, match="too stiff for a pass backwards"):
-        chain.reward("A", at=100.0)
+
+
+def test_rewards_of_stiff_chains_are_known_to_chain_and_sensitivity():
+    """One copy on A and then B, a / (a + b) of the time; up to a time neither of both answers."""
+    chain = Chain.of(switch(3e6, 1e6), [1, 0], rewards={"held": "7 * A"})
+    answer, slopes = chain.reward("held", at=100.0), Sensitivity(chain).reward("held", at=100.0)
+    assert answer.method == "exact"
+    for found in (answer, slopes.answer):
+        assert found.is_bound
+        assert found.low <= 7 / 4 <= found.high
+        assert found.high - found.low < 1e-12
+    assert not answer.low <= 7 / 4 * (1 + 1e-11) <= answer.high  # the control
+    assert_allclose(slopes.elasticity, [-0.75, 0.75], rtol=1e-10)
+    for asked in (chain, Sensitivity(chain)):
+        with pytest.raises(ValueError, match="too stiff for"):
+            asked.reward("held", up_to=100.0)
 
 
 def test_rate_laws_give_bounds_where_they_are_bounded():

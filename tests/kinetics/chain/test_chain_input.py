@@ -6,7 +6,8 @@ from known_systems import line
 from scipy.linalg import expm
 from scipy.sparse import csr_array
 
-from kinetics import Chain, Reward
+from kinetics import Chain, Reward, first_passage
+from kinetics.chain import passage_sensitivity
 
 RATES = np.array([[0, 1.0, 0], [2.0, 0, 1.0], [0, 0, 0]])
 GENERATOR = RATES - np.diag(RATES.sum(axis=1))
@@ -30,6 +31,8 @@ def test_rates_and_generators_are_the_same_chain():
         (np.zeros((0, 0)), 0, "generator has no states"),
         ([["a"]], 0, "generator must be numbers"),
         (RATES, 3, "initial state 3; expected 0 to 2"),
+        (RATES, True, "initial = True; expected a whole number"),
+        (RATES, 1.0, r"initial = 1\.0; expected a whole number"),
         (RATES, [0.5, 0.4, 0.0], "initial sums to 0.9; expected probabilities that sum to 1"),
         (RATES, [1.5, -0.5, 0.0], "initial holds -0.5; expected at least 0"),
         (RATES, [1.0, 0.0], r"initial has shape \(2,\); expected \(3\)"),
@@ -107,3 +110,35 @@ def test_too_many_states_are_refused():
         Chain.of(line(), {"monomer": 60}, max_states=100)
     with pytest.raises(ValueError, match="unknown name 'pentamer'"):
         Chain.of(line(), {"monomer": 6}, stop="pentamer >= 1")
+
+
+INTEGERS = (int, np.int64, np.uint8, np.array)
+
+
+@pytest.mark.parametrize("kind", INTEGERS)
+def test_whole_numbers_of_any_type(kind):
+    """Python's, numpy's, and arrays without an axis."""
+    network, start = line(), {"monomer": 8}
+    assert len(Chain.of(network, start, within=kind(10))) == len(Chain.of(network, start, within=10))
+    assert len(Chain.of(network, start, max_states=kind(100))) == 15
+    assert Chain(RATES, kind(1)).initial[1] == 1.0
+    path = Chain(RATES, 0).sample_path(1.0, seed=kind(3), run=kind(2))
+    assert np.array_equal(path.times, Chain(RATES, 0).sample_path(1.0, seed=3, run=2).times)
+    assert first_passage(network, start, "quadmer", kind(2)).mean == first_passage(network, start, "quadmer", 2).mean
+    slopes = passage_sensitivity(network, start, "quadmer", kind(2))
+    assert np.array_equal(slopes.value, passage_sensitivity(network, start, "quadmer", 2).value)
+
+
+@pytest.mark.parametrize("number", [True, np.True_, 2.5, 0])
+def test_truths_and_fractions_are_no_whole_numbers(number):
+    network, start = line(), {"monomer": 8}
+    refused = pytest.raises(ValueError, match="expected a whole number of at least 1")
+    with refused:
+        Chain.of(network, start, within=number)
+    with refused:
+        Chain.of(network, start, max_states=number)
+    if number != 0:
+        with pytest.raises(ValueError, match="expected a whole number of at least 0"):
+            passage_sensitivity(network, start, "quadmer", number)
+        with pytest.raises(ValueError, match="expected a whole number of at least 0"):
+            Chain(RATES, 0).sample_path(1.0, seed=number)

@@ -96,12 +96,22 @@ def test_passage_sensitivity():
     assert found["is_bound"] is True
     assert sum(found["elasticity"]) == pytest.approx(-1.0, rel=1e-10)
     assert min(found["elasticity"]) < -0.1
+    spread, quantiles = data["sensitivity_sd"], data["sensitivity_quantiles"]
+    assert spread["answer"]["value"] == pytest.approx(data["sd"], rel=1e-10)
+    assert list(quantiles) == ["0.025", "0.25", "0.5", "0.75", "0.975"]
+    assert quantiles["0.5"]["answer"]["value"] == pytest.approx(data["quantiles"]["0.5"], rel=1e-10)
+    for each in (spread, *quantiles.values()):
+        assert sum(each["elasticity"]) == pytest.approx(-1.0, rel=1e-8)
     text = run(*options)
     assert "elasticity of the mean time to each rate constant" in text
-    assert text.count("->") >= 8
+    assert text.count("->") >= 16
+    header = next(row for row in text.splitlines() if row.split()[:2] == ["parameter", "sd"])
+    assert header.count("q = 0.") == 5
     never = json.loads(run(*options, "--copies", 4, "--json"))
     assert never["certain"] is False
     assert not any(never["sensitivity"]["value"])
+    assert never["sensitivity_sd"] is None
+    assert not never["sensitivity_quantiles"]
 
 
 def test_passage_that_never_happens():
