@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.support.config import validated
+from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 from mechsim.runs.record import RunRecord, RunSpec, execute
-from mechsim.runs.store import DamagedRunError, decode, write_whole
+from mechsim.runs.store import DamagedRunError, decode
 from mechsim.scene import Scene
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class Replay:
         content = io.BytesIO()
         arrays: dict[str, Any] = {name: self.record.arrays[name] for name in names}
         np.savez(content, **arrays, speed=self.speed, spin=self.spin)
-        write_whole(Path(file).absolute(), content.getvalue())
+        write_whole(file, content.getvalue())
 
     def __str__(self) -> str:
         rows = self.rows()

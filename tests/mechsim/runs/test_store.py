@@ -7,6 +7,7 @@ import warnings
 import zipfile
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -229,6 +230,26 @@ def test_what_a_killed_writer_left_is_taken_over(tmp_path):
     store.write(record_of(SPEC))
     assert store.read(SPEC).digest == record_of(SPEC).digest
     assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("plant", [Path.symlink_to, Path.hardlink_to])
+def test_a_link_planted_at_the_temporary_name_is_not_written_through(tmp_path, plant):
+    store, victim = RunStore(tmp_path / "runs"), tmp_path / "victim"
+    victim.write_bytes(b"mine")
+    planted = store.folder / f".{SPEC.key}.run.tmp"
+    plant(planted, victim)
+    with pytest.raises(OSError, match=f"(symbolic links|another name).*could not write.*{SPEC.key}.run"):
+        store.write(record_of(SPEC))
+    claimed = store.folder / "claims" / SPEC.key
+    plant(claimed, victim)
+    with pytest.raises(OSError, match=r"symbolic links|another name"):
+        store.claim(SPEC)
+    assert victim.read_bytes() == b"mine"
+    with planted.open("wb") as file:  # the control: so it would have been
+        file.write(b"yours")
+    assert victim.read_bytes() == b"yours"
+    planted.unlink()
+    assert store.write(record_of(SPEC)).is_file()
 
 
 def test_writers_of_the_same_runs_take_turns(tmp_path):
