@@ -14,9 +14,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.output import checked_name
 from kinetics.support.stream_keys import seed_of
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, species_of
@@ -90,12 +91,12 @@ class StudyPoint:
 class Study(Settings):
     """Time to the first target of a scene's book, at all combinations of the factors' levels.
 
-    cubes : in the tank, where no factor says otherwise
+    name : of its tables and figures, so it may name a file; cubes : in the tank, where no factor says otherwise
     runs : a point; cap : tu after which a run without a target ends, and counts as censored
     typical : first time at the scene's own settings and `cubes`, tu; only the prediction of the cost asks for it
     """
 
-    name: str = Field(min_length=1, max_length=80)
+    name: str
     title: str
     scene: str
     cubes: int = Field(ge=1)
@@ -104,6 +105,11 @@ class Study(Settings):
     typical: float = Field(gt=0)
     factors: tuple[Factor, ...] = Field(min_length=1)
     paper: tuple[PaperMedian, ...] = ()
+
+    @field_validator("name")
+    @classmethod
+    def _names_files(cls, name: str) -> str:
+        return checked_name(name, "study name")
 
     @model_validator(mode="after")
     def _can_be_expanded(self) -> Study:
