@@ -9,6 +9,7 @@ import click
 
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.options import echo_json, json_option
+from kinetics.support.output import write_whole
 from kinetics.support.tables import columns, csv_text, rounded
 
 if TYPE_CHECKING:
@@ -91,14 +92,13 @@ def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
     """Both tables, and the figures, each whole or not at all."""
     from calibration.pipeline.by_point import most_seen
     from kinetics.support.plots import save
-    from mechsim.runs.store import write_whole
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for kind, rows in (("rates", found.rates_table()), ("predicted", found.first_table())):
         if rows:
             written.append(folder / f"{name}_{kind}.csv")
-            write_whole(written[-1], csv_text(rounded(rows)).encode())
+            write_whole(written[-1], csv_text(rounded(rows)))
     height = 1.2 + 0.3 * len(found.points)
     for i, channel in enumerate(most_seen(found)[:SHOWN]):
         written.append(folder / f"{name}_rate{i + 1}.svg")

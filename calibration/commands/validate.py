@@ -15,6 +15,7 @@ from calibration.commands.shared import (
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
 from kinetics.support.cli.study_folder import PLAN, RUNS, or_study_folder, rates_of
+from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def validate(
     if csv_file:
         import pandas as pd
 
-        pd.DataFrame([row.to_dict() for row in study.events]).to_csv(csv_file, index=False)
+        write_whole(csv_file, pd.DataFrame([row.to_dict() for row in study.events]).to_csv(index=False))
     if report:
         from calibration.reporting.overview import validation_report
 

@@ -6,7 +6,6 @@ import base64
 import html
 import io
 import math
-import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from kinetics.support.output import checked_name, write_together
+from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
 
 STYLE = """
@@ -109,6 +110,7 @@ class Chart:
             figure = Figure(figsize=size, layout="constrained")
             axes = [figure.add_subplot(rows, columns, i + 1) for i in range(self.panels)]
             self.draw(axes[0] if self.panels == 1 else axes)
+            words_as_they_are(figure)
             buffer = io.BytesIO()
             figure.savefig(buffer, format="svg", metadata={"Date": None})
         return buffer.getvalue()
@@ -131,8 +133,7 @@ class HtmlReport:
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts if isinstance(part, ReportTable | Chart) and part.name]
         for name in names:
-            if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-                raise ValueError(f"part name {name!r}; expected letters, digits, - and _, for it names a file")
+            checked_name(name, "part name")
             if names.count(name) > 1:
                 raise ValueError(f"two parts are named {name!r}; their CSV files would overwrite each other")
 
@@ -156,22 +157,17 @@ class HtmlReport:
         Returns the paths written, the page last. Every picture is drawn before anything is written.
         """
         page = Path(path)
-        contents = {page: self.html().encode()}
+        contents: dict[Path, bytes | str] = {}
         named = [part for part in self.parts if isinstance(part, ReportTable | Chart) and part.name] if data else []
         for part in named:
             stem = f"{page.stem}_{part.name}"
             if part.rows:
-                contents[page.with_name(f"{stem}.csv")] = csv_text(part.rows).encode()
+                contents[page.with_name(f"{stem}.csv")] = csv_text(part.rows)
             if isinstance(part, Chart):
                 contents[page.with_name(f"{stem}.svg")] = part.svg
-        for target in sorted(contents, key=lambda written: written == page):
-            temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-            try:
-                temporary.write_bytes(contents[target])
-                temporary.replace(target)
-            finally:
-                temporary.unlink(missing_ok=True)
-        return sorted(contents, key=lambda written: written == page)
+        contents[page] = self.html()
+        write_together(contents)
+        return list(contents)
 
 
 def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:

@@ -24,6 +24,7 @@ from kinetics.chain.prism_model import prism_names
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
 from kinetics.support.memory import check_memory
+from kinetics.support.output import write_together
 
 INIT, DEADLOCK = "init", "deadlock"  # labels that PRISM gives; both follow from the chain
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
@@ -73,22 +74,24 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     order = np.lexsort((entries.col, entries.row))
     off = order[(entries.row != entries.col)[order]]
     lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
-    _write(file, [f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])
+    contents = {file: _text([f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])}
     if chain.counts is not None:
         rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
         names = ",".join(prism_names(chain.variables).values())
-        _write(file.with_suffix(".sta"), [f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
+        contents[file.with_suffix(".sta")] = _text([f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
     stuck = np.bincount(entries.row[off], minlength=len(chain)) == 0
     own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
     labels = {INIT: start > 0, DEADLOCK: stuck, **own}
     holds = np.array([np.asarray(mask) for mask in labels.values()]).T
     marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))
     heading = " ".join(f'{k}="{name}"' for k, name in enumerate(labels))
-    _write(file.with_suffix(".lab"), [heading, *(f"{i}: " + " ".join(map(str, k)) for i, k in marked if k.size)])
-    _write_rewards(file, chain)
+    marks = (f"{i}: " + " ".join(map(str, k)) for i, k in marked if k.size)
+    contents[file.with_suffix(".lab")] = _text([heading, *marks])
+    write_together(contents | dict(_reward_files(file, chain)))
 
 
-def _write_rewards(file: Path, chain: Chain) -> None:
+def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
+    """Paths and contents."""
     for k, (name, reward) in enumerate(chain.rewards.items(), start=1):
         each: Any = reward
         stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
@@ -96,16 +99,17 @@ def _write_rewards(file: Path, chain: Chain) -> None:
         earned = np.flatnonzero(each.rates)
         values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
         state_lines = [f"{i} {value!r}" for i, value in values]
-        _write(Path(f"{stem}.srew"), [heading, "# State rewards", f"{len(chain)} {earned.size}", *state_lines])
+        yield Path(f"{stem}.srew"), _text([heading, "# State rewards", f"{len(chain)} {earned.size}", *state_lines])
         if each.impulses is not None:
             jumps = each.impulses.tocoo()
             rows = zip(jumps.row.tolist(), jumps.col.tolist(), jumps.data.tolist(), strict=True)
             lines = [f"{i} {j} {value!r}" for i, j, value in rows]
-            _write(Path(f"{stem}.trew"), [heading, "# Transition rewards", f"{len(chain)} {len(lines)}", *lines])
+            heads = [heading, "# Transition rewards", f"{len(chain)} {len(lines)}"]
+            yield Path(f"{stem}.trew"), _text([*heads, *lines])
 
 
-def _write(path: Path, lines: list[str]) -> None:
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+def _text(lines: list[str]) -> str:
+    return "\n".join(lines) + "\n"
 
 
 def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -> Any:

@@ -17,6 +17,7 @@ from kinetics.support.cli.options import (
     starting_options,
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.output import write_whole
 
 TIMES = 101  # at which distributions are compared
 
@@ -72,7 +73,7 @@ def kinetics(
             budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
     if csv_file:
-        made.to_dataframe().to_csv(csv_file, index=False, float_format="%.6g")
+        write_whole(csv_file, made.to_dataframe().to_csv(index=False, float_format="%.6g"))
     if plot_file:
         from kinetics.support.plots import save
         from kinetics.trust.accuracy.plot import draw

@@ -18,6 +18,7 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
+from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
     from kinetics.chain import Chain
@@ -171,4 +172,4 @@ def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
     else:
         most = np.asarray(chain.counts).max(axis=0)
         text = prism_text(model.network, model.initial, most, model.observables)
-        Path(path).write_text(text, encoding="utf-8")
+        write_whole(path, text)

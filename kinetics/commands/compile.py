@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import click
 
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
+from kinetics.support.output import write_whole
 
 
 @click.command()
@@ -99,7 +99,7 @@ def compile_(
     ]
     text = written(book, "\n".join(summary))
     if out is not None:
-        Path(out).write_text(text, encoding="utf-8")
+        write_whole(out, text)
     if as_json:
         echo_json(
             {

@@ -21,6 +21,7 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
+from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def grow(
         click.echo("\r\033[K", err=True, nl=False)
     cpu_seconds = time.process_time() - began
     if csv_file:
-        made.to_dataframe(grid).to_csv(csv_file, index=False)
+        write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
     if plot_file:
         from kinetics.support import plots
 

@@ -23,6 +23,7 @@ from kinetics.support.cli.options import (
     time_grid,
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def predict(
         drawn = None if made.drawn is None else made.drawn.at_last()
         found = count_elasticities(begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank)
     if csv_file:
-        made.to_dataframe().to_csv(csv_file, index=False)
+        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     if plot_file:
         from kinetics.support import plots
 

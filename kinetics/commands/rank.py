@@ -14,6 +14,7 @@ import click
 
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.config import read_toml
+from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook
@@ -150,9 +151,9 @@ def rank(
     made = replace(made, notes=(*notes, *made.notes))
     if best_file:
         best = made.books[0].name
-        Path(best_file).write_text(written(next(book for book in loaded if book.name == best)), encoding="utf-8")
+        write_whole(best_file, written(next(book for book in loaded if book.name == best)))
     if csv_file:
-        made.to_dataframe().to_csv(csv_file, index=False)
+        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     if plot_file:
         from kinetics.support import plots
 

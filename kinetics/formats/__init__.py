@@ -12,6 +12,7 @@ from pathlib import Path
 
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.support.families import members
+from kinetics.support.output import write_whole
 
 from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.sbml import Sbml
@@ -36,9 +37,8 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
 
 def write(model: NetworkModel, path: str | Path) -> None:
-    """Write a network file, whose suffix gives the format."""
-    file = Path(path)
-    file.write_text(_kind_of(file).text(model), encoding="utf-8")
+    """Write a network file, whose suffix gives the format, whole or not at all."""
+    write_whole(path, _kind_of(Path(path)).text(model))
 
 
 def _kind_of(file: Path) -> Format:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import os
 import re
 import tomllib
 from collections.abc import Sequence
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from kinetics.support.output import write_whole
 
 # tomllib takes quadratic time and memory on long dotted keys: 64 KB of them take 15 s and 4 GB.
 MAX_BYTES = 64 * 1024
@@ -82,15 +83,7 @@ def write_toml(data: dict[str, Any], target: Path) -> None:
         raise ValueError(
             f"{target} would have {len(content)} bytes; at most {MAX_BYTES} can be read back; shorten the evidence"
         )
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(target, content)
 
 
 def validated(kind: type[Model], data: Any, source: str | Path) -> Model:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from kinetics.support.output import write_whole
 
 # Okabe & Ito (2008): colour-blind readers can distinguish these
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
@@ -70,7 +73,7 @@ def grouped_bars(
 
 
 def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int = 150) -> None:
-    """Write one figure as PNG, PDF or SVG, by the end of its name. `draw(ax)` fills it.
+    """Write one figure as PNG, PDF or SVG, by the end of its name, whole or not at all. `draw(ax)` fills it.
 
     size : width and height, inches
     The same drawing gives the same bytes.
@@ -78,11 +81,29 @@ def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int 
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    figure = Figure(figsize=size, layout="constrained")
+    kind, undated = Path(path).suffix.lower()[1:], {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    figure, picture = Figure(figsize=size, layout="constrained"), io.BytesIO()
     draw(figure.add_subplot())
+    words_as_they_are(figure)
     with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
-        figure.savefig(path, dpi=dpi, metadata=undated.get(Path(path).suffix.lower()))
+        figure.savefig(picture, format=kind, dpi=dpi, metadata=undated.get(kind))
+    write_whole(path, picture.getvalue())
+
+
+def words_as_they_are(figure: Any) -> None:
+    """Show a `$` of a name as it is, where Matplotlib would begin a formula; powers of ten at axes remain formulas."""
+    from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter, ScalarFormatter
+
+    numbers = {
+        label
+        for ax in figure.axes
+        for axis in (ax.xaxis, ax.yaxis)
+        if isinstance(axis.get_major_formatter(), LogFormatter | ScalarFormatter)
+        for label in (*axis.get_ticklabels(which="both"), axis.offsetText)
+    }
+    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist not in numbers):
+        text.set_parse_math(False)
 
 
 def _finish(ax: Any, label: str) -> Any:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.output import write_whole
 from mechsim.commands.options import PARTIAL, executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def mechanics(
     if csv_file is not None:
         import pandas as pd
 
-        pd.DataFrame(measured.rows()).to_csv(csv_file, index=False, float_format="%.6g")
+        write_whole(csv_file, pd.DataFrame(measured.rows()).to_csv(index=False, float_format="%.6g"))
     if plot_file is not None:
         from kinetics.support.plots import save
         from mechsim.accuracy.plot import draw

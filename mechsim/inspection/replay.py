@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 from mechsim.runs.record import RunRecord, RunSpec, execute
-from mechsim.runs.store import DamagedRunError, decode, write_whole
+from mechsim.runs.store import DamagedRunError, decode
 
 if TYPE_CHECKING:
     from mechsim.world.world import World
@@ -72,7 +73,7 @@ class Replay:
         content = io.BytesIO()
         arrays: dict[str, Any] = {name: self.record.arrays[name] for name in names}
         np.savez(content, **arrays, speed=self.speed, spin=self.spin)
-        write_whole(Path(file).absolute(), content.getvalue())
+        write_whole(file, content.getvalue())
 
     def __str__(self) -> str:
         rows = self.rows()

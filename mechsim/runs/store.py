@@ -22,6 +22,7 @@ import os
 import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,7 @@ import numpy as np
 
 from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
+from kinetics.support.output import write_whole
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
 
 if TYPE_CHECKING:
@@ -42,6 +44,12 @@ HEADER = struct.Struct(f"<{len(MAGIC)}sHQ")  # magic, format, bytes of payload
 START = HEADER.size + hashlib.sha256().digest_size  # of the payload
 SMALL = 1 << 20  # bytes, of a member that is compressed
 MOST_MEMBERS = 64
+SHARED = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW  # how a file is opened for a lock
+# What reading an altered archive may raise, whatever its checksum says: an encrypted or an unknown member, too.
+DAMAGES: tuple[type[Exception], ...] = (
+    *(ValueError, TypeError, LookupError, OSError, EOFError, RuntimeError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
 ENTRIES = {"key", "title", "inputs", "outcome", "facts", "cost", "digest"}
 
 Contents = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -77,7 +85,7 @@ class RunStore:
         self.folder.mkdir(parents=True, exist_ok=True)
         marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()
         if not marker.exists():
-            write_whole(marker, expected)
+            write_in_turn(marker, expected)
         found = marker.read_bytes()[:80]
         if found != expected:
             raise ValueError(
@@ -101,7 +109,7 @@ class RunStore:
     def write(self, record: RunRecord) -> Path:
         """Keep a run; it is on disk before this returns. OSError: names the file, whose old content stays."""
         path = self.path(record.spec)
-        write_whole(path, encode(record))
+        write_in_turn(path, encode(record))
         return path
 
     def read(self, spec: RunSpec) -> RunRecord | None:
@@ -137,7 +145,7 @@ class RunStore:
     def quarantine(self, spec: RunSpec, reasons: Sequence[str]) -> Path:
         """Record why a run was given up, one reason for each try."""
         note = {"title": spec.title, "key": spec.key, "reasons": list(reasons), "inputs": spec.inputs}
-        write_whole(self._note(spec), json.dumps(note, indent=1).encode())
+        write_in_turn(self._note(spec), json.dumps(note, indent=1).encode())
         return self._note(spec)
 
     def absolve(self, spec: RunSpec) -> None:
@@ -282,7 +290,7 @@ def decode(data: bytes, source: Path) -> Contents:
             arrays = {m.filename.removesuffix(".npy"): _array(archive.read(m)) for m in members[1:]}
         if set(manifest) != ENTRIES:
             raise ValueError(f"its manifest should hold {', '.join(sorted(ENTRIES))}")
-    except (ValueError, TypeError, LookupError, OSError, EOFError, RecursionError, zipfile.BadZipFile) as error:
+    except DAMAGES as error:
         raise DamagedRunError(str(error)) from error
     return manifest, arrays
 
@@ -346,11 +354,12 @@ def _columns(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, json.dumps(value) if isinstance(value, list) else value
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_in_turn(path: Path, data: bytes) -> None:
     """Put `data` at `path`, whole or not at all, and on disk before this returns.
 
-    OSError names the file; what stood there stays. The temporary file has a fixed name and is locked: writers of one
-    file take turns, and the next one takes over what a killed one left.
+    OSError names the file; what stood there stays. Not the door of other files, `kinetics.support.output`: here the
+    temporary file has a fixed name and is locked, so that writers of one file take turns, and the next one takes over
+    what a killed one left. A link at that name is not followed.
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
@@ -379,8 +388,10 @@ def write_whole(path: Path, data: bytes) -> None:
 def _lock(path: Path, kind: int) -> BinaryIO:
     """The file at `path`, made if missing, open under a lock that dies with its holder (flock)."""
     while True:
-        file = path.open("a+b")
+        file = os.fdopen(os.open(path, SHARED, 0o666), "a+b")
         try:
+            if os.fstat(file.fileno()).st_nlink > 1:
+                raise OSError(errno.EMLINK, "it has another name, under which it would be overwritten")
             fcntl.flock(file, kind)
         except OSError as error:
             file.close()

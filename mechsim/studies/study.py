@@ -14,9 +14,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.output import checked_name
 from kinetics.support.stream_keys import seed_of
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, species_of
@@ -90,12 +91,12 @@ class StudyPoint:
 class Study(Settings):
     """Time to the first target of a scene's book, at all combinations of the factors' levels.
 
-    cubes : in the tank, where no factor says otherwise
+    name : of its tables and figures, so it may name a file; cubes : in the tank, where no factor says otherwise
     runs : a point; cap : tu after which a run without a target ends, and counts as censored
     typical : first time at the scene's own settings and `cubes`, tu; only the prediction of the cost asks for it
     """
 
-    name: str = Field(min_length=1, max_length=80)
+    name: str
     title: str
     scene: str
     cubes: int = Field(ge=1)
@@ -104,6 +105,11 @@ class Study(Settings):
     typical: float = Field(gt=0)
     factors: tuple[Factor, ...] = Field(min_length=1)
     paper: tuple[PaperMedian, ...] = ()
+
+    @field_validator("name")
+    @classmethod
+    def _names_files(cls, name: str) -> str:
+        return checked_name(name, "study name")
 
     @model_validator(mode="after")
     def _can_be_expanded(self) -> Study:
@@ -164,8 +170,8 @@ class Study(Settings):
         places = _Places(data, self.cubes)
         powers: list[tuple[str, float]] = []
         for factor, level in zip(self.factors, levels, strict=True):
-            ratio = level if factor.setting is None else level / places.number(factor.setting)
-            powers += [(setting, ratio**power) for setting, power in factor.also.items()]
+            own = 1.0 if factor.setting is None or not factor.also else places.number(factor.setting)
+            powers += [(name, _power(level, own, power, factor.name)) for name, power in factor.also.items()]
             if factor.setting is not None:
                 places.put(factor.setting, level)
         for setting, times in powers:
@@ -192,7 +198,7 @@ class _Places:
         """Set a number."""
         old = self.number(name)
         if name == NUMBER or isinstance(old, int):
-            if not math.isclose(value, round(value)):
+            if not math.isfinite(value) or not math.isclose(value, round(value)):
                 raise ValueError(f"{name} = {value:g}; expected a whole number")
             value = round(value)
         if name == NUMBER:
@@ -228,6 +234,16 @@ class _Places:
         for part in middle:
             table = table[part]
         return table, last
+
+
+def _power(level: float, own: float, power: float, name: str) -> float:
+    """(level / own) ** power. ValueError where that is no number that a double can hold."""
+    try:
+        return (level / own) ** power
+    except (OverflowError, ZeroDivisionError):
+        raise ValueError(
+            f"factor {name}: ({level:g} / {own:g}) to the power {power:g} is no number; take other levels"
+        ) from None
 
 
 def _leaves(table: Mapping[str, Any], name: str) -> Iterator[tuple[str, Any]]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.output import write_whole
 from kinetics.support.tables import columns, csv_text, rounded
 from mechsim.runs.record import RunRecord
-from mechsim.runs.store import write_whole
 from mechsim.studies.cost import PointTrial
 from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
 from mechsim.studies.study import Study, StudyPoint
@@ -115,7 +115,7 @@ class StudyResult:
         for name, rows in self.tables().items():
             path = folder / f"{self.study.name}_{name}.csv"
             if rows:
-                write_whole(path, csv_text(rounded(rows)).encode())
+                write_whole(path, csv_text(rounded(rows)))
                 written.append(path)
         if any(found.times.size for found in self.points):
             path = folder / f"{self.study.name}.svg"

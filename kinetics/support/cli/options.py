@@ -15,6 +15,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.study_folder import BOOK, cubes_of, is_filled, or_study_folder, rates_of
+from kinetics.support.output import check_target
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -58,6 +59,8 @@ def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -
     """Refuse, before any work is done, a file that could not be written."""
     if value is not None and not Path(value).absolute().parent.is_dir():
         raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
+    if value is not None:
+        check_target(value)
     return value
 
 

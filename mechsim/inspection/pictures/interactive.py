@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support.output import write_whole
 from mechsim.inspection.pictures.tank import CORNERS, EYE, Paint, face_colours, labels, tank_edges
 from mechsim.inspection.poses import Poses
-from mechsim.runs.store import write_whole
 
 DIGITS = 3  # after the point of a coordinate, in lengths: a file of half the size
 
@@ -93,7 +93,7 @@ def view(poses: Poses, frames: Sequence[int], paint: Paint = "size") -> Any:
 def save_html(poses: Poses, path: str | Path, frames: Sequence[int], paint: Paint = "size") -> None:
     """The view as one file, the library's script within it (5 MB): it opens without a network."""
     page = view(poses, frames, paint).to_html(include_plotlyjs=True, full_html=True, auto_play=False)
-    write_whole(Path(path), page.encode())
+    write_whole(path, page)
 
 
 def _at_once(milliseconds: int) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -9,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support.output import write_whole
 from mechsim.inspection.pictures.tank import Paint, draw_frame
 from mechsim.inspection.poses import Poses
-from mechsim.runs.store import write_whole
 
 WIDTH, HEIGHT = 640, 640  # px of a film; H.264 wants them even
 DPI = 100
@@ -71,10 +72,9 @@ def save_gif(pictures: Iterator[np.ndarray], path: str | Path, fps: float) -> No
     chosen[chosen.min(axis=1) > 240] = 255
     palette.putpalette([*chosen.ravel().tolist(), 255, 255, 255][: 3 * 256])
     few = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in films]
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "film.gif"
-        few[0].save(made, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=False)
-        write_whole(Path(path), made.read_bytes())
+    film = io.BytesIO()
+    few[0].save(film, "GIF", save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=False)
+    write_whole(path, film.getvalue())
 
 
 def save_mp4(pictures: Iterator[np.ndarray], path: str | Path, fps: float) -> None:
@@ -90,4 +90,4 @@ def save_mp4(pictures: Iterator[np.ndarray], path: str | Path, fps: float) -> No
                 film.send(np.ascontiguousarray(picture))
         finally:
             film.close()
-        write_whole(Path(path), made.read_bytes())
+        write_whole(path, made.read_bytes())

@@ -5,8 +5,10 @@ import resource
 import threading
 import warnings
 import zipfile
+import zlib
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,7 +17,17 @@ from fake_runs import FakeSpec, record_of, specs_of
 
 from mechsim.runs import store as store_module
 from mechsim.runs.record import RunRecord
-from mechsim.runs.store import FORMAT, HEADER, MAGIC, START, RunStore, decode, digest_of, encode
+from mechsim.runs.store import (
+    FORMAT,
+    HEADER,
+    MAGIC,
+    START,
+    DamagedRunError,
+    RunStore,
+    decode,
+    digest_of,
+    encode,
+)
 
 SPEC = FakeSpec(seed=5, run=0)
 
@@ -143,6 +155,21 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
         assert store.read(SPEC).digest == record_of(SPEC).digest
 
 
+def test_altered_archives_with_a_good_checksum_are_refused_whatever_reading_them_raises():
+    rng, causes = np.random.default_rng(1), set()
+    whole = encode(record_of(SPEC))[START:]
+    for _ in range(4000):
+        payload = bytearray(whole)
+        for place in rng.integers(0, len(payload), rng.integers(1, 4)):
+            payload[place] = rng.integers(256)
+        try:
+            decode(sealed(bytes(payload)), "x.run")
+        except DamagedRunError as error:
+            causes.add(type(error.__cause__))
+    # the control: of these, the first three once escaped
+    assert causes >= {NotImplementedError, RuntimeError, zlib.error, zipfile.BadZipFile, ValueError, KeyError}
+
+
 def test_only_large_arrays_are_kept_uncompressed(tmp_path):
     few, many = np.zeros(1 << 16), np.zeros(1 << 17)  # of 8 bytes, beside their headers
     store = RunStore(tmp_path)
@@ -229,6 +256,26 @@ def test_what_a_killed_writer_left_is_taken_over(tmp_path):
     store.write(record_of(SPEC))
     assert store.read(SPEC).digest == record_of(SPEC).digest
     assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("plant", [Path.symlink_to, Path.hardlink_to])
+def test_a_link_planted_at_the_temporary_name_is_not_written_through(tmp_path, plant):
+    store, victim = RunStore(tmp_path / "runs"), tmp_path / "victim"
+    victim.write_bytes(b"mine")
+    planted = store.folder / f".{SPEC.key}.run.tmp"
+    plant(planted, victim)
+    with pytest.raises(OSError, match=f"(symbolic links|another name).*could not write.*{SPEC.key}.run"):
+        store.write(record_of(SPEC))
+    claimed = store.folder / "claims" / SPEC.key
+    plant(claimed, victim)
+    with pytest.raises(OSError, match=r"symbolic links|another name"):
+        store.claim(SPEC)
+    assert victim.read_bytes() == b"mine"
+    with planted.open("wb") as file:  # the control: so it would have been
+        file.write(b"yours")
+    assert victim.read_bytes() == b"yours"
+    planted.unlink()
+    assert store.write(record_of(SPEC)).is_file()
 
 
 def test_writers_of_the_same_runs_take_turns(tmp_path):

@@ -225,3 +225,10 @@ def test_first_times_are_those_of_the_path():
     seen, unseen = (fake_run(spec, print) for spec in (point.specs(7.0, 3, 0)[0], point.specs(7.0, 3, 0)[2]))
     assert first_time(seen) == 3.0
     assert first_time(unseen) == np.inf
+
+
+@pytest.mark.parametrize("name", ["../../x", "/tmp/x", "a/b", "..", ".hidden", "two words", "", "x" * 81])
+def test_a_name_that_could_leave_its_folder_is_refused(name):
+    with pytest.raises(ValueError, match=r"own.toml: name: study name .*: it names files"):
+        study_of(factor(), name=name)
+    assert study_of(factor(), name="x" * 80)  # the control
