@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.estimating.rate_model import RateModel
 from kinetics.breaks import WALL, BreakModel, ShapeParameter, pairs
 from kinetics.network import Network, Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, JumpPath
 from kinetics.support.arrays import Floats
 
 
@@ -74,12 +74,18 @@ class BreakRates(RateModel):
         return [factor * part for factor, part in zip(factors, parts, strict=True)]
 
     def named_parts(self, path: JumpPath) -> NDArray[np.bool_] | None:
-        """The partner of each break, or all of them where it is not known."""
+        """The partner of each break (E, P); all but the wall where several struck at once, all where it is not known.
+
+        Walls alone are recorded as the wall, so of several one at least is a body. That they are shared out among all
+        bodies as the model has it is right where a break by any body is as often one of several.
+        """
         if not self.by_partner or path.partners is None:
             return None
-        numbers = [BY_WALL if name == WALL else path.network.species_places.get(name, BY_UNKNOWN)
-                   for name in self.breaks.partners(path.network)]  # fmt: skip
-        return (path.partners[:, None] == numbers) | (path.partners[:, None] <= BY_UNKNOWN)
+        names = self.breaks.partners(path.network)
+        numbers = [BY_WALL if name == WALL else path.network.species_places.get(name, BY_UNKNOWN) for name in names]
+        by = path.partners[:, None]
+        not_the_wall = np.array([name != WALL for name in names])
+        return (by == numbers) | (by == BY_UNKNOWN) | ((by == BY_SEVERAL) & not_the_wall)
 
     def mixture(self) -> Floats:
         """The weights of the partners (1, P)."""

@@ -17,7 +17,7 @@ from calibration.watched.frames import Frame, Given, frames_of_rows, frames_of_t
 from calibration.watched.tables import Table, read_table
 from kinetics.breaks import is_break
 from kinetics.network import Network, Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.runs.event_tables import END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
 from kinetics.support.arrays import Floats, Ints
 
@@ -135,7 +135,7 @@ class _Reader:
         if "partner" not in self.events.columns:
             return None
         breaks = is_break(self.network)
-        known = {name: s for s, name in enumerate(self.network.species)} | {"wall": BY_WALL, "several": BY_UNKNOWN}
+        known = {name: s for s, name in enumerate(self.network.species)} | {"wall": BY_WALL, "several": BY_SEVERAL}
         found = []
         for row, channel in zip(rows.tolist(), fired.tolist(), strict=True):
             name = self.events.columns["partner"][row]

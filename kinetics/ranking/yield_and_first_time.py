@@ -199,8 +199,8 @@ def _from_paths(question: Question, _: Network, runs: int, seed: int, first_run:
     network, end = question.network, question.horizon
     method, target = path_method(network), network.species[question.target]
     times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
-    for i in range(runs):
-        path = method.sample_path(network, question.initial, end, seed, first_run + i)
+    made = method.sample_paths(network, question.initial, end, seed, first_run)
+    for i, path in zip(range(runs), made, strict=False):
         times[i], targets[i] = path.first_time(target), path.at([end])[0, question.target]
     return times, targets
 

@@ -1,6 +1,6 @@
 """Records of runs: jump paths, ensembles of counts, and their statistics."""
 
-from kinetics.runs.paths import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ensemble, JumpPath
+from kinetics.runs.paths import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ensemble, JumpPath
 from kinetics.runs.statistics import EnsembleStatistics
 
-__all__ = ["BY_UNKNOWN", "BY_WALL", "NO_BREAK", "RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"]
+__all__ = ["BY_SEVERAL", "BY_UNKNOWN", "BY_WALL", "NO_BREAK", "RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"]

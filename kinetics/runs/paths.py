@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
 RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
-# In `JumpPath.partners`, where it is not the number of a species: a wall, several at once (or not known), not a break.
-BY_WALL, BY_UNKNOWN, NO_BREAK = -1, -2, -3
+# In `JumpPath.partners`, where it is not the number of a species: a wall alone; several bodies, or bodies and walls, at
+# once; not a break; a break of which nobody knows. Stored records hold these numbers: they stay as they are.
+BY_WALL, BY_SEVERAL, NO_BREAK, BY_UNKNOWN = -1, -2, -3, -4
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +35,8 @@ class JumpPath:
     end : time in tu at which observation stopped; a waiting time cut off by it is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
     tank : where it happened; None where that is not known
-    partners : (E,) who broke a structure: number of a species, BY_WALL, or BY_UNKNOWN; NO_BREAK for other events and
-        restarts. None where nobody watched for it
+    partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
+        events and restarts. None where nobody watched for it
     """
 
     network: Network
@@ -63,7 +64,7 @@ class JumpPath:
             raise ValueError(f"open_channels must be {n_channels} truth values, one a channel")
         object.__setattr__(self, "open_channels", read_only(is_open))
         if self.partners is not None:
-            partners = integers("partners", self.partners, self.times.shape, NO_BREAK)
+            partners = integers("partners", self.partners, self.times.shape, BY_UNKNOWN)
             if partners.size and partners.max() >= len(self.network.species):
                 raise ValueError(
                     f"partners holds {partners.max()}; the network has {len(self.network.species)} species"

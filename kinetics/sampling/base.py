@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from itertools import count, pairwise
 from math import inf
 from typing import ClassVar, Protocol
 
@@ -175,12 +175,20 @@ class SamplingMethod(ABC):
 
     def sample_path(self, network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""
+        return next(self.sample_paths(network, initial, end, seed, run))
+
+    def sample_paths(
+        self, network: Network, initial: ArrayLike, end: float, seed: int = 0, first_run: int = 0
+    ) -> Iterator[JumpPath]:
+        """The same of runs first_run, first_run + 1, ..., without end; the network is made ready once."""
         horizon = float(rising_times([end])[0])
         start = network.state(initial)
         key = stream_key(seed)
-        outcome, times, channels = self.sampler(network).path(start, horizon, key, whole_number("run", run, 0))
-        check_outcome(outcome, run)
-        return JumpPath(network, start, times, channels, horizon)
+        sampler = self.sampler(network)
+        for run in count(whole_number("run", first_run, 0)):
+            outcome, times, channels = sampler.path(start, horizon, key, run)
+            check_outcome(outcome, run)
+            yield JumpPath(network, start, times, channels, horizon)
 
 
 def check_numbers(runs: int, threads: int | None, first_run: int) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.config import is_path, validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
@@ -204,8 +204,8 @@ class RunRecord:
         bonds (E, 2) : the two cubes whose bond was made or broken, -1 at a restart. Cubes are numbered from 0 in the
             order of `RunSpec.start`. A number stays with its cube between restarts; at a restart, bodies that are no
             longer as at the start are dealt out anew
-        partners (E,) : what broke a bond: the index of another body's species, BY_WALL, or BY_UNKNOWN (more than one at
-            once, or no collision); NO_BREAK where no bond broke
+        partners (E,) : what broke a bond: the index of another body's species, BY_WALL (walls alone), BY_SEVERAL (more
+            than one body, or a body and a wall) or BY_UNKNOWN (no collision); NO_BREAK where no bond broke
         With a log of hits (`Breaking.log_above`), by collision: load_time (H,), load_channel (H,), the break that it
         makes or would make, load_partner (H,), a species or BY_WALL, load_value (H,) and load_flags (H,), bits SHARED
         and BROKE; see `load_log`.
@@ -281,8 +281,10 @@ class _Watch:
         channel = self.derivation.channel([species(s) for s in event.before], made)
         if len(event.before) > 1:
             partner = NO_BREAK
-        elif hit is None or hit.is_shared:
+        elif hit is None:
             partner = BY_UNKNOWN
+        elif hit.is_shared:
+            partner = BY_SEVERAL
         else:
             partner = BY_WALL if hit.partner is None else species(hit.partner)
         self.events.append(_Event(self.time, channel, event.cubes, partner))

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
@@ -327,7 +327,8 @@ def _table_run(manifest: dict[str, Any], arrays: dict[str, np.ndarray]) -> Table
     facts, scene = manifest["facts"], manifest["inputs"]["scene"]
     notes: dict[str, Any] = {}
     if "bonds" in arrays:
-        who = {BY_WALL: "wall", BY_UNKNOWN: "several", NO_BREAK: None} | dict(enumerate(facts["species"]))
+        who: dict[int, str | None] = {BY_WALL: "wall", BY_SEVERAL: "several", BY_UNKNOWN: None, NO_BREAK: None}
+        who |= dict(enumerate(facts["species"]))
         told = np.array([who[partner] for partner in arrays["partners"].tolist()], dtype=object)
         notes = dict(zip(NOTES, (*arrays["bonds"].T, told), strict=True))
     return TableRun(

@@ -45,7 +45,7 @@ def test_what_is_looked_at_does_not_depend_on_the_runs(check, sample):
 
 def test_some_mutant_is_seen(check, sample):
     right = sample[0]
-    mutants = (*MUTANTS, rate_mutant(right.reference.network, Direct(), 1, "make", 0.2))
+    mutants = (*MUTANTS, rate_mutant(right.reference.network, Direct(), 1, "make", 0.5))
     seen = [
         mutant.name
         for mutant in mutants

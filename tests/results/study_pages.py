@@ -18,7 +18,7 @@ from typing import Any
 import pandas as pd
 
 from kinetics.rates import Rates
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK
+from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
@@ -113,7 +113,7 @@ def who_broke(study: Study) -> str:
     counts: Counter[str] = Counter()
     for manifest, arrays in RunStore.found(study.folder / "runs").contents():
         named = dict(enumerate(manifest["facts"]["species"]))
-        names = {BY_WALL: "a wall", BY_UNKNOWN: "several partners at once"} | named
+        names = {BY_WALL: "a wall", BY_SEVERAL: "several partners at once"} | named
         counts.update(names[partner] for partner in arrays["partners"].tolist() if partner != NO_BREAK)
     told = [f"{n} by {name}" for name, n in counts.most_common()]
     return paragraph(f"Of the {sum(counts.values())} breaks of all runs {listed(told)}.")
@@ -268,7 +268,7 @@ def several(study: Study) -> str:
         size = manifest["inputs"]["scene"]["tank"]["size"]
         key = cubes_in(manifest["inputs"]["composition"]), " x ".join(f"{edge:g}" for edge in size)
         counts = of[kind].setdefault(key, [0, 0])
-        counts[0] += int((arrays["partners"] == BY_UNKNOWN).sum())
+        counts[0] += int((arrays["partners"] == BY_SEVERAL).sum())
         counts[1] += int((arrays["partners"] != NO_BREAK).sum())
     usual = " x ".join(f"{edge:g}" for edge in Scene.load(known.scene).tank.size)
     said = {

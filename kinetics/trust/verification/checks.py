@@ -14,6 +14,7 @@ from kinetics.trust.verification.rate_scores import RateScores
 from kinetics.trust.verification.repeated_runs import RepeatedRuns
 from kinetics.trust.verification.correlated_runs import CorrelatedRuns
 from kinetics.trust.verification.path_waits import PathWaits
+from kinetics.trust.verification.path_choices import PathChoices
 from kinetics.trust.verification.paths_agree import PathsAgree
 
 SAMPLER_CHECKS: tuple[type[SamplerCheck], ...] = members(globals(), SamplerCheck)

@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
+from kinetics.runs import JumpPath
+from kinetics.sampling import SamplingMethod
 from kinetics.trust.verification.sampler_runs import CountSampler, SamplerRuns
 
 ALIKE = 8  # runs that are sorted among themselves
@@ -81,7 +84,13 @@ def rate_mutant(network: Network, method: CountSampler, seed: int, channel: str,
         constants = network.known_rates.copy()
         constants[network.channels.index(channel)] *= 1.0 + off
         start, times = sample.reference.start, sample.reference.solution.times
-        wrong = method.simulate(network.with_rates(constants), start, times, runs=sample.runs, seed=seed)
-        return replace(sample, counts=wrong.counts, paths=())
+        wrong = network.with_rates(constants)
+        grids = (times, sample.runs), (sample.reference.fine_times, len(sample.fine))
+        counts, fine = (method.simulate(wrong, start, grid, runs=n, seed=seed).counts for grid, n in grids)
+        paths: tuple[JumpPath, ...] = ()
+        if sample.paths and isinstance(method, SamplingMethod):
+            made = method.sample_paths(wrong, start, float(times[-1]), seed)
+            paths = tuple(replace(path, network=network) for path in islice(made, len(sample.paths)))
+        return replace(sample, counts=counts, fine=fine, paths=paths)
 
     return Mutant(f"the rate of {channel} {100 * off:.3g} % too high", applied)

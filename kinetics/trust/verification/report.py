@@ -8,9 +8,16 @@ from typing import Any
 
 from kinetics.support.tables import text_table
 from kinetics.trust.verification.base import SamplerFinding
+from kinetics.trust.verification.correlated_runs import LAGS
 from kinetics.trust.verification.rate_scores import RateSight
 
 MOST_SHOWN = 10  # findings that failed
+NOT_SEEN = (
+    "mistakes in so few runs, or so small, that right runs scatter as much: the tables above say where that begins",
+    f"runs alike, but not equal, at distances other than {', '.join(map(str, LAGS))} and half of the runs",
+    "seeds that share random numbers, but are not neighbours",
+    "what happens after the last time, or in other networks and from other counts",
+)
 
 
 @dataclass(frozen=True)
@@ -84,13 +91,14 @@ class Verification:
         table = [(c.name, str(c.findings), str(c.failed), f"{c.p_value:.2g}", c.sees) for c in self.checks]
         lines.append(text_table(("check", "findings", "failed", "p-value", "sees"), table))
         if self.mutants:
-            lines.append("power, measured on mutants of these runs:")
+            lines.append("power, measured on mutants of these runs, each made once:")
             seen = [(m.name, ", ".join(m.caught_by) or "NOT SEEN") for m in self.mutants]
             lines.append(text_table(("mutant", "seen by"), seen))
         if self.rates:
             lines.append("wrong rates, seen but for one time in 1,000:")
             sights = [(r.channel, _percent(r.smallest), _number(r.runs_for_one_percent)) for r in self.rates]
             lines.append(text_table(("rate of", "in these runs from", "1 % in runs"), sights))
+        lines += ["not seen by any check:", *(f"- {what}" for what in NOT_SEEN)]
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
@@ -117,6 +125,7 @@ class Verification:
                     }
                     for r in self.rates
                 ],
+                "not_seen": list(NOT_SEEN),
             },
         }
 

@@ -57,10 +57,12 @@ class SamplerRuns:
 
         def events(seed: int) -> tuple[JumpPath, ...]:
             found: list[JumpPath] = []
-            number, end = 0, float(reference.solution.times[-1])
-            while isinstance(method, SamplingMethod) and number < EVENTS and len(found) < int(paths * runs):
-                found.append(method.sample_path(reference.network, reference.start, end, seed=seed, run=len(found)))
-                number += found[-1].times.size
+            if isinstance(method, SamplingMethod):
+                number, end = 0, float(reference.solution.times[-1])
+                made = method.sample_paths(reference.network, reference.start, end, seed)
+                while number < EVENTS and len(found) < int(paths * runs):
+                    found.append(next(made))
+                    number += found[-1].times.size
             return tuple(found)
 
         few = min(runs, COMPARED)

@@ -40,10 +40,12 @@ class BetweenTimes(SamplerCheck):
             matrix = sample.reference.matrices[t]
             if matrix is not None:
                 yield from _by_states(sample, t, matrix, f"from {begin:g} to {end:g} tu")
-        fine_times, rows = sample.reference.fine_times, sample.fine_rows
-        for t, matrix in enumerate(sample.reference.fine_matrices[1:]):
+        # Nowhere is the start seen better than at the first fine time, when little has happened.
+        fine_times = np.append(0.0, sample.reference.fine_times)
+        rows = np.hstack([np.zeros((len(sample.fine), 1), dtype=np.intp), sample.fine_rows])
+        for t, matrix in enumerate(sample.reference.fine_matrices):
             if matrix is not None:
-                between = f"from {fine_times[t]:g} to {fine_times[t + 1]:g} tu"
+                between = f"from {fine_times[t]:g} to {fine_times[t + 1]:g} tu, by fine times"
                 yield from _together(*_table(rows[:, t], rows[:, t + 1], len(matrix.values)), matrix, between)
 
 

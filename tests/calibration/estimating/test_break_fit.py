@@ -15,7 +15,7 @@ from calibration.estimating.break_fit import break_channels, deviance, fit_break
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.breaks import BREAK_MODELS, break_model, is_break
 from kinetics.network import Network, Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, JumpPath
 
 COLLISION, WALLS, SPECIES = (break_model(f"collision{suffix}") for suffix in ("", "-wall", "-species"))
 FIRST = break_model("first-order")
@@ -176,9 +176,61 @@ def test_who_broke_what_says_more(walled_runs):
     assert_allclose(rates[4] * exposures[4], named.model.shape_values["wall"] * exposures[4], rtol=0.02)
     nobody = [replace(path, partners=None) for path in walled_runs]
     assert not BreakComparison.of(nobody, (FIRST, WALLS)).fits_by_partner
-    unknown = [replace(path, partners=np.minimum(path.partners, BY_UNKNOWN)) for path in walled_runs]
+    unknown = [recorded(path, path.partners != NO_BREAK, BY_UNKNOWN) for path in walled_runs]
     blind = fit_breaks(WALLS, unknown, by_partner=True)
     assert_allclose(blind.log_likelihood, plain.log_likelihood, rtol=1e-9)
+
+
+def recorded(path, which, code):
+    """The same run, where these breaks (E,) have another partner on record."""
+    return replace(path, partners=np.where(which, code, path.partners))
+
+
+def with_crowded_breaks(paths, seed, code=BY_SEVERAL, share=0.5):
+    """Of breaks by bodies a share, whatever the body, is on record as made by several at once."""
+    rng = np.random.default_rng(seed)
+    return [recorded(path, (path.partners >= 0) & (rng.random(path.times.size) < share), code) for path in paths]
+
+
+def test_several_at_once_are_not_the_wall_alone(walled_runs):
+    """By hand: such a break counts with all bodies' part of the propensity, one that nobody knows with all of it."""
+    named = fit_breaks(WALLS, walled_runs, by_partner=True)
+    coefficients, weights = named.best.coefficients, named.model.mixture()[0]
+    assert WALLS.partners(line_network())[-1] == "wall"
+    first = next(path for path in walled_runs if (path.partners >= 0).any())
+    event = int(np.flatnonzero(first.partners >= 0)[0])
+
+    def likelihood(code):
+        paths = [recorded(first, np.arange(first.times.size) == event, code)]
+        fit = fit_breaks(WALLS, paths, by_partner=True).likelihood
+        return sum(e.log_likelihood(c) for e, c in zip(fit.evidence(named.model), coefficients.T, strict=True))
+
+    parts = np.array([part[event, first.channels[event]] for part in named.model.combinations(first)]) * weights
+    by_one = likelihood(first.partners[event])
+    assert likelihood(BY_SEVERAL) - by_one == pytest.approx(np.log(parts[:4].sum() / parts[first.partners[event]]))
+    assert likelihood(BY_UNKNOWN) - by_one == pytest.approx(np.log(parts.sum() / parts[first.partners[event]]))
+
+
+def test_crowded_breaks_leave_the_weight_of_walls_without_bias(request):
+    """24 studies, 400 with --validate, in which half of the breaks by bodies has several at once on record.
+
+    Intervals cover, by the binomial of misses at 1e-6, and the mean log of the weight is within 5 standard errors. The
+    control calls the same breaks unknown, so that the walls get their part of them: a weight twice as large.
+    """
+    studies = 400 if request.config.getoption("--validate") else 24
+    truth = WALLED.shape["wall"]
+    logs, misses = {BY_SEVERAL: [], BY_UNKNOWN: []}, dict.fromkeys((BY_SEVERAL, BY_UNKNOWN), 0)
+    for study in range(studies):
+        runs = WALLED.runs(8, 60.0, seed=500 + study)
+        for code, found in logs.items():
+            fit = fit_breaks(WALLS, with_crowded_breaks(runs, study, code), by_partner=True)
+            low, high = fit.interval("wall")
+            misses[code] += not low <= truth <= high
+            found.append(np.log(fit.parameters["wall"] / truth))
+    away = {code: np.mean(of) / (np.std(of, ddof=1) / np.sqrt(studies)) for code, of in logs.items()}
+    assert abs(away[BY_SEVERAL]) < 5 < away[BY_UNKNOWN]
+    assert binom.sf(misses[BY_SEVERAL] - 1, studies, 0.06) > 1e-6
+    assert binom.sf(misses[BY_UNKNOWN] - 1, studies, 0.06) < 1e-6
 
 
 def test_walls_are_tested_on_the_boundary_of_their_range(request):

@@ -10,7 +10,7 @@ from synthetic_runs import line_network
 
 from calibration.watched.reading import read_watched
 from kinetics.network import Network, Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "watched_events.md"
 MARKED, COUNTS, RUNS = re.findall(r"```csv\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -301,7 +301,7 @@ def test_who_broke_what(read, refused):
     rows += "a,6,2->1+1,several\na,7,1+1->2,\na,8,2->1+1,\n"
     runs = "run,start,end,monomer\na,0,9,4\n"
     (path,) = read(rows, runs).values()
-    expected = [NO_BREAK, BY_WALL, NO_BREAK, 0, NO_BREAK, BY_UNKNOWN, NO_BREAK, BY_UNKNOWN]
+    expected = [NO_BREAK, BY_WALL, NO_BREAK, 0, NO_BREAK, BY_SEVERAL, NO_BREAK, BY_UNKNOWN]
     assert path.partners.tolist() == expected
     (blind,) = read(rows.replace(",partner", ",cube_a"), runs).values()
     assert blind.partners is None

@@ -1,5 +1,6 @@
 import json
 from dataclasses import dataclass
+from itertools import count, islice
 from typing import ClassVar
 
 import numpy as np
@@ -86,14 +87,15 @@ class ShortWords(Direct):
     made: ClassVar[dict] = {}
 
     def simulate(self, net, initial, times, runs=1000, seed=0, threads=None, first_run=0):
-        paths = [self.sample_path(net, initial, times[-1], seed, run) for run in range(runs)]
+        paths = list(islice(self.sample_paths(net, initial, times[-1], seed), runs))
         return Ensemble(net, np.asarray(times, dtype=float), np.array([path.at(times) for path in paths]))
 
-    def sample_path(self, net, initial, end, seed=0, run=0):
-        key = (self.bits, id(net), tuple(initial), end, seed, run)
-        if key not in self.made:
-            self.made[key] = self.drawn(net, initial, end, np.random.default_rng((seed, run)))
-        return self.made[key]
+    def sample_paths(self, net, initial, end, seed=0, first_run=0):
+        for run in count(first_run):
+            key = (self.bits, id(net), tuple(initial), end, seed, run)
+            if key not in self.made:
+                self.made[key] = self.drawn(net, initial, end, np.random.default_rng((seed, run)))
+            yield self.made[key]
 
     def drawn(self, net, initial, end, rng):
         state, times, channels, now = net.state(initial), [], [], 0.0
@@ -254,8 +256,11 @@ def many_channels():
 
 @pytest.mark.parametrize(("bits", "passes"), [(53, True), (32, False)])
 def test_short_random_numbers_in_the_choice_are_caught(bits, passes, many_channels):
-    """A channel of chance below 2**-32 never fires, or too often; many of them together show it."""
-    found = verify(many_channels, ShortChoice(bits), [0], [2.0**16], 100, 3, solver=SolvedOnce(), with_power=False)
+    """A channel of chance below 2**-32 never fires, or too often; many of them together show it.
+
+    Together they fire 50 times: none at all has the chance exp(-50).
+    """
+    found = verify(many_channels, ShortChoice(bits), [0], [2.0**15], 100, 3, solver=SolvedOnce(), with_power=False)
     assert found.passed is passes, str(found)
 
 
@@ -302,11 +307,13 @@ def test_reading_a_verification():
     assert str(found).startswith(
         f"ssa: {len(found.findings)} findings on 1000 runs (seed 9), 0 failed; a right sampler"
     )
-    assert "power, measured on mutants of these runs" in str(found)
+    assert "power, measured on mutants of these runs, each made once" in str(found)
+    assert "at distances other than 1, 2, 3, 4, 8 and half of the runs" in str(found)
     data = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert data["passed"]
     assert data["failures"] == []
     assert [check["name"] for check in data["checks"]] == [check.name for check in SAMPLER_CHECKS]
+    assert data["power"]["not_seen"]
     assert {rate["channel"] for rate in data["power"]["rates"]} == {"forward", "backward"}
     assert SamplerFinding("impossible", 1.0, 0.0, 0.0).failed
 

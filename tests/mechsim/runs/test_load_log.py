@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
+from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, RESTART
 from mechsim.effects.hits import Hit
 from mechsim.runs.load_log import BROKE, SHARED, LoadLog
 from mechsim.runs.record import RunSpec, book_of, execute
@@ -100,7 +100,7 @@ def test_every_break_has_a_partner_and_stands_in_the_log(record):
     np.testing.assert_array_equal(arrays["load_time"][broke], arrays["times"][~is_join])
     np.testing.assert_array_equal(arrays["load_channel"][broke], arrays["channels"][~is_join])
     shared = (arrays["load_flags"] & SHARED) > 0
-    told = np.where(shared, BY_UNKNOWN, arrays["load_partner"])[broke]
+    told = np.where(shared, BY_SEVERAL, arrays["load_partner"])[broke]
     np.testing.assert_array_equal(told, arrays["partners"][~is_join])
     assert (broke == (arrays["load_value"] > np.float32(0.003))).all()
     assert arrays["load_value"].min() > 0.0015
@@ -152,7 +152,7 @@ def test_the_table_of_events_shows_bond_and_partner(record, tmp_path):
     store.write(record)
     events = store.to_frames()[0]
     assert events[["cube_a", "cube_b"]].to_numpy().tolist() == record.arrays["bonds"].tolist()
-    names = {BY_WALL: "wall", BY_UNKNOWN: "several"} | dict(enumerate(record.facts["species"]))
+    names = {BY_WALL: "wall", BY_SEVERAL: "several"} | dict(enumerate(record.facts["species"]))
     for told, partner in zip(events["partner"], record.arrays["partners"].tolist(), strict=True):
         assert pd.isna(told) if partner == NO_BREAK else told == names[partner]
     store.export(tmp_path / "tables")
