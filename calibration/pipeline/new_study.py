@@ -21,6 +21,7 @@ from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
 from kinetics.support.config import find, validated, write_toml
+from kinetics.support.output import write_whole
 from mechsim.scene import Scene
 
 LINE, OTHER = "line4", "t5"  # scenes whose physics a new study gets: bonds of a T are stronger, for it has levers
@@ -64,8 +65,8 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 120.0, 
         )
     made = Path(tempfile.mkdtemp(prefix=f".{goal.name}.", dir=goal.absolute().parent))
     try:
-        shutil.copyfile(find(name_or_path, TARGETS, "target"), made / TARGET)
-        (made / BOOK).write_text(written(compiled.book, "\n".join(compiled.verified)), encoding="utf-8")
+        write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
+        write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
         scene = scene_for(target.name, derivation)
         write_toml(scene.model_dump(mode="json", exclude_none=True), made / SCENE)
         scale = math.prod(scene.tank.size) / math.prod(PLACE)
