@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
-import tempfile
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -21,7 +19,7 @@ from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
 from kinetics.support.config import find, validated, write_toml
-from kinetics.support.output import write_whole
+from kinetics.support.output import new_folder, write_whole
 from mechsim.scene import Scene
 
 LINE, OTHER = "line4", "t5"  # scenes whose physics a new study gets: bonds of a T are stronger, for it has levers
@@ -51,20 +49,15 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 120.0, 
     ValueError: the folder is there already; the book grows from a seed.
     """
     goal = Path(folder)
-    if goal.exists():
-        raise ValueError(f"{goal} is there already; give another name, or remove it")
-    if not goal.absolute().parent.is_dir():
-        raise ValueError(f"the folder of {goal} does not exist; make it first")
-    target = Target.load(name_or_path)
-    compiled = compile_book(target, time_limit=time_limit)
-    derivation = derive(compiled.book)
-    if compiled.book.seed() is not None:
-        raise ValueError(
-            f"{target.name} grows from a seed: a tank holds one growing structure, and no plan measures all its "
-            "channels; compile its book by `wellmixed rules compile` and simulate its growth"
-        )
-    made = Path(tempfile.mkdtemp(prefix=f".{goal.name}.", dir=goal.absolute().parent))
-    try:
+    with new_folder(goal) as made:
+        target = Target.load(name_or_path)
+        compiled = compile_book(target, time_limit=time_limit)
+        derivation = derive(compiled.book)
+        if compiled.book.seed() is not None:
+            raise ValueError(
+                f"{target.name} grows from a seed: a tank holds one growing structure, and no plan measures all its "
+                "channels; compile its book by `wellmixed rules compile` and simulate its growth"
+            )
         write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
         scene = scene_for(target.name, derivation)
@@ -74,10 +67,6 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 120.0, 
         request = PlanRequest(name=target.name, scene=str(made / SCENE), **sizes | wanted)
         planned = make_plan(request, guessed_rates(derivation, scene.tank.size), RunCosts(made / RUNS))
         planned.plan.save(made / PLAN)
-        made.chmod(0o755)
-        made.rename(goal)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
     here = replace(planned, request=replace(request, scene=str(goal / SCENE)))
     return NewStudy(goal, compiled, scene, here)
 

@@ -14,6 +14,7 @@ import contextlib
 import os
 import re
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -52,6 +53,28 @@ def write_together(contents: Mapping[Path, bytes | str]) -> None:
             temporary.unlink(missing_ok=True)
     for folder in {path.parent for path in contents}:
         _sync_folder(folder)
+
+
+@contextlib.contextmanager
+def new_folder(path: str | Path) -> Iterator[Path]:
+    """A folder that takes the name `path` once all that is written into it is there; on failure it is removed.
+
+    ValueError: something of that name is there already, or the folder above is not.
+    """
+    goal = Path(path)
+    if os.path.lexists(goal):
+        raise ValueError(f"{goal} is there already; give another name, or remove it")
+    if not goal.absolute().parent.is_dir():
+        raise ValueError(f"the folder of {goal} does not exist; make it first")
+    made = goal.absolute().parent / f".wellmixed-{secrets.token_hex(8)}.part"
+    made.mkdir()
+    try:
+        yield made
+        made.rename(goal)
+    except BaseException:
+        shutil.rmtree(made, ignore_errors=True)
+        raise
+    _sync_folder(goal.absolute().parent)
 
 
 def check_target(path: str | Path) -> None:

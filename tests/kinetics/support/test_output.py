@@ -11,7 +11,7 @@ import pytest
 from failing_disk import CALLS, fail_at_each_call
 
 from kinetics.support import output
-from kinetics.support.output import check_target, checked_name, write_together, write_whole
+from kinetics.support.output import check_target, checked_name, new_folder, write_together, write_whole
 
 OLD, NEW = b"older " * 700, b"newer" * 900
 
@@ -173,7 +173,7 @@ import os
 os.chdir({str(tmp_path)!r})
 if os.getuid() == 0:
     os.setgid(65534); os.setuid(65534)  # nothing is protected from root
-from kinetics.support.output import write_whole
+from kinetics.support.output import new_folder, write_whole
 write_whole("own", b"")
 write_whole("rates.toml", b"new")
 """
@@ -213,3 +213,20 @@ def test_names_that_may_become_files(name):
 def test_names_that_may_not(name):
     with pytest.raises(ValueError, match=r"study .*: it names files"):
         checked_name(name, "study")
+
+
+def test_a_new_folder_is_there_whole_or_not_at_all(tmp_path):
+    with new_folder(tmp_path / "made") as within:
+        write_whole(within / "a", "x")
+        assert not (tmp_path / "made").exists()
+    assert (tmp_path / "made" / "a").read_text(encoding="utf-8") == "x"
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "other") as within:
+        write_whole(within / "a", "x")
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.iterdir()] == ["made"]
+    for taken, said in (("made", "is there already"), ("no/where", "does not exist")):
+        with pytest.raises(ValueError, match=said), new_folder(tmp_path / taken):
+            pass
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    with pytest.raises(ValueError, match="is there already"), new_folder(tmp_path / "link"):
+        pass
