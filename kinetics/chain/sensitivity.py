@@ -51,9 +51,11 @@ class Sensitivity:
     parameters : name -> (N, N) sparse: how the rates between states depend on it, d ln(rate) / d ln(parameter); 1
         where a rate is in proportion to it, as with a mask
 
-    By `until` and `reward` at or up to a time: one pass forwards and one backwards, or for small and stiff chains three
-    times the products of the dense method, with an estimated error; ever, until a target or in the end: one elimination
-    and two substitutions. ValueError: a chain from elsewhere without parameters, and what the chain refuses.
+    By `until` and `reward` at or up to a time: one pass forwards and one backwards, about three times the answer's
+    time; for small and stiff chains three times the products of the dense method. Ever, until a target or in the end:
+    one elimination and two substitutions, and up to four more where a target is remote. Limits are relative to the
+    answer; of `always`, the end, `passage_sd` and higher moments, as much wider as rates fire often before. ValueError:
+    a chain from elsewhere without parameters, and what the chain refuses.
     """
 
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:

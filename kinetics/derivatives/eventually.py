@@ -6,13 +6,16 @@ going on from j instead. Occupation and value come from one elimination, which a
 relative errors, so each term has a bound. After infinite time the occupation is the stationary distribution, and y what
 is earned beyond the mean before the chain is back at a state (Schweitzer 1968, doi:10.2307/3212261).
 
-Where a target is so remote that its rates fire f times before it is reached, derivatives lose as many digits as f has.
+Where a target is so remote that rates fire f times before it is reached, these derivatives lose as many digits as f
+has. Those of a mean until a target, and of a probability, are then taken by cycles (see `regenerative`), with limits
+relative to the answer; those of `always`, of the end and of higher moments keep limits that are f times as wide.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from kinetics.derivatives.regenerative import First, by_cycles
 from kinetics.derivatives.slopes import ChannelEntries, Slopes
 from kinetics.passage.certified import BoundedSolution
 from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
@@ -20,10 +23,17 @@ from kinetics.passage.until import UNDERFLOW, Ending, Mask, OnTheWay, always, ea
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats, Ints
 
+LOOSE = 1e-8  # relative to the answer: from here on, cycles are worth their time
+
 
 def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
     """Of the probability of reaching the target (N,) at some time, through given states (N,) alone."""
-    return _of_ending(entries, until(entries.transitions, start, through, target))
+
+    def until_back(inside: ChannelEntries, begins: Floats) -> Slopes:
+        return _reached(inside, begins, np.append(through, False), np.append(target, False))
+
+    ending = until(entries.transitions, start, through, target)
+    return _narrower(entries, np.where(target, 0.0, start), ending, _of_ending(entries, ending), until_back)
 
 
 def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slopes:
@@ -37,8 +47,14 @@ def slopes_earned(
     """Of the mean of what is earned until the target is reached: at `earning` (N,) a time unit, `worth` (K,) a jump."""
     total, rounded = earning_with(entries.transitions, earning, worth)
     ending = earned_until(entries.transitions, start, total, target)
-    kept = None if worth is None else worth[~target[entries.transitions.rows]]
-    return _of_ending(entries, ending, kept, rounded)
+
+    def until_back(inside: ChannelEntries, begins: Floats) -> Slopes:
+        ends = np.append(target, True)
+        cycle = earned_until(inside.transitions, begins, np.append(total, 0.0), ends)
+        return _of_ending(inside, cycle, _going(inside, ends, worth), rounded)
+
+    found = _of_ending(entries, ending, _going(entries, target, worth), rounded)
+    return _narrower(entries, start, ending, found, until_back)
 
 
 def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, worth: Floats | None = None) -> Slopes:
@@ -68,6 +84,29 @@ def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, w
         parts = _direct(entries, share, worth)
         value, wide = value + parts[0], wide + parts[1]
     return Slopes(answer, value, 1.01 * wide + UNDERFLOW, chain.is_certified)
+
+
+def _narrower(entries: ChannelEntries, start: Floats, ending: Ending, found: Slopes, until_back: First) -> Slopes:
+    """What was found; where it is loose, by cycles between visits of the state that is visited most."""
+    solved = ending.solved
+    if solved is None or found.wide.max(initial=0.0) <= LOOSE * found.answer.value:
+        return found
+    spent = everywhere(solved.way, solved.equation.occupied(solved.first))
+    back = int(np.argmax(spent.values * solved.chain.exits))
+    near = by_cycles(entries, start, solved.way, back, until_back, _reached)
+    better = near.wide < found.wide
+    return found._replace(
+        value=np.where(better, near.value, found.value), wide=np.where(better, 1.01 * near.wide, found.wide)
+    )
+
+
+def _reached(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
+    return _of_ending(entries, until(entries.transitions, start, through, target))
+
+
+def _going(entries: ChannelEntries, target: Mask, worth: Floats | None) -> Floats | None:
+    """What jumps are worth that leave no target."""
+    return None if worth is None else worth[~target[entries.transitions.rows]]
 
 
 def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = None, rounded: float = 0.0) -> Slopes:

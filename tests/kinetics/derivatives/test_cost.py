@@ -72,7 +72,7 @@ def test_states_that_do_not_matter_are_left_out(counted):
 @pytest.mark.parametrize("places", [2, 20])
 def test_one_elimination_and_two_substitutions(places, counted):
     """Each substitution comes with those that prove it, as many as for the value alone."""
-    chain = Chain.of(walk(places), {"place0": 1})
+    chain = Chain.of(walk(places, down=0.5), {"place0": 1})
     chain.reward("place0", until=f"place{places} == 1")
     reduced, solved, occupied = (counted[name].total for name in ("reduce", "solve", "occupy"))
     assert (reduced, occupied) == (1, 0)
@@ -84,3 +84,11 @@ def test_one_elimination_and_two_substitutions(places, counted):
     # the control: means of two functions share the pass forwards, and no more
     Sensitivity(chain).means(np.asarray(chain.counts, dtype=float).T[:2], 5.0)
     assert counted["steps_back"].total >= 2 * counted["powers"].total
+
+
+def test_cycles_until_a_remote_target(counted):
+    """Uphill, where rates fire two million times before: up to four eliminations more."""
+    chain = Chain.of(walk(20), {"place0": 1})
+    found = Sensitivity(chain).passage("place20 == 1")
+    assert 3 <= counted["reduce"].total <= 5
+    assert (found.high - found.low).max() < 1e-10 * found.answer.value
