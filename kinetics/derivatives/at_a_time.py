@@ -6,8 +6,8 @@ rate, so its derivative by ln k_r is the sum over n of v_n (Q_r / q) l_(n+1), wi
 l_n = P l_(n+1) + w_n f backwards: the adjoint of all rates at once (reverse mode).
 
 Only states that are reached and lead to a value are stepped through, and steps end where all later ones together bring
-less than these round: about three times the cost of the value. Where the value has settled long before the time, and
-its pass stops, these go on: of differences that no longer change, a limit would say too little.
+less than these round: about three times the cost of the value. Where the value has settled long before the time, so
+that its pass stops, these go on: of differences that no longer change, a limit would say too little.
 
 Every rounding in v and l is as if an entry of P were wrong by a small share, k, at one step. So the computed
 derivative is a mean over the paths of n steps, in which the score of a path, M = sum of dln P / dln k_r over its steps,

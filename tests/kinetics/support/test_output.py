@@ -220,9 +220,14 @@ def test_a_new_folder_is_there_whole_or_not_at_all(tmp_path):
         write_whole(within / "a", "x")
         assert not (tmp_path / "made").exists()
     assert (tmp_path / "made" / "a").read_text(encoding="utf-8") == "x"
-    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "other") as within:
-        write_whole(within / "a", "x")
-        raise KeyboardInterrupt
+
+    def interrupted():
+        with new_folder(tmp_path / "other") as within:
+            write_whole(within / "a", "x")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert [path.name for path in tmp_path.iterdir()] == ["made"]
     for taken, said in (("made", "is there already"), ("no/where", "does not exist")):
         with pytest.raises(ValueError, match=said), new_folder(tmp_path / taken):
