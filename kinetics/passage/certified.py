@@ -44,7 +44,11 @@ class BoundedSolution(NamedTuple):
     @property
     def relative(self) -> float:
         """The largest relative error of any value."""
-        held = self.errors > 0.0
+        return self.relative_above(0.0)
+
+    def relative_above(self, least: float) -> float:
+        """The largest relative error of any value but those that are known to be no more than `least`."""
+        held = (self.errors > 0.0) & ~(self.values + self.errors <= least)
         if not held.any():
             return 0.0
         with np.errstate(all="ignore"):
@@ -68,6 +72,7 @@ class Equations(ABC):
         leaving: Floats,
         rate_error: float = RATE_ERROR,
     ) -> None:
+        self.rate_error = rate_error
         self._rates = (rows.astype(np.int64), columns.astype(np.int64), np.asarray(rates, dtype=float), leaving)
         # In the rates that come: their own roundings, and sums of those that lead to one place or out of the chain.
         self.given = rate_error + int(np.bincount(rows, minlength=1).max())

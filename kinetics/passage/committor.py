@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.certified import leaving_rates
-from kinetics.passage.elimination import equations
 from kinetics.passage.entry import reached_states
+from kinetics.passage.equations import equations
 from kinetics.passage.sampled import sampled_jumps
 from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions

@@ -155,7 +155,7 @@ class SparseFactors(Equations):
         return found + wide * float(((np.abs(left) + doubt) / reached).max(initial=0.0))
 
 
-def equations(
+def direct(
     rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
 ) -> Equations:
     """Elimination where the chain is small or narrow enough, else sparse LU; TooLargeError where that would fill up."""

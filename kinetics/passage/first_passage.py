@@ -14,8 +14,9 @@ from kinetics.network import Network
 from kinetics.passage.arrival import Arrival
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
-from kinetics.passage.elimination import equations, mean_over
+from kinetics.passage.elimination import mean_over
 from kinetics.passage.entry import reached_states
+from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinetics.passage.elimination import equations
+from kinetics.passage.elimination import direct
 from kinetics.support.arrays import Floats, Ints
 
 MAX_BINS = 256  # more levels than this share bins of equal width
@@ -54,7 +54,7 @@ class LevelChances:
         np.fill_diagonal(rates, 0.0)
         rows, columns = np.nonzero(rates[:last, :last])
         hits = rates[:last, last]
-        chain = equations(rows, columns, rates[rows, columns], hits + 1.0 / step)
+        chain = direct(rows, columns, rates[rows, columns], hits + 1.0 / step)
         self.chances = np.zeros((STEPS + 1, last + 1))
         self.chances[:, last] = 1.0
         for m in range(1, STEPS + 1):

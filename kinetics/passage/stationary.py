@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import Equations, leaving_rates
-from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, equations
+from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError
 from kinetics.passage.entry import reached_states
+from kinetics.passage.equations import equations, is_easy
+from kinetics.passage.iteration import Iteration
 from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
@@ -20,11 +22,14 @@ from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
-FEW = 300  # states that are eliminated at once; of more, factors are mostly faster
 MANY = 20_000  # states that sparse factors are tried on before anything foretells their cost
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
 CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
+ALIKE = 8.0  # times as likely: no better anchor
+UNIT = 2.0**830  # time in the anchor, so that the smallest probabilities lose no digits
+LOST = 1e-291  # what is smaller may be
+LOWEST = -600.0  # logarithm of the smallest guess
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +189,12 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
     inside = place[rows] >= 0
     nowhere = np.zeros(members.size)
     inner = Transitions(place[rows[inside]], place[columns[inside]], rates[inside], nowhere, transitions.roundings)
-    factored = _by_factors(inner) if FEW < members.size <= MANY else None
+    easy = is_easy(inner.rows, inner.columns, inner.size)
+    if not easy:
+        iterated = _by_iteration(inner)
+        if iterated[1] <= CLOSE:
+            return iterated
+    factored = _by_factors(inner) if not easy and members.size <= MANY else None
     if factored is not None and factored[1] <= CLOSE:
         return factored
     try:
@@ -203,6 +213,34 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
     return (better, error) if error < chain.error else (found, chain.error)
 
 
+def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
+    """Between visits to a state that a first guess calls the likeliest, then to the one that this finds."""
+    guess = _guessed(chain)
+    anchor, error = int(np.argmax(guess)), np.inf
+    for _ in range(ANCHORS):
+        with np.errstate(all="ignore"):
+            guess *= UNIT / guess[anchor]
+            guess, error = _between_visits(Iteration, chain, anchor, guess)
+        likeliest = int(np.argmax(guess))
+        if not error > CLOSE or guess[likeliest] <= ALIKE * guess[anchor]:
+            break
+        anchor = likeliest
+    return guess, error
+
+
+def _guessed(chain: Transitions) -> Floats:
+    """About the probabilities (N,), times some number."""
+    from scipy.sparse import csr_array
+
+    from kinetics.kernels import balance
+
+    table: Any = csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
+    table.sum_duplicates()
+    logs = np.empty(chain.size)
+    balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
+    return np.exp(np.maximum(logs - logs.max(), LOWEST))
+
+
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:
     """Between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
     fastest = np.lexsort((chain.rates, chain.rows))
@@ -219,8 +257,13 @@ def _by_factors(chain: Transitions) -> tuple[Floats, float]:
     return found, error
 
 
-def _between_visits(solver: type[Equations], chain: Transitions, anchor: int) -> tuple[Floats, float]:
-    """The distribution as time spent in each state between two visits to one, with an error proven afterwards."""
+def _between_visits(
+    solver: type[Equations], chain: Transitions, anchor: int, guess: Floats | None = None
+) -> tuple[Floats, float]:
+    """The distribution as time spent in each state between two visits to one, with an error proven afterwards.
+
+    guess : (N,) about the distribution, if the solver takes one
+    """
     rows, columns, rates, *_ = chain
     n, states = chain.size, np.arange(chain.size)
     place = states - (states > anchor)
@@ -228,8 +271,12 @@ def _between_visits(solver: type[Equations], chain: Transitions, anchor: int) ->
     leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
     inner = solver(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
     with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
-        stays = inner.occupied(leaving_rates(place[columns[begins]], rates[begins], n - 1))
-        found = np.insert(stays.values, anchor, 1.0)
+        into = UNIT * leaving_rates(place[columns[begins]], rates[begins], n - 1)
+        if isinstance(inner, Iteration) and guess is not None:
+            stays = inner.occupied(into, np.delete(guess, anchor))
+        else:
+            stays = inner.occupied(into)
+        found = np.insert(stays.values, anchor, UNIT)
         total = float(found.sum())
-        error = 1.001 * (stays.relative + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2))
+        error = 1.001 * (stays.relative_above(LOST * total) + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2))
         return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinetics.passage.backward import LimitedValue, expected_at
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
-from kinetics.passage.elimination import equations
+from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Floats
