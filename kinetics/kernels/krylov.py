@@ -21,8 +21,9 @@ def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupati
     first = np.empty(n)
     step, moved, bent = np.zeros(n), np.zeros(n), np.empty(n)
     far, near = np.empty(n), np.empty(n)
+    shrinks = 1.0 / units
     for i in range(n):
-        left[i] /= units[i]
+        left[i] *= shrinks[i]
         first[i] = left[i]
     before, alpha, omega = 1.0, 1.0, 1.0
     for k in range(most):
@@ -42,7 +43,7 @@ def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupati
             earned(begins, columns, rates, exits, far, moved)
         product = 0.0
         for i in range(n):
-            moved[i] /= units[i]
+            moved[i] *= shrinks[i]
             product += first[i] * moved[i]
         alpha = before / product
         if not np.isfinite(alpha) or alpha == 0.0:
@@ -58,7 +59,7 @@ def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupati
             earned(begins, columns, rates, exits, near, bent)
         product, square = 0.0, 0.0
         for i in range(n):
-            bent[i] /= units[i]
+            bent[i] *= shrinks[i]
             product += bent[i] * left[i]
             square += bent[i] * bent[i]
         omega = product / square if square > 0.0 else 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +28,9 @@ class Passage:
     """The distribution of a first-passage time, tu.
 
     target : the target, in words
-    mean, sd : mean and standard deviation of the time; inf and nan where the target may never be reached
+    mean : mean of the time; inf where the target may never be reached
     probability : probability of ever reaching the target
     error : relative error of mean and probability
-    sd_error : relative error of sd, likewise
     n_states : number of states before the target
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
@@ -40,19 +39,32 @@ class Passage:
 
     target: str
     mean: float
-    sd: float
     probability: float
     error: float
-    sd_error: float
     n_states: int
     transitions: Transitions = field(repr=False)
     start: Floats = field(repr=False)
     is_bound: bool = True
+    _spread: Callable[[], tuple[float, float]] = field(default=lambda: (np.nan, np.nan), repr=False)
 
     @property
     def is_certain(self) -> bool:
         """Whether the target is reached with probability 1."""
         return bool(np.isfinite(self.mean))
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the time; nan where the target may never be reached. Solved for when first asked."""
+        return self._sd[0]
+
+    @property
+    def sd_error(self) -> float:
+        """Relative error of sd, proven where that of the mean is."""
+        return self._sd[1]
+
+    @cached_property
+    def _sd(self) -> tuple[float, float]:
+        return self._spread()
 
     @cached_property
     def _arrival(self) -> Arrival:
@@ -163,28 +175,31 @@ def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bo
     n, there = begins.size - 1, float(begins[-1])
     is_bound = transitions.is_certified
     if not begins[:n].any():
-        return Passage(target, 0.0, 0.0, 1.0, 0.0, 0.0, 0, chain, begins, is_bound)
+        return Passage(target, 0.0, 1.0, 0.0, 0, chain, begins, is_bound, lambda: (0.0, 0.0))
     way = _way(chain, begins)
     first, hits = way.first, way.hits
     if not first.any():
-        return Passage(target, np.inf, np.nan, there, 0.0, np.nan, n, chain, begins, is_bound)
+        return Passage(target, np.inf, there, 0.0, n, chain, begins, is_bound)
     chances = equations(way.rows, way.columns, way.rates, hits + way.losses, transitions.roundings)
     if not way.is_certain:
         chance, error = _checked(chances.solved(hits), first).mean(first)
         chance = min(there + chance, 1.0)
-        return Passage(target, np.inf, np.nan, chance, error, np.nan, n, chain, begins, is_bound)
+        return Passage(target, np.inf, chance, error, n, chain, begins, is_bound)
     means = _checked(chances.solved(np.ones(hits.size)), first)
     mean, error = means.mean(first)
+    return Passage(target, mean, 1.0, error, n, chain, begins, is_bound, partial(_sd, chances, way, there, means))
+
+
+def _sd(chances: Equations, way: _Way, there: float, means: BoundedSolution) -> tuple[float, float]:
+    """Standard deviation and its relative error; there : probability of beginning in the target."""
     variances, doubt = _variances(chances, way, means)
-    spread, more = _spread(first, there, means)
-    within, wrong = variances.mean(first)
+    spread, more = _spread(way.first, there, means)
+    within, wrong = variances.mean(way.first)
     variance = within + spread
-    terms = 8.0 + chances.given + int(np.count_nonzero(first))
-    slack = 1.01 * ((mean_over(first, doubt) + more) / variance + terms * ROUNDOFF)
+    terms = 8.0 + chances.given + int(np.count_nonzero(way.first))
+    slack = 1.01 * ((mean_over(way.first, doubt) + more) / variance + terms * ROUNDOFF)
     # Half the relative error of the variance, and that of a root.
-    sd_error = 0.5 * (wrong + slack) + ROUNDOFF
-    sd = float(np.sqrt(variance))
-    return Passage(target, mean, sd, 1.0, error, sd_error, n, chain, begins, is_bound)
+    return float(np.sqrt(variance)), 0.5 * (wrong + slack) + ROUNDOFF
 
 
 class _Way(NamedTuple):

@@ -13,17 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.passage.certified import FINE, BoundedSolution, Equations
+from kinetics.solving.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
 
+LARGEST = 830  # binary exponent of the largest value while limits are proven, so that small ones lose no digits
+TINY = 1e-307  # what doubles lose where they are smallest, and more
 FLOOR = 1e-290  # of the largest value: below, values are known to this
 SWEEPS = 12  # at most with the incomplete factors alone, whose results are never negative
-MUCH = 1.0  # a change by which a value is twice as large or small
+MUCH = 1.0  # a change by which a value is four times as large or small
 LEAST = 1e-2  # of a value, that is left of it in one round
 ROUGH, ROUGHLY = 8, 1e-2  # rounds at most, until residuals are no more than this of the solution
 ROUNDS = 6  # at most, of corrections by residuals in double-double arithmetic
 STEPS = 60  # of a Krylov method in one round
 MOST_STEPS = 200  # in all rounds of a solution
 SURE = 0.3  # residual of the vector that proves, at most
+EVEN = 2.0**-20  # of what flows through each state: weights of so much show by themselves how large solutions are
 DIGITS = 1e-12  # by which one round may reduce a residual
 
 
@@ -35,7 +39,8 @@ class Comparison(NamedTuple):
 
     def limits(self, left: Floats) -> Floats:
         """What the inverse of A makes of residuals no larger than these (n,)."""
-        return 1.001 * self.wide * float((left / self.reached).max(initial=0.0))
+        found = 1.001 * self.wide * float((left / self.reached).max(initial=0.0))
+        return np.where(np.isnan(found), np.inf, found)
 
 
 class Iteration(Equations):
@@ -74,13 +79,22 @@ class Iteration(Equations):
         """As `Equations.occupied`; guess : (n,) of about the size of the solution, none negative."""
         return self._certified(start, True, guess)
 
+    def about(self, start: Floats, guess: Floats) -> Floats:
+        """The occupation (n,) from a start to a few digits at most, from a guess; nothing is proven."""
+        self._steps = MOST_STEPS
+        with np.errstate(all="ignore"):
+            return self._rough(start, True, guess)
+
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002
         """Upper limits (n,) on the solution for weights of at least 0: a rough one, and what it may lack."""
         self._steps = MOST_STEPS
         with np.errstate(all="ignore"):
             found = self._rough(weights, is_occupation)
+            unit = _unit(found)
+            found, weights = found * unit, weights * unit
             left, doubt = self._left(weights, found, np.zeros_like(found), is_occupation)
-            return found + self._comparison(found, is_occupation).limits(np.abs(left) + doubt)
+            wide = self._comparison(found, is_occupation).limits(np.abs(left) + doubt)
+            return (1.0 + 4.0 * ROUNDOFF) * (found + wide) / unit + TINY
 
     def _certified(self, weights: Floats, is_occupation: bool, guess: Floats | None = None) -> BoundedSolution:
         from kinetics.kernels import residuals
@@ -88,13 +102,14 @@ class Iteration(Equations):
         self._steps = MOST_STEPS
         with np.errstate(all="ignore"):
             high = self._rough(weights, is_occupation, guess)
-            low, errors, best = np.zeros_like(high), np.full_like(high, np.inf), np.inf
+            unit = _unit(high)
+            high, weights = high * unit, weights * unit
+            low, best = np.zeros_like(high), np.inf
             left, doubt = self._left(weights, high, low, is_occupation)
-            sure = self._comparison(high, is_occupation, weights, left)
-            held = high > FLOOR * high.max(initial=0.0)
-            loss = float((sure.wide[held] / high[held]).max(initial=0.0))
+            sure = self._comparison(high, is_occupation, weights - np.abs(left) - doubt)
             for _ in range(ROUNDS):
-                errors = sure.limits(np.abs(left) + doubt)
+                held = high > FLOOR * high.max(initial=0.0)
+                loss = float((sure.wide[held] / high[held]).max(initial=0.0))
                 relative = loss * float((np.abs(left) / sure.reached).max(initial=0.0))
                 if not self.goal < relative < 0.5 * best:  # good enough, or no better than before
                     break
@@ -104,11 +119,13 @@ class Iteration(Equations):
                 low[high < 0.0] = 0.0
                 high[high < 0.0] = 0.0
                 left, doubt = self._left(weights, high, low, is_occupation)
+            errors = sure.limits(np.abs(left) + doubt)
             errors = 1.001 * (errors + np.abs(low) + self.rates_error * (high + errors))
             nothing = high == 0.0
             if not left[nothing].any():  # sums of nothing negative
                 errors[nothing] = 0.0
-            return BoundedSolution(high, np.where(np.isnan(errors), np.inf, errors))
+            errors = np.where(errors > 0.0, errors / unit + TINY, errors)
+            return BoundedSolution(high / unit, np.where(np.isnan(errors), np.inf, errors))
 
     def _rough(self, weights: Floats, is_occupation: bool, guess: Floats | None = None) -> Floats:
         """A solution to a hundredth of the terms of each equation, where the method comes so far."""
@@ -136,19 +153,19 @@ class Iteration(Equations):
                 break
         return found
 
-    def _comparison(
-        self, like: Floats, is_occupation: bool, weights: Floats | None = None, left: Floats | None = None
-    ) -> Comparison:
-        """Of a vector as large as the solution, times the jumps that the chain has left."""
-        if weights is not None and left is not None:
-            reached = 0.999 * (weights - np.abs(left))
-            if (reached > EVEN * self._exits * like).all():  # the solution itself
-                return Comparison(like, reached)
+    def _comparison(self, like: Floats, is_occupation: bool, known: Floats | None = None) -> Comparison:
+        """Of a vector as large as the solution, times the jumps that the chain has left.
+
+        known : (n,) what A makes of `like` at least; where that is even, it is the vector
+        """
+        if known is not None and (known > EVEN * self._exits * like).all():
+            return Comparison(like.copy(), 0.999 * known)
         asked = self._units(like)
         wide = self._settled(asked, np.zeros_like(asked), is_occupation)
         rest = self._rest(asked, wide, is_occupation)
         wide += self._changed(rest, asked, SURE, is_occupation)
-        rest, doubt = self._left(asked, wide, np.zeros_like(wide), is_occupation)
+        rest, sizes = self._rest(asked, wide, is_occupation), 2.0 * (self._exits * wide + asked)
+        doubt = (self._terms + 8.0) * (ROUNDOFF * (sizes + np.abs(rest)) + TINY)
         reached = 0.999 * (asked - np.abs(rest) - doubt)
         if not ((wide > 0.0) & (reached > 0.0)).all():
             wide = np.full_like(wide, np.inf)
@@ -184,4 +201,7 @@ class Iteration(Equations):
         return np.where(np.isfinite(change), change, 0.0)
 
 
-EVEN = 2.0**-20  # of what flows through a state: weights of so much show by themselves how large a solution is
+def _unit(values: Floats) -> float:
+    """The power of two that takes the largest value to `LARGEST`; 1 where there is none."""
+    largest = float(values.max(initial=0.0))
+    return float(np.ldexp(1.0, min(LARGEST - int(np.frexp(largest)[1]), 1000))) if 0.0 < largest < np.inf else 1.0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
-from kinetics.passage.certified import Equations, leaving_rates
+from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError
 from kinetics.passage.entry import reached_states
 from kinetics.passage.equations import equations, is_easy
@@ -27,7 +27,7 @@ FINE = 1e-12  # an error known beforehand that needs no proof afterwards
 CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
 ALIKE = 8.0  # times as likely: no better anchor
-UNIT = 2.0**830  # time in the anchor, so that the smallest probabilities lose no digits
+Solver = TypeVar("Solver", bound=Equations)
 LOST = 1e-291  # what is smaller may be
 LOWEST = -600.0  # logarithm of the smallest guess
 
@@ -214,18 +214,16 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
 
 
 def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a state that a first guess calls the likeliest, then to the one that this finds."""
+    """Between visits to a likely state: of a first guess, then of what a rough solution says."""
     guess = _guessed(chain)
-    anchor, error = int(np.argmax(guess)), np.inf
     for _ in range(ANCHORS):
+        anchor = int(np.argmax(guess))
+        inner, into = _around(Iteration, chain, anchor)
         with np.errstate(all="ignore"):
-            guess *= UNIT / guess[anchor]
-            guess, error = _between_visits(Iteration, chain, anchor, guess)
-        likeliest = int(np.argmax(guess))
-        if not error > CLOSE or guess[likeliest] <= ALIKE * guess[anchor]:
+            guess = np.insert(inner.about(into, np.delete(guess, anchor) / guess[anchor]), anchor, 1.0)
+        if guess.max() <= ALIKE:
             break
-        anchor = likeliest
-    return guess, error
+    return _normalised(inner.occupied(into, np.delete(guess, anchor)), anchor)
 
 
 def _guessed(chain: Transitions) -> Floats:
@@ -257,26 +255,29 @@ def _by_factors(chain: Transitions) -> tuple[Floats, float]:
     return found, error
 
 
-def _between_visits(
-    solver: type[Equations], chain: Transitions, anchor: int, guess: Floats | None = None
-) -> tuple[Floats, float]:
-    """The distribution as time spent in each state between two visits to one, with an error proven afterwards.
+def _between_visits(solver: type[Equations], chain: Transitions, anchor: int) -> tuple[Floats, float]:
+    """The distribution as time spent in each state between two visits to one, with an error proven afterwards."""
+    inner, into = _around(solver, chain, anchor)
+    with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
+        return _normalised(inner.occupied(into), anchor)
 
-    guess : (N,) about the distribution, if the solver takes one
-    """
+
+def _around(solver: type[Solver], chain: Transitions, anchor: int) -> tuple[Solver, Floats]:
+    """The equations of all states but one, and how often each is entered (N - 1,) in a time unit there."""
     rows, columns, rates, *_ = chain
     n, states = chain.size, np.arange(chain.size)
     place = states - (states > anchor)
     begins, inside, ends = rows == anchor, (rows != anchor) & (columns != anchor), columns == anchor
     leaving = leaving_rates(place[rows[ends]], rates[ends], n - 1)
     inner = solver(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
-    with np.errstate(all="ignore"):  # of a state so unlikely that the others are beyond all numbers
-        into = UNIT * leaving_rates(place[columns[begins]], rates[begins], n - 1)
-        if isinstance(inner, Iteration) and guess is not None:
-            stays = inner.occupied(into, np.delete(guess, anchor))
-        else:
-            stays = inner.occupied(into)
-        found = np.insert(stays.values, anchor, UNIT)
+    return inner, leaving_rates(place[columns[begins]], rates[begins], n - 1)
+
+
+def _normalised(stays: BoundedSolution, anchor: int) -> tuple[Floats, float]:
+    """Probabilities (N,) from the time in all states but one, where that is 1; and a bound on their error."""
+    found = np.insert(stays.values, anchor, 1.0)
+    with np.errstate(all="ignore"):
         total = float(found.sum())
-        error = 1.001 * (stays.relative_above(LOST * total) + float(stays.errors.sum()) / total + ROUNDOFF * (n + 2))
+        relative = stays.relative_above(LOST * total) + float(stays.errors.sum()) / total
+        error = 1.001 * (relative + ROUNDOFF * (found.size + 2))
         return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
