@@ -26,7 +26,7 @@ ROUGH, ROUGHLY = 8, 1e-2  # rounds at most, until residuals are no more than thi
 ROUNDS = 6  # at most, of corrections by residuals in double-double arithmetic
 STEPS = 60  # of a Krylov method in one round
 MOST_STEPS = 200  # in all rounds of a solution
-SURE = 0.3  # residual of the vector that proves, at most
+SURE = 0.6  # residual of the vector that proves, at most
 EVEN = 2.0**-20  # of what flows through each state: weights of so much show by themselves how large solutions are
 DIGITS = 1e-12  # by which one round may reduce a residual
 

@@ -36,15 +36,11 @@ SIZES = (3_000, 10_000, 30_000, 100_000)
 
 
 class Work(NamedTuple):
-    """A chain with the labels "target" and "bad", and the times that are asked for.
-
-    without_time : whether questions without a time are asked, too; where elimination fills up, they take too long
-    """
+    """A chain with the labels "target" and "bad", and the times that are asked for."""
 
     name: str
     chain: Chain
     times: tuple[float, ...]
-    without_time: bool = True
 
 
 class Answer(NamedTuple):
@@ -61,7 +57,7 @@ def line(states: int) -> Work:
     cubes = {3_000: 70, 10_000: 108, 30_000: 157, 100_000: 236}[states]
     network = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
     chain = Chain.of(network, [cubes, 0, 0, 0], {"target": "quadmer >= 5", "bad": "trimer >= 9"})
-    return Work("line of four", chain, (20.0, 200.0), states <= 10_000)
+    return Work("line of four", chain, (20.0, 200.0))
 
 
 def births_and_deaths(states: int) -> Work:
@@ -81,9 +77,23 @@ def random_chain(states: int) -> Work:
     columns = (rows + rng.integers(1, states, rows.size)) % states
     rates = 10.0 ** rng.uniform(-1.0, 1.0, rows.size)
     labels = {"target": np.arange(states) % 100 == 7, "bad": np.arange(states) % 100 == 8}
-    return Work(
-        "random, five ways out", Chain(_sparse(rows, columns, rates, states), 0, labels), (1.0, 10.0), states <= 3_000
+    return Work("random, five ways out", Chain(_sparse(rows, columns, rates, states), 0, labels), (1.0, 10.0))
+
+
+def groups(states: int) -> Work:
+    """Ten groups of states with ways by chance inside, left from one state in ten at rates of 1e-6: stiff."""
+    rng, size = np.random.default_rng(2), states // 10
+    rows = np.repeat(np.arange(states), 5)
+    columns = rows // size * size + (rows % size + rng.integers(1, size, rows.size)) % size
+    rates = 10.0 ** rng.uniform(-1.0, 1.0, rows.size)
+    slow = np.arange(0, states, 10)
+    onward = (slow + rng.choice([-size, size], slow.size)) % states
+    chain = _sparse(
+        np.append(rows, slow), np.append(columns, onward), np.append(rates, np.full(slow.size, 1e-6)), states
     )
+    places = np.arange(states)
+    labels = {"target": (places // size == 5) & (places % 10 == 7), "bad": (places // size == 8) & (places % 10 == 8)}
+    return Work("ten groups, left at 1e-6", Chain(chain, 0, labels), (100.0,))
 
 
 def _sparse(rows: Any, columns: Any, rates: Any, n: int) -> Any:
@@ -175,8 +185,7 @@ def race(work: Work) -> None:
             ask, seconds = storm(files["storm"])
             reading, kinds = f"{reading}, storm {seconds:.3f} s", ("storm", "to 1e-12")
     click.echo(f"\n{work.name}: {len(chain)} states, {chain.transitions.rates.size} rates; {reading}")
-    timeless = ("U", "T", "S") if work.without_time else ()
-    for question, when in [*(("P", each) for each in work.times), *((each, np.nan) for each in timeless)]:
+    for question, when in [*(("P", each) for each in work.times), *((each, np.nan) for each in "UTS")]:
         chosen = kinds[:1] if question == "P" else kinds
         calls: dict[str, Callable[[], Answer]] = {"ours": lambda q=question, t=when: ours(chain, q, t)}
         calls |= {kind: lambda q=question, t=when, k=kind: ask(q, t, k) for kind in chosen}
@@ -208,7 +217,7 @@ def main() -> None:
     if not find_spec("stormpy"):
         click.echo("Storm is not installed (pip install 'wellmixed[oracle]'); ours alone")
     for states in SIZES:
-        for make in (line, births_and_deaths, random_chain):
+        for make in (line, births_and_deaths, random_chain, groups):
             race(make(states))
 
 

@@ -1,5 +1,7 @@
 """Limits proven from what a solution leaves of the equations: they hold, and are below 1e-9 on 5,000 states."""
 
+from importlib import import_module
+
 import mpmath
 import numpy as np
 import pytest
@@ -130,8 +132,8 @@ def test_a_long_walk():
 
 
 @pytest.mark.parametrize("kind", ["line", "random"])
-def test_two_ways_agree_on_5000_states(kind, monkeypatch):
-    """Elimination and sparse factors share no step but the limits; each is below 1e-9, and they agree to 1e-13."""
+def test_three_ways_agree_on_5000_states(kind, monkeypatch):
+    """They share no step but the limits; each is below 1e-9; direct ways agree to 1e-13, iteration to 1e-11."""
     if kind == "line":
         chain = Chain.of(line(), [88, 0, 0, 0])
         goals = {"many": "quadmer >= 15", "one": "quadmer >= 1 and trimer == 0 and dimer == 0 and quadmer < 15"}
@@ -145,8 +147,10 @@ def test_two_ways_agree_on_5000_states(kind, monkeypatch):
         chain = Chain(csr_array((rates[off], (rows[off], columns[off])), shape=(n, n)), 0)
         goals = {"many": np.arange(n) % 500 == 400, "one": np.arange(n) == 40}
     answers = []
-    for work in (elimination.MAX_WORK, 0):
+    for is_easy, work in ((False, elimination.MAX_WORK), (True, elimination.MAX_WORK), (True, 0)):
         monkeypatch.setattr(elimination, "MAX_WORK", work)
+        for module in ("equations", "stationary"):
+            monkeypatch.setattr(import_module(f"kinetics.passage.{module}"), "is_easy", lambda *_, easy=is_easy: easy)
         law, passage = chain.stationary(), chain.passage(goals["many"])
         split = chain.committor(goals)
         assert max(law.error, passage.error, passage.sd_error, split.error) < 1e-9
@@ -154,6 +158,8 @@ def test_two_ways_agree_on_5000_states(kind, monkeypatch):
         assert passage.is_bound
         assert split.is_bound
         answers.append(np.concatenate([law.probabilities, [passage.mean, passage.sd], *split.committors]))
-    held = answers[0] > 1e-280
+    held = answers[1] > 1e-280
     assert len(chain) >= 5000
-    assert np.abs(answers[1][held] / answers[0][held] - 1).max() < 1e-13
+    assert np.abs(answers[2][held] / answers[1][held] - 1).max() < 1e-13
+    assert np.abs(answers[0][held] / answers[1][held] - 1).max() < 1e-11
+    assert (answers[0] != answers[1]).any()  # the control: it is another way
