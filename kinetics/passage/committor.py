@@ -111,10 +111,10 @@ def committor(
     max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
 
-    The equations of first-step analysis are solved by elimination without subtractions (see `elimination`). Every
-    figure is a sum of positive terms, so that even a probability of 1e-30 keeps its relative accuracy. The cost is that
-    of the elimination, states times the square of the band's width, and two substitutions per target. Choose it where
-    the states can be listed, and `rare_event` where they cannot.
+    The equations of first-step analysis are solved as `equations` chooses, with limits relative to each figure, so that
+    even a probability of 1e-30 has digits. The cost is some tens of passes over the rates for each target, or where
+    that does not converge an elimination, states times the square of the band's width. Choose it where the states can
+    be listed, and `rare_event` where they cannot.
     """
     if not targets:
         raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")

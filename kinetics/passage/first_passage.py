@@ -158,9 +158,9 @@ def first_passage(
 
     Mean and variance come from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
     doi:10.1017/CBO9780511810633), the distribution from uniformisation when it is first used. Where the chain may miss
-    the target for good, the mean is inf and `probability` below 1. Cost: the number of states times the square of the
-    band's width, and for the distribution one step per uniformised event. Choose it where the states can be listed;
-    sample otherwise.
+    the target for good, the mean is inf and `probability` below 1. Cost: some tens of passes over the rates, or where
+    that does not converge the number of states times the square of the band's width; for the distribution one step per
+    uniformised event. Choose it where the states can be listed; sample otherwise.
     """
     index = network.index(species)
     wanted = whole_number("copies", copies, 0)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.passage.arrival import SMALL
+from kinetics.passage.backward import expected_at, steps_until
 from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import lumped
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
@@ -24,7 +26,8 @@ class RestrictedPassage:
 
     mean, sd : of that time; both exist however unlikely the target is
     reached : probability that the target is reached by the horizon, from 0 to 1
-    mean_error, reached_error : limits on the absolute errors of mean and probability
+    mean_error, reached_error : limits on the absolute errors of mean and probability; of a small probability close
+        relative to it
     n_states : states of the chain, those with the target included
     is_bound : whether these limits are proven; not by a rate law that cannot be bounded
     """
@@ -86,13 +89,21 @@ def restricted_passage(
     square = 2.0 * float((alive * np.arange(1, alive.size + 1)) @ tails[1:])
     left_square = 2.0 * float(absorbed @ np.cumsum(tails[:0:-1])[::-1])
     variance = min((square, square - mean**2), (left_square, left_square - left**2))[1]
+    reached, error = (
+        float(absorbed[first:] @ weights),
+        window_error(chain.rate * end, first, weights, TOLERANCE) + rounding,
+    )
+    if reached < SMALL and steps_until(going, end) <= MAX_STEPS:
+        found = expected_at(going, start, np.eye(1, start.size, start.size - 1)[0], end)
+        wide = max(found.high - found.value, found.value - found.low)
+        reached, error = min((reached, error), (found.value, wide), key=lambda each: each[1])
     return RestrictedPassage(
         end,
         min(mean / chain.rate, end),
         max(variance, 0.0) ** 0.5 / chain.rate,
-        min(float(absorbed[first:] @ weights), 1.0),
+        min(reached, 1.0),
         rounding * end + _tails_error(chain.rate * end, first, weights) / chain.rate,
-        window_error(chain.rate * end, first, weights, TOLERANCE) + rounding,
+        error,
         len(space),
         jumps.is_certified,
     )

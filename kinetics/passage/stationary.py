@@ -99,10 +99,11 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     max_states : networks with more reachable states, or infinitely many, are refused
     ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
 
-    Each closed class is solved by sparse factors, as time between visits to a likely state, or where it is small or
-    they prove no error by elimination without subtractions (Grassmann, Taksar & Heyman 1985,
-    doi:10.1287/opre.33.5.1107); where the chain may end up in several, they are weighted by the probability of ending
-    up in each. Cost: of the factors, or the number of states times the square of the band's width.
+    Each closed class is solved by iteration, as time between visits to a likely state; where it is small or narrow, or
+    that proves no error, by elimination without subtractions (Grassmann, Taksar & Heyman 1985,
+    doi:10.1287/opre.33.5.1107) or sparse factors. Where the chain may end up in several, they are weighted by the
+    probability of ending up in each. Cost: some tens of passes over the rates, else of the factors, or the number of
+    states times the square of the band's width.
     """
     space = reached_states(network, initial, max_states)
     found = stationary_of(space.transitions(), np.eye(1, len(space))[0])

@@ -67,7 +67,7 @@ class Ending(NamedTuple):
 def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) -> Ending:
     """Probability of reaching the target (N,) at some time, on the way through states `through` (N,) alone.
 
-    By elimination without subtractions, with a relative error; exactly 0 or 1 where no rate that is above 0 matters.
+    By linear equations (see `equations`), with a relative error; exactly 0 or 1 where no rate that is above 0 matters.
     """
     chain = transitions.stopped(target | ~through)
     leads, seen = chain.leading_to(target), chain.reached_from(start > 0)

@@ -1,6 +1,6 @@
 """The restricted mean: closed forms within the stated error at every scale, and what is refused."""
 
-from math import comb, exp, expm1
+from math import comb, exp, expm1, factorial
 
 import numpy as np
 import pytest
@@ -117,3 +117,15 @@ def test_what_is_refused(settings, message):
     asked = {"initial": {"A": 2}, "species": "C", "horizon": 3.0} | settings
     with pytest.raises(ValueError, match=message):
         restricted_passage(CHAIN, **asked)
+
+
+@pytest.mark.parametrize("horizon", [1e-6, 1e-3])
+def test_a_small_probability_has_digits(horizon):
+    """Five decays in a row by a horizon: Poisson tails down to 1e-33, known to eleven digits."""
+    row = {f"{i}": ({f"X{i}": 1}, {f"X{i + 1}": 1}) for i in range(5)}
+    found = restricted_passage(Network.from_reactions(row, [0.7] * 5), {"X0": 1}, "X5", horizon)
+    mean = 0.7 * horizon
+    exact = exp(-mean) * sum(mean**k / factorial(k) for k in range(5, 30))
+    assert abs(found.reached - exact) <= found.reached_error < 1e-11 * exact
+    other = restricted_passage(Network.from_reactions(row, [0.7 * (1 + 1e-9)] * 5), {"X0": 1}, "X5", horizon)
+    assert abs(other.reached - exact) > other.reached_error  # the control
