@@ -38,7 +38,7 @@ from kinetics.support.arrays import Floats, integers, read_only, rising_times
 
 Mask = NDArray[np.bool_]
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
-ELIMINATION = "elimination"
+EQUATIONS = "linear equations"
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ class Chain:
     ) -> ChainAnswer:
         """Probability of reaching the target on the way through given states alone (by default any), by a time or ever.
 
-        by : tu; None for ever, by elimination
+        by : tu; None for ever, by linear equations, solved by iteration, elimination or sparse LU
         method : a solving method for the pass, forwards; by default it is backwards, with a relative error, or by
             `Transient` where that would take too many steps
         """
@@ -219,7 +219,7 @@ class Chain:
 
         def reached(goals: Mask) -> ChainAnswer:
             if by is None:
-                return self._answer(lambda: until(*self._begun, ways, goals).limited, ELIMINATION)
+                return self._answer(lambda: until(*self._begun, ways, goals).limited, EQUATIONS)
             return self._in_time(goals, goals | ~ways, by, method)
 
         return self._either_way(reached, goal, self._lost & ways & ~goal)
@@ -230,7 +230,7 @@ class Chain:
 
         def stays(kept: Mask) -> ChainAnswer:
             if by is None:
-                return self._answer(lambda: always(*self._begun, kept).limited, ELIMINATION)
+                return self._answer(lambda: always(*self._begun, kept).limited, EQUATIONS)
             return self._in_time(kept, ~kept, by, method)
 
         return self._either_way(stays, wanted & ~self._lost, self._lost & wanted)
@@ -288,9 +288,9 @@ class Chain:
             goal = self.states(until)
             unsure = self._lost & ~goal
             way = (*self._begun, earning, goal | unsure)
-            found = self._answer(lambda: earned_until(*way).limited.wider(rounded), ELIMINATION)
+            found = self._answer(lambda: earned_until(*way).limited.wider(rounded), EQUATIONS)
             return replace(found, high=np.inf) if unsure.any() else found
-        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).wider(rounded), ELIMINATION)
+        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).wider(rounded), EQUATIONS)
 
     def reward_asked(
         self, name: str | None, at: float | None, up_to: float | None, until: Target | None, stationary: bool
@@ -312,7 +312,7 @@ class Chain:
     def in_the_end(self, states: Target) -> ChainAnswer:
         """Probability of the states after infinite time."""
         held = self.states(states)
-        found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), ELIMINATION)
+        found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), EQUATIONS)
         return found.capped()
 
     def stationary(self) -> ChainStationary:

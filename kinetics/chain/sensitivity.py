@@ -38,7 +38,8 @@ from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import STEP_SECONDS
 from kinetics.support.arrays import Floats, real_number, whole_number
 
-ADJOINT, SQUARING, ELIMINATION = "adjoint uniformisation", "squaring, with its derivative", "elimination, adjoint"
+ADJOINT, SQUARING = "adjoint uniformisation", "squaring, with its derivative"
+EQUATIONS = "linear equations, adjoint"
 MAX_SECONDS = 7200.0
 FEW_STEPS = 200_000  # up to here a small chain is stepped through, with a proven bound
 
@@ -89,33 +90,33 @@ class Sensitivity:
         goal = self._chain.states(target)
         ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
         if by is None:
-            return self._answer(lambda: slopes_until(self._entries, self._start, ways, goal), ELIMINATION)
+            return self._answer(lambda: slopes_until(self._entries, self._start, ways, goal), EQUATIONS)
         return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
 
     def always(self, states: Target, by: float | None = None) -> Derivatives:
         """Of `Chain.always`."""
         kept = self._chain.states(states)
         if by is None:
-            return self._answer(lambda: slopes_always(self._entries, self._start, kept), ELIMINATION)
+            return self._answer(lambda: slopes_always(self._entries, self._start, kept), EQUATIONS)
         return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
 
     def in_the_end(self, states: Target) -> Derivatives:
         """Of `Chain.in_the_end`."""
         held = self._chain.states(states).astype(float)
-        return _probability(self._answer(lambda: slopes_in_the_end(self._entries, self._start, held), ELIMINATION))
+        return _probability(self._answer(lambda: slopes_in_the_end(self._entries, self._start, held), EQUATIONS))
 
     def passage(self, target: Target) -> Derivatives:
         """Of the mean of the first-passage time to a target that is certain."""
         goal = self._chain.states(target)
         ones = np.ones(goal.size)
-        return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), ELIMINATION)
+        return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), EQUATIONS)
 
     def passage_moment(self, target: Target, order: int) -> Derivatives:
         """Of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
         goal, power = self._chain.states(target), whole_number("order", order, 1)
         if power > LARGEST_ORDER:
             raise ValueError(f"order = {power}; moments are known up to {LARGEST_ORDER}")
-        return self._answer(lambda: slopes_moment(self._entries, self._start, goal, power), ELIMINATION)
+        return self._answer(lambda: slopes_moment(self._entries, self._start, goal, power), EQUATIONS)
 
     def passage_sd(self, target: Target) -> Derivatives:
         """Of the standard deviation of the first-passage time to a target that is certain."""
@@ -126,7 +127,7 @@ class Sensitivity:
             sd = LimitedValue.within(found.sd, found.sd_error, found.is_bound)
             return slopes_sd(self._entries, self._start, goal, sd)
 
-        return self._answer(slopes, ELIMINATION)
+        return self._answer(slopes, EQUATIONS)
 
     def passage_quantile(self, target: Target, q: float) -> Derivatives:
         """Of the time by which the target has been reached with probability q; as good as the quantile is known.
@@ -187,8 +188,8 @@ class Sensitivity:
             return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
         if until is not None:
             goal = self._chain.states(until)
-            return self._answer(lambda: slopes_earned(self._entries, self._start, earning, goal, worth), ELIMINATION)
-        return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), ELIMINATION)
+            return self._answer(lambda: slopes_earned(self._entries, self._start, earning, goal, worth), EQUATIONS)
+        return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), EQUATIONS)
 
     def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
         """Of the means of F functions (F, N) of the state, none negative, at a time, tu; one pass forwards for all.

@@ -82,7 +82,7 @@ def test_a_network_without_end(tmp_path):
     known = first_passage(start(str(path), None, None, None).model.network, [2], "X", 4)
     assert near["low"] <= known.cdf(1.0) <= near["high"]
     text = run("ask", path, "P=? [ F X = 0 ]", "--within", "X <= 40")
-    assert " to 1 (proven; elimination)" in text
+    assert " to 1 (proven; linear equations)" in text
     data = json.loads(run("passage", path, "--species", "X", "--copies", "4", "--within", "X <= 80", "--json"))
     assert data["probability"]["low"] <= data["probability"]["high"] <= 1.0
     assert data["quantiles"]["0.025"]["low"] <= data["quantiles"]["0.025"]["high"]
