@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import warnings
 
 import click
 
-from kinetics import __version__
-from kinetics.support.cli.lazy_commands import mount
+MARK = '__project__ = "wellmixed"'  # in the __init__.py of each of our packages
+REPAIR = "pip install --force-reinstall --no-deps wellmixed"
+
+
+def stranger() -> str | None:
+    """What is wrong where a package of ours is missing, or another project's stands in its place; None if all is well.
+
+    Nothing of the packages is imported: PyPI has a `kinetics` of others, which overwrites ours where it is installed.
+    """
+    for name in ("kinetics", "mechsim", "calibration"):
+        spec = importlib.util.find_spec(name)
+        if spec is None or spec.loader is None:
+            return f"the package {name} of wellmixed is missing; install it again: {REPAIR}"
+        source = getattr(spec.loader, "get_source", lambda _: None)(name)
+        if source is not None and MARK not in source:
+            return (
+                f"{spec.origin} is another project's package {name}, in the place of wellmixed's; remove it "
+                f"(pip uninstall {name}, or move it away if it is a file of yours), then install ours again: {REPAIR}"
+            )
+    return None
+
+
+if (trouble := stranger()) is not None:
+    click.echo(f"Error: {trouble}", err=True)
+    raise SystemExit(2)
+
+from kinetics import __version__  # noqa: E402 - ours, as we now know
+from kinetics.support.cli.failures import INTERRUPTED, interrupted, judged  # noqa: E402
+from kinetics.support.cli.lazy_commands import mount  # noqa: E402
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -90,21 +118,9 @@ ACCURACY = {
     ),
 }
 
-# package that a command may lack -> the extra that brings it
-EXTRAS = {
-    "pybullet": "mech",
-    "pandas": "data",
-    "pyarrow": "data",
-    "matplotlib": "plot",
-    "distributed": "dist",
-    "imageio_ffmpeg": "movie",
-    "plotly": "movie",
-    "libsbml": "sbml",
-}
-
 
 class FrontDoor(click.Group):
-    """Turns a user's mistake into one message and exit code 2, and Ctrl-C into exit code 130."""
+    """Turns every error into one message and an exit code, see `kinetics.support.cli.failures`."""
 
     def invoke(self, ctx: click.Context):
         """Run the chosen command."""
@@ -112,22 +128,19 @@ class FrontDoor(click.Group):
         try:
             with ctx:
                 return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):  # click's own ways to end
+            raise
         except BrokenPipeError:  # the reader of our output has seen enough
             raise
-        except ModuleNotFoundError as error:
-            if ctx.params.get("debug") or error.name not in EXTRAS:
-                raise
-            extra = EXTRAS[error.name]
-            click.echo(f"Error: this needs {error.name}; install it by: pip install 'wellmixed[{extra}]'", err=True)
-            ctx.exit(2)
-        except (ValueError, OSError) as error:
+        except Exception as error:
             if ctx.params.get("debug"):
                 raise
-            click.echo(f"Error: {error}", err=True)
-            ctx.exit(2)
+            code, said = judged(error)
+            click.echo(f"Error: {said}", err=True)
+            ctx.exit(code)
         except KeyboardInterrupt:
-            click.echo("Interrupted: what was finished is kept; the same command goes on from there.", err=True)
-            ctx.exit(130)
+            click.echo(interrupted(ctx), err=True)
+            ctx.exit(INTERRUPTED)
 
 
 def _tell(message, *_, **__) -> None:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from kinetics.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
 
+__project__ = "wellmixed"  # by which the command knows that this is ours
+
 _HOMES = {
     "calibration.estimating.break_comparison": ("BreakComparison",),
     "calibration.estimating.break_fit": ("fit_breaks",),

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
+__project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
     "kinetics.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from mechsim.runs.store import RunStore
     from mechsim.scene import Scene
 
+__project__ = "wellmixed"  # by which the command knows that this is ours
+
 _HOMES = {
     "mechsim.runs.ensemble": ("Outcome", "Quarantined", "run_all"),
     "mechsim.runs.executors": ("Dask", "Processes"),

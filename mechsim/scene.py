@@ -58,7 +58,7 @@ class Cubes(Settings):
 class Numerics(Settings):
     """How finely the engine computes. step : tu; solver_iterations : of the engine's contact solver."""
 
-    step: float = Field(gt=0)
+    step: float = Field(ge=1e-9)  # shorter ones take years for a tu
     solver_iterations: int = Field(default=50, ge=1, le=1000)
 
 

@@ -366,7 +366,9 @@ def test_ctrl_c(tmp_path, undisturbed):
         out, err = process.communicate()
     assert process.returncode == 130
     assert out == ""
-    assert err == "Interrupted: what was finished is kept; the same command goes on from there.\n"
+    assert err == (
+        "Interrupted: finished runs are kept in runs, and the same command makes only those that are missing.\n"
+    )
     check_that_it_goes_on(tmp_path, undisturbed)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.shared import comparison_table, leave, rates_table, seed_option
+from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
 from mechsim.commands.options import executor_options, progress_option
 
@@ -50,6 +51,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     scene, runs_folder = Scene.load("line4"), place / "runs"
+    keep_runs(runs_folder)
     common: dict[str, Any] = {"workers": workers, "progress": progress}
     calibrated = run_calibration(scene, runs_folder, runs=10, duration=300 * scale, seed=seed, **common)
     rates_file = place / "rates.toml"

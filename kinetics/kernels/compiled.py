@@ -11,8 +11,10 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import multiprocessing
 import os
 import shutil
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -44,8 +46,26 @@ def compiled(
         return functools.partial(compiled, nogil=nogil, error_model=error_model, inline=inline)
     dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        dispatcher._cache = KernelCache(function)  # as Numba's `enable_caching`, which knows its own cache only
+        try:
+            dispatcher._cache = KernelCache(function)  # as Numba's `enable_caching`, which knows its own cache only
+        except RuntimeError as error:
+            if "no locator available" not in str(error):
+                raise
+            say_that_nothing_is_kept()
     return dispatcher
+
+
+@functools.cache
+def say_that_nothing_is_kept() -> None:
+    """Once a command: a read-only installation without a home has no folder for compiled kernels."""
+    if multiprocessing.parent_process() is not None:  # a worker's command has said so
+        return
+    warnings.warn(
+        "there is no folder to keep compiled kernels in, so each command compiles what it needs anew, for seconds; "
+        "set NUMBA_CACHE_DIR to a folder that can be written",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 class KernelCache(FunctionCache):

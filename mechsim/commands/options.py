@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.executors import EXECUTORS, Executor
 
@@ -61,6 +62,8 @@ def executor_options(command: Callable[..., None]) -> Callable[..., None]:
         kind = asked[0] if asked else EXECUTORS[0]
         executor = kind.from_option(given[kind], timeout)
         executor.check()
+        if "runs_folder" in values:
+            keep_runs(values["runs_folder"])
         command(*args, workers=executor, **values)
 
     described = _timeout_option(chosen)

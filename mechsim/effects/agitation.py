@@ -37,6 +37,8 @@ class Agitation(Effect):
         """Check that the hold is a whole number of steps."""
         super().check(scene)
         steps = self.hold / scene.numerics.step
+        if steps > 1e15:
+            raise ValueError(f"agitation.hold = {self.hold} is {steps:.3g} steps; expected at most 1e15")
         if steps < 0.5 or abs(steps - round(steps)) > 1e-9 * steps:
             raise ValueError(
                 f"agitation.hold = {self.hold} is not a whole number of steps of {scene.numerics.step}; "

@@ -32,6 +32,7 @@ PHYSICS = 3
 FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500
+MOST_STEPS = 1e15  # a double still counts them
 
 
 @lru_cache(maxsize=16)
@@ -68,6 +69,10 @@ class RunSpec:
             raise ValueError(f"duration = {self.duration}; expected a finite number of tu above 0")
         if self.poses is not None and not (np.isfinite(self.poses) and self.poses > 0):
             raise ValueError(f"poses = {self.poses}; expected a finite interval in tu above 0, or none")
+        step = self.scene.numerics.step
+        for name, value in (("duration", self.duration), ("poses", self.poses or 0.0)):
+            if value / step > MOST_STEPS:
+                raise ValueError(f"{name} = {value:g} tu; expected at most {MOST_STEPS:g} steps of {step} tu")
         if self.seed < 0 or self.run < 0:
             raise ValueError(f"seed = {self.seed}, run = {self.run}; neither may be negative")
         book, derivation = book_of(self.scene.rules)

@@ -22,6 +22,7 @@ import os
 import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,11 @@ START = HEADER.size + hashlib.sha256().digest_size  # of the payload
 SMALL = 1 << 20  # bytes, of a member that is compressed
 MOST_MEMBERS = 64
 SHARED = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW  # how a file is opened for a lock
+# What reading an altered archive may raise, whatever its checksum says: an encrypted or an unknown member, too.
+DAMAGES: tuple[type[Exception], ...] = (
+    *(ValueError, TypeError, LookupError, OSError, EOFError, RuntimeError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
 ENTRIES = {"key", "title", "inputs", "outcome", "facts", "cost", "digest"}
 
 Contents = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -284,7 +290,7 @@ def decode(data: bytes, source: Path) -> Contents:
             arrays = {m.filename.removesuffix(".npy"): _array(archive.read(m)) for m in members[1:]}
         if set(manifest) != ENTRIES:
             raise ValueError(f"its manifest should hold {', '.join(sorted(ENTRIES))}")
-    except (ValueError, TypeError, LookupError, OSError, EOFError, RecursionError, zipfile.BadZipFile) as error:
+    except DAMAGES as error:
         raise DamagedRunError(str(error)) from error
     return manifest, arrays
 

@@ -170,8 +170,8 @@ class Study(Settings):
         places = _Places(data, self.cubes)
         powers: list[tuple[str, float]] = []
         for factor, level in zip(self.factors, levels, strict=True):
-            ratio = level if factor.setting is None else level / places.number(factor.setting)
-            powers += [(setting, ratio**power) for setting, power in factor.also.items()]
+            own = 1.0 if factor.setting is None or not factor.also else places.number(factor.setting)
+            powers += [(name, _power(level, own, power, factor.name)) for name, power in factor.also.items()]
             if factor.setting is not None:
                 places.put(factor.setting, level)
         for setting, times in powers:
@@ -198,7 +198,7 @@ class _Places:
         """Set a number."""
         old = self.number(name)
         if name == NUMBER or isinstance(old, int):
-            if not math.isclose(value, round(value)):
+            if not math.isfinite(value) or not math.isclose(value, round(value)):
                 raise ValueError(f"{name} = {value:g}; expected a whole number")
             value = round(value)
         if name == NUMBER:
@@ -234,6 +234,16 @@ class _Places:
         for part in middle:
             table = table[part]
         return table, last
+
+
+def _power(level: float, own: float, power: float, name: str) -> float:
+    """(level / own) ** power. ValueError where that is no number that a double can hold."""
+    try:
+        return (level / own) ** power
+    except (OverflowError, ZeroDivisionError):
+        raise ValueError(
+            f"factor {name}: ({level:g} / {own:g}) to the power {power:g} is no number; take other levels"
+        ) from None
 
 
 def _leaves(table: Mapping[str, Any], name: str) -> Iterator[tuple[str, Any]]:

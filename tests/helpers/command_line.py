@@ -35,8 +35,9 @@ def run(*arguments, cwd):
     return Done(done.returncode, done.stdout, done.stderr)
 
 
-def run_here(*arguments, cwd):
-    """Run the command in this process, which spares the imports. An error that it does not report itself is raised."""
+def run_here(*arguments, cwd, faults=False):
+    """Run the command in this process, which spares the imports. A fault of ours is raised, unless it is asked for."""
+    from kinetics.support.cli.failures import FAULT
     from wellmixed import main
 
     with contextlib.chdir(cwd), warnings.catch_warnings():
@@ -44,4 +45,5 @@ def run_here(*arguments, cwd):
         done = CliRunner().invoke(main, list(map(str, arguments)), prog_name="wellmixed")
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
+    assert faults or done.exit_code != FAULT, done.stderr
     return Done(done.exit_code, done.stdout, done.stderr)

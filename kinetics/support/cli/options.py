@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.output import check_target
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -57,6 +58,8 @@ def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -
     """Refuse, before any work is done, a file that could not be written."""
     if value is not None and not Path(value).absolute().parent.is_dir():
         raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
+    if value is not None:
+        check_target(value)
     return value
 
 

@@ -105,7 +105,7 @@ class ProcessSession(Session):
                 time.sleep(LOOK_EVERY / 4)
             else:
                 return
-        raise RuntimeError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
+        raise ChildProcessError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
         from mechsim.runs.executors.worker import work
@@ -139,7 +139,7 @@ class ProcessSession(Session):
             if has_ended:
                 code = self._part(worker)
                 if not worker.started and code == 1:
-                    raise RuntimeError(
+                    raise ChildProcessError(
                         "workers cannot start (their message is on standard error); "
                         'does the script that calls run_all lack its `if __name__ == "__main__":`?'
                     )

@@ -5,6 +5,7 @@ import resource
 import threading
 import warnings
 import zipfile
+import zlib
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -16,7 +17,17 @@ from fake_runs import FakeSpec, record_of, specs_of
 
 from mechsim.runs import store as store_module
 from mechsim.runs.record import RunRecord
-from mechsim.runs.store import FORMAT, HEADER, MAGIC, START, RunStore, decode, digest_of, encode
+from mechsim.runs.store import (
+    FORMAT,
+    HEADER,
+    MAGIC,
+    START,
+    DamagedRunError,
+    RunStore,
+    decode,
+    digest_of,
+    encode,
+)
 
 SPEC = FakeSpec(seed=5, run=0)
 
@@ -142,6 +153,21 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
     for compression in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the controls
         store.path(SPEC).write_bytes(sealed(archive(good, compression)))
         assert store.read(SPEC).digest == record_of(SPEC).digest
+
+
+def test_altered_archives_with_a_good_checksum_are_refused_whatever_reading_them_raises():
+    rng, causes = np.random.default_rng(1), set()
+    whole = encode(record_of(SPEC))[START:]
+    for _ in range(4000):
+        payload = bytearray(whole)
+        for place in rng.integers(0, len(payload), rng.integers(1, 4)):
+            payload[place] = rng.integers(256)
+        try:
+            decode(sealed(bytes(payload)), "x.run")
+        except DamagedRunError as error:
+            causes.add(type(error.__cause__))
+    # the control: of these, the first three once escaped
+    assert causes >= {NotImplementedError, RuntimeError, zlib.error, zipfile.BadZipFile, ValueError, KeyError}
 
 
 def test_only_large_arrays_are_kept_uncompressed(tmp_path):

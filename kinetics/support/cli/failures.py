@@ -1,0 +1,76 @@
+"""What a command says where something went wrong, and the exit code that it ends with.
+
+To see where an error came from, a user gives `--debug` before the command.
+"""
+
+from __future__ import annotations
+
+import errno
+import traceback
+from pathlib import Path
+
+import click
+
+MISTAKE = 2  # of the user: options, files, their contents, a package that is missing
+OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
+FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
+INTERRUPTED = 130
+
+# Of the paths that a user gives; any other number is the system's.
+WRONG_PATH = {
+    *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.EACCES, errno.EPERM),
+    *(errno.ELOOP, errno.ENAMETOOLONG, errno.EROFS, errno.EINVAL),
+}
+# package that a command may lack -> the extra that brings it
+EXTRAS = {
+    "pybullet": "mech",
+    "pandas": "data",
+    "pyarrow": "data",
+    "matplotlib": "plot",
+    "distributed": "dist",
+    "imageio_ffmpeg": "movie",
+    "plotly": "movie",
+    "libsbml": "sbml",
+}
+KEPT = "wellmixed.kept"
+
+
+def judged(error: Exception) -> tuple[int, str]:
+    """Exit code and message of an error that ends a command."""
+    said = str(error)
+    if isinstance(error, ValueError):
+        return MISTAKE, said
+    if isinstance(error, ModuleNotFoundError) and error.name in EXTRAS:
+        return MISTAKE, f"this needs {error.name}; install it by: pip install 'wellmixed[{EXTRAS[error.name]}]'"
+    if isinstance(error, OSError):
+        is_mistake = isinstance(error, PermissionError) or error.errno in WRONG_PATH
+        if error.strerror:
+            said = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+        return MISTAKE if is_mistake else OUTSIDE, said
+    if isinstance(error, MemoryError):
+        return OUTSIDE, f"not enough memory{said and f' ({said})'}; ask for less, or free some"
+    if isinstance(error, RecursionError):
+        return MISTAKE, "the input nests more deeply than can be read (a formula of hundreds of terms?); split it up"
+    if isinstance(error, OverflowError):
+        return MISTAKE, f"a number is too large to compute with ({said}); take less extreme settings"
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return FAULT, (
+        f"{type(error).__name__}: {said} ({Path(place.filename).name}:{place.lineno}). This is a fault of wellmixed, "
+        "not of the input; please report it, with what --debug shows"
+    )
+
+
+def keep(what: str) -> None:
+    """Say what is kept where Ctrl-C ends the command that runs."""
+    click.get_current_context().meta[KEPT] = what
+
+
+def interrupted(ctx: click.Context) -> str:
+    """What to say after Ctrl-C."""
+    nothing = "nothing of it is kept, and the same command begins anew; a file that it had written is whole"
+    return f"Interrupted: {ctx.meta.get(KEPT, nothing)}."
+
+
+def keep_runs(folder: str | Path) -> None:
+    """`keep` of a command that makes runs."""
+    keep(f"finished runs are kept in {folder}, and the same command makes only those that are missing")
