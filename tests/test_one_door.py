@@ -1,6 +1,6 @@
 """Nothing of ours opens a file for writing but the door, `kinetics.support.output`, and the store of runs.
 
-Read from the source, by what calls are named; `tests/kinetics/commands/test_output_of_commands.py` watches what
+Read from the source, by what calls are named; `tests/test_outputs.py` watches what
 commands really open.
 """
 
