@@ -27,7 +27,7 @@ def failed(done, code):
     return line
 
 
-# What a user gave (S4 of the review, and more of the kind)
+# What a user gave
 
 
 def net_of(terms):
