@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import ast
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.network.laws.expression import Expression, name_of, some_names
+from kinetics.network.laws.expression import Expression, some_names
+from kinetics.network.laws.graph import TRUTHS, Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
+from kinetics.network.laws.reading import OURS, Dialect, node_of, shortened
+from kinetics.network.laws.writing import text_of
 from kinetics.support.arrays import Floats, Ints
 
-# What the language of PRISM writes otherwise than Python's grammar, which expressions are read by; quoted names stay.
-TOKENS = re.compile(r"""("[^"]*"|'[^']*')|(=>|<=|>=|!=|==)|([&|!=])|\b(true|false)\b""")
-WORDS = {"&": " and ", "|": " or ", "!": " not ", "=": "==", "true": "(1 == 1)", "false": "(1 == 0)"}
+PRISM = Dialect(
+    spellings={"&": "and", "|": "or", "!": "not", "=": "=="},
+    constants={**OURS.constants, "true": lambda graph: _truth(graph, 1.0), "false": lambda graph: _truth(graph, 0.0)},
+)
 
 
 class StateNames:
@@ -35,12 +37,12 @@ class StateNames:
     def holds(self, text: str) -> NDArray[np.bool_]:
         """In which states (N,) the condition holds; a ValueError where it is none, or uses other names."""
         expression = _read(text)
-        self._check_truth(expression.tree, text)
-        return self._values(expression, f"condition {text!r}") != 0.0
+        self._check_truth(expression, text)
+        return self._values(expression, f"condition {shortened(text)!r}") != 0.0
 
     def values(self, text: str) -> Floats:
         """The value (N,) of a formula in counts in every state; labels are 1 or 0."""
-        return self._values(_read(text), f"formula {text!r}")
+        return self._values(_read(text), f"formula {shortened(text)!r}")
 
     def _values(self, expression: Expression, what: str) -> Floats:
         if expression.reads_time:
@@ -65,28 +67,31 @@ class StateNames:
     def _column(self, name: str) -> Ints:
         return self.counts[:, self.variables[name]]
 
-    def _check_truth(self, node: ast.expr, text: str) -> None:
+    def _check_truth(self, expression: Expression, text: str) -> None:
         """Every part that must be true or false is a comparison or a label."""
-        if isinstance(node, ast.BoolOp):
-            for part in node.values:
-                self._check_truth(part, text)
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            self._check_truth(node.operand, text)
-        elif not isinstance(node, ast.Compare):
-            name = name_of(node)
-            if name is None or (name not in self.labels and name in self.variables):
-                shown = ast.unparse(node)
+        formula = expression.formula
+        waiting, seen = [len(formula) - 1], {len(formula) - 1}
+        while waiting:
+            place = waiting.pop()
+            node = formula[place]
+            if node.code in (Code.AND, Code.OR, Code.NOT):
+                waiting += [part for part in reversed(node.parts) if part not in seen]
+                seen.update(node.parts)
+                continue
+            is_number = node.code != Code.COUNT or (node.value not in self.labels and node.value in self.variables)
+            if is_number and node.code not in TRUTHS:
+                graph = Graph()
+                shown = shortened(text_of(graph.formula(graph.copied(formula)[place])))
                 raise ValueError(
-                    f"condition {text!r}: {shown} is a number, neither true nor false; compare it, as in {shown} >= 1"
+                    f"condition {shortened(text)!r}: {shown} is a number, neither true nor false; compare it, as in "
+                    f"{shown} >= 1"
                 )
 
 
 def _read(text: str) -> Expression:
-    return Expression(TOKENS.sub(_translated, text).strip())
+    graph = Graph()
+    return Expression.of(graph.formula(node_of(text, graph, dialect=PRISM)))
 
 
-def _translated(match: re.Match[str]) -> str:
-    quoted, comparison, sign, constant = match.groups()
-    if comparison == "=>":
-        raise ValueError("=> is not read; write !a | b for a => b")
-    return quoted or comparison or WORDS[sign or constant]
+def _truth(graph: Graph, number: float) -> int:
+    return graph.add(Code.EQUAL, (graph.number(1.0), graph.number(number)))

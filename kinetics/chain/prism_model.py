@@ -6,7 +6,6 @@ found, each channel a command, and each species and observable a reward.
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Mapping, Sequence
 from math import factorial
@@ -14,7 +13,9 @@ from math import factorial
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.network.laws.expression import Expression, name_of
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import TRUTHS, Code
+from kinetics.network.laws.reading import LONGEST, shortened
 from kinetics.support.arrays import Ints
 
 # Words of the language, which no variable may have for a name.
@@ -25,9 +26,16 @@ Pmin P pomdp popta probabilistic prob pta rate rewards Rmax Rmin R S smg stochas
 round log ma
 """
 TAKEN = frozenset(LANGUAGE.split())
-SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
-COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "=", ast.NotEq: "!="}
-CALLED = ("min", "max", "floor", "ceil", "pow")  # alike in both languages
+SIGNS = {Code.ADD: "+", Code.SUBTRACT: "-", Code.MULTIPLY: "*", Code.DIVIDE: "/"}
+COMPARED = {Code.LESS: "<", Code.LESS_EQUAL: "<=", Code.EQUAL: "=", Code.NOT_EQUAL: "!="}
+JOINED = {Code.AND: "&", Code.OR: "|"}
+CALLED = {
+    Code.MINIMUM: "min",
+    Code.MAXIMUM: "max",
+    Code.FLOOR: "floor",
+    Code.CEILING: "ceil",
+    Code.POWER: "pow",
+}
 
 
 def prism_names(names: Sequence[str]) -> dict[str, str]:
@@ -85,7 +93,7 @@ def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
     if law is not None and network.at_zero != "block":
         reactants = []  # the law is 0 where they are missing
     factors = [repr(rate), repr(float(network.ways[channel]))]
-    factors += [_value(law.tree, law, names)] if law else [_ways(*each, network.combinations) for each in reactants]
+    factors += [_value(law, names)] if law else [_ways(*each, network.combinations) for each in reactants]
     guard = " & ".join(f"{name} >= {taken}" for name, taken in reactants) or "true"
     updates = " & ".join(
         f"({species[place]}' = {species[place]} {'+' if gain > 0 else '-'} {abs(gain)})"
@@ -102,50 +110,47 @@ def _ways(name: str, taken: int, combinations: str) -> str:
     return ordered if combinations == "ordered" or taken == 1 else f"({ordered}) / {factorial(taken)}.0"
 
 
-def _value(node: ast.expr, law: Expression, names: Mapping[str, str]) -> str:
-    """A part of a rate law as a number in PRISM's language."""
-
-    def value(inner: ast.expr) -> str:
-        return _value(inner, law, names)
-
-    name = name_of(node)
-    if name is not None:
-        return repr(law.parameters[name]) if name in law.parameters else names[name]
-    if isinstance(node, ast.Constant):
-        return repr(float(node.value))  # type: ignore[arg-type]
-    if isinstance(node, ast.Name):
-        return repr(float(np.pi))
-    if isinstance(node, ast.BinOp) and type(node.op) in SIGNS:
-        return f"({value(node.left)} {SIGNS[type(node.op)]} {value(node.right)})"
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        return f"pow({value(node.left)}, {value(node.right)})"
-    if isinstance(node, ast.UnaryOp) and not isinstance(node.op, ast.Not):
-        return f"({'-' if isinstance(node.op, ast.USub) else ''}{value(node.operand)})"
-    if isinstance(node, ast.Compare | ast.BoolOp | ast.UnaryOp):
-        return f"({_truth(node, law, names)} ? 1 : 0)"
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        given = node.args
-        if node.func.id in CALLED:
-            return f"{node.func.id}({', '.join(map(value, given))})"
-        if node.func.id == "sqrt":
-            return f"pow({value(given[0])}, 0.5)"
-        if node.func.id == "piecewise":
-            otherwise = value(given[-1])
-            for k in range(len(given) - 3, -1, -2):
-                otherwise = f"({_truth(given[k + 1], law, names)} ? {value(given[k])} : {otherwise})"
-            return otherwise
-    raise ValueError(f"the rate law {law.text!r} uses {ast.unparse(node)}, which PRISM's language cannot say")
+def _value(law: Expression, names: Mapping[str, str]) -> str:
+    """A rate law as a number in PRISM's language; a ValueError where it cannot be said, or only at great length."""
+    found: list[tuple[str, str]] = []  # each node as a number, and as true or false
+    for code, parts, value in law.formula:
+        inner = [found[part] for part in parts]
+        number, truth = _spelled(code, value, inner, law, names)
+        if code in TRUTHS:
+            number = f"({truth} ? 1 : 0)"
+        found.append((number, truth or f"({number} != 0)"))
+        if len(number) > LONGEST:
+            raise ValueError(f"the rate law {shortened(law.text)!r} has over {LONGEST} characters in PRISM's language")
+    return found[-1][0]
 
 
-def _truth(node: ast.expr, law: Expression, names: Mapping[str, str]) -> str:
-    """A part of a rate law as true or false."""
-    if isinstance(node, ast.BoolOp):
-        sign = " & " if isinstance(node.op, ast.And) else " | "
-        return "(" + sign.join(_truth(each, law, names) for each in node.values) + ")"
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        return f"!{_truth(node.operand, law, names)}"
-    if isinstance(node, ast.Compare):
-        sides = [_value(each, law, names) for each in (node.left, *node.comparators)]
-        pairs = zip(sides[:-1], node.ops, sides[1:], strict=True)
-        return "(" + " & ".join(f"{left} {COMPARED[type(op)]} {right}" for left, op, right in pairs) + ")"
-    return f"({_value(node, law, names)} != 0)"
+def _spelled(
+    code: Code, value: float | str, inner: list[tuple[str, str]], law: Expression, names: Mapping[str, str]
+) -> tuple[str, str]:
+    """A node as a number, or as true or false."""
+    numbers, truths = [number for number, _ in inner], [truth for _, truth in inner]
+    if code == Code.CONSTANT:
+        return repr(float(value)), ""
+    if code == Code.COUNT:
+        name = str(value)
+        return repr(law.parameters[name]) if name in law.parameters else names[name], ""
+    if code in SIGNS:
+        return f"({numbers[0]} {SIGNS[code]} {numbers[1]})", ""
+    if code in COMPARED:
+        return "", f"({numbers[0]} {COMPARED[code]} {numbers[1]})"
+    if code in JOINED:
+        return "", f"({truths[0]} {JOINED[code]} {truths[1]})"
+    if code in CALLED:
+        return f"{CALLED[code]}({', '.join(numbers)})", ""
+    match code:
+        case Code.NOT:
+            return "", f"!{truths[0]}"
+        case Code.NEGATE:
+            return f"(-{numbers[0]})", ""
+        case Code.SQRT:
+            return f"pow({numbers[0]}, 0.5)", ""
+        case Code.SELECT:
+            return f"({truths[1]} ? {numbers[0]} : {numbers[2]})", ""
+    raise ValueError(
+        f"the rate law {shortened(law.text)!r} uses {code.name.lower()}, which PRISM's language cannot say"
+    )

@@ -18,9 +18,10 @@ from typing import Protocol, TypeVar
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.chain import Chain
+from kinetics.network.laws.reading import LONGEST, shortened
 
 Answer_co = TypeVar("Answer_co", covariant=True)
-FRAME = re.compile(r'\s*(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\})?\s*=\s*\?\s*\[(.*)\]\s*', re.DOTALL)
+FRAME = re.compile(r'(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\}\s*)?=\s*\?\s*\[(.*)\]', re.DOTALL)
 BOUND = re.compile(r"\s*(<=|<|>=|>|=|\[)\s*([^\s\[\],]+)")
 FORMS = (
     'expected P=? [ F phi ], P=? [ G phi ], P=? [ phi U psi ], S=? [ phi ] or R{"name"}=? [ I=t | C<=t | F phi | S ]'
@@ -110,20 +111,22 @@ def ask(chain: Chain, question: str) -> ChainAnswer:
 
 def parse(question: str) -> Query:
     """The question that a text asks; conditions in it are read when they meet a chain, which has their names."""
-    found = FRAME.fullmatch(question)
+    if len(question) > LONGEST:
+        raise ValueError(f"a question of {len(question)} characters; at most {LONGEST} are read")
+    found = FRAME.fullmatch(question.strip())
     if not found:
-        raise ValueError(f"cannot read the question {question!r}; {FORMS}")
+        raise ValueError(f"cannot read the question {shortened(question)!r}; {FORMS}")
     kind, name, inner = found.groups()
     if name is not None and kind != "R":
-        raise ValueError(f"{question!r}: only R takes a reward's name; {FORMS}")
+        raise ValueError(f"{shortened(question)!r}: only R takes a reward's name; {FORMS}")
     if not inner.strip():
-        raise ValueError(f"{question!r}: nothing is asked for; {FORMS}")
+        raise ValueError(f"{shortened(question)!r}: nothing is asked for; {FORMS}")
     try:
         if kind == "S":
             return StationaryQuery(inner.strip())
         return _path(inner.strip()) if kind == "P" else _reward(name, inner.strip())
     except ValueError as error:
-        raise ValueError(f"cannot read the question {question!r}: {error}") from None
+        raise ValueError(f"cannot read the question {shortened(question)!r}: {error}") from None
 
 
 def _path(text: str) -> Query:
@@ -131,9 +134,11 @@ def _path(text: str) -> Query:
     if word:
         by, states = _bounded(text[1:])
         return UntilQuery(states, None, by) if word[1] == "F" else AlwaysQuery(states, by)
-    places = [place for place in _top_level(text) if re.match(r"U(?!\w)", text[place:])]
+    places = [place for place in _top_level(text) if re.compile(r"U(?!\w)").match(text, place)]
     if len(places) != 1:
-        raise ValueError(f"{text!r} has {len(places)} times U where one is expected, and no F or G before it")
+        raise ValueError(
+            f"{shortened(text)!r} has {len(places)} times U where one is expected, and no F or G before it"
+        )
     through = text[: places[0]].strip()
     if not through:
         raise ValueError("nothing stands before U; write F psi, or true U psi")
@@ -146,7 +151,7 @@ def _reward(name: str | None, text: str) -> RewardQuery:
         return RewardQuery(name)
     word = re.match(r"(I|C|F)(?![\w'\"])", text)
     if not word:
-        raise ValueError(f"{text!r} is no question of a reward; expected I=t, C<=t, F phi or S")
+        raise ValueError(f"{shortened(text)!r} is no question of a reward; expected I=t, C<=t, F phi or S")
     if word[1] == "F":
         by, states = _bounded(text[1:])
         if by is not None:
@@ -155,7 +160,7 @@ def _reward(name: str | None, text: str) -> RewardQuery:
     bound = BOUND.match(text[1:])
     sign = "=" if word[1] == "I" else "<="
     if not bound or bound[1] != sign or text[1 + bound.end() :].strip():
-        raise ValueError(f"{text!r}; expected {word[1]}{sign}t, as in {word[1]}{sign}100")
+        raise ValueError(f"{shortened(text)!r}; expected {word[1]}{sign}t, as in {word[1]}{sign}100")
     t = _time(bound[2])
     return RewardQuery(name, at=t) if sign == "=" else RewardQuery(name, up_to=t)
 

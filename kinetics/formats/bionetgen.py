@@ -14,13 +14,15 @@ from typing import ClassVar
 import numpy as np
 
 from kinetics.formats.blocks import Line, blocks_of
-from kinetics.formats.formulas import NUMBER, number, replaced
+from kinetics.formats.formulas import node_in_file, number
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
 from kinetics.formats.scaling import model_of
 from kinetics.network import Network
-from kinetics.network.laws.expression import Expression, quoted
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import MOST_NODES, Code, Graph
+from kinetics.network.laws.reading import NUMBER
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
 
@@ -39,7 +41,8 @@ class BioNetGen(Format):
 
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with `ordered` combinations, its counts and its groups."""
-        return _NetReader(path, blocks_of(path), copies_per_unit).model()
+        graph = Graph(MOST_NODES + path.stat().st_size)
+        return _NetReader(path, blocks_of(path), graph, copies_per_unit).model()
 
     def text(self, model: NetworkModel) -> str:
         """The model as a .net file."""
@@ -52,11 +55,12 @@ class _NetReader:
 
     path: Path
     blocks: dict[str, list[Line]]
+    graph: Graph
     copies_per_unit: float | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     species: list[str] = field(default_factory=list)
     fixed: list[bool] = field(default_factory=list)
-    functions: dict[str, str] = field(default_factory=dict)  # name -> what it stands for, in our own grammar
+    functions: dict[str, int] = field(default_factory=dict)  # name -> its node
 
     def model(self) -> NetworkModel:
         self._read_parameters()
@@ -145,22 +149,35 @@ class _NetReader:
         return "a reaction is `number reactants products rate`, as in `7 1,2 3 0.5*kon`, with 0 for nothing"
 
     def _read_functions(self, observables: dict[str, dict[str, float]]) -> None:
-        """Functions, each with those before it put in."""
-        meanings = {name: repr(value) for name, value in self.parameters.items()}
-        for name, weights in observables.items():
-            terms = [
-                quoted(each) if weight == 1 else f"{weight!r} * {quoted(each)}" for each, weight in weights.items()
-            ]
-            meanings[name] = f"({' + '.join(terms) or '0'})"
+        """Functions, each of those before it."""
+        groups: dict[str, int] = {}
+
+        def meaning(name: str) -> int | None:
+            if name in self.functions:
+                return self.functions[name]
+            if name in observables:
+                groups[name] = groups[name] if name in groups else self._sum(observables[name])
+                return groups[name]
+            return self.graph.number(self.parameters[name]) if name in self.parameters else None
+
         for line in self.blocks.get("functions", []):
             words = self._numbered(line, "a function is `name() formula`", 2)
             name = words[0].removesuffix("()")
             if not IDENTIFIER.fullmatch(name) or name in self.functions:
                 raise self._wrong(line, f"the function {words[0]!r} comes twice, or is no `name()`")
             try:
-                self.functions[name] = replaced(" ".join(words[1:]).removeprefix("="), meanings | self.functions)
+                self.functions[name] = node_in_file(" ".join(words[1:]).removeprefix("="), self.graph, meaning)
             except ValueError as error:
                 raise self._wrong(line, str(error)) from None
+
+    def _sum(self, weights: dict[str, float]) -> int:
+        """A weighted sum of counts."""
+        add, graph = self.graph.add, self.graph
+        terms = [
+            graph.name(each) if weight == 1 else add(Code.MULTIPLY, (graph.number(weight), graph.name(each)))
+            for each, weight in weights.items()
+        ]
+        return graph.all_of(Code.ADD, terms or [graph.number(0.0)])
 
     def _rates(self, lines: list[Line]) -> tuple[Floats, Floats]:
         """Ways and rate constant of every reaction; 1 where a rate law takes the constant's place."""
@@ -202,7 +219,8 @@ class _NetReader:
                     )
                 values = [self._value(line, word) for word in line.words[4:]]
                 try:
-                    laws[channel] = law_of(name, self.functions, values, reactants)
+                    law = law_of(self.graph, name, self.functions, values, reactants)
+                    laws[channel] = Expression.of(self.graph.formula(law))
                 except ValueError as error:
                     raise self._wrong(line, str(error)) from None
         return laws

@@ -6,30 +6,31 @@ it cannot be, that is said. Moore (1966), Interval Analysis.
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from kinetics.formats.massaction import flatten, shifted
-from kinetics.network.laws.expression import PI, TIME, Expression, is_condition, name_of
-from kinetics.network.laws.program import evaluate, steps_of
+from kinetics.formats.massaction import factors_of, shifted
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import TRUTHS, Code, Graph
+from kinetics.network.laws.program import evaluate, known_numbers, steps_of
 from kinetics.support.arrays import Floats
 
 Bounds = tuple[float, float]
-Parts = tuple[ast.expr | None, ast.expr | None]
+Parts = tuple[int | None, int | None]
 
 EVERYTHING = (-math.inf, math.inf)
 POSITIVE = (0.0, math.inf)
 WAVE = (-1.0, 1.0)
+MOST_FACTORS = 100  # of a product whose factors are looked at together
 TRIED = 2000  # states, at each of these times
 TIMES = (0.0, 0.7, 10.0, 1000.0)
 
 
 def is_never_below_0(law: Expression, least: Mapping[str, int]) -> bool:
     """Whether a law is proven to be at least 0 wherever there are `least` copies of each species, at t >= 0."""
-    return _Signs(law, least).of(law.tree)[0] >= 0
+    return bounds_of(law, least)[-1][0] >= 0
 
 
 def is_seen_below_0(law: Expression) -> bool:
@@ -53,148 +54,160 @@ def _tried(law: Expression, missing: Collection[str]) -> Iterator[Floats]:
         yield evaluate(steps, states, time)
 
 
+def bounds_of(law: Expression, least: Mapping[str, int]) -> list[Bounds]:
+    """Least and largest value of each node of a law, where there are `least` copies of each species."""
+    formula, known = law.formula, known_numbers(law)
+    bounds: list[Bounds] = []
+    for place, (code, parts, value) in enumerate(formula):
+        number, inner = known[place], [bounds[part] for part in parts]
+        if number is not None:
+            bounds.append((number, number))
+        elif code == Code.COUNT:
+            bounds.append((float(least.get(str(value), 0)), math.inf))
+        elif code in (Code.MULTIPLY, Code.DIVIDE):
+            factors = factors_of(formula, place, MOST_FACTORS)
+            together = factors and _product(law, known, bounds, factors)
+            bounds.append(together or _times(inner[0], inner[1] if code == Code.MULTIPLY else _inverse(inner[1])))
+        else:
+            bounds.append(_of_other(code, inner))
+    return bounds
+
+
 def directions_of(law: Expression) -> tuple[Expression | None, Expression | None] | None:
     """Two parts that are proven to be at least 0 and whose difference is the law; None where its form shows none.
 
     A part that is 0 everywhere is None. Sums are taken apart, also inside products, quotients and pieces:
     V * (kf * A - kr * B) / (1 + A) gives V * kf * A / (1 + A) and V * kr * B / (1 + A).
     """
-    found = _Signs(law, {}).parts(law.tree)
+    graph = Graph(most=20 * len(law.formula) + 100)
+    found = _Directions(law, graph).whole()
     if found is None:
         return None
-    made = [None if part is None else Expression(ast.unparse(part), law.parameters) for part in found]
+    made = [None if part is None else Expression.of(graph.formula(part), law.parameters) for part in found]
     return made[0], made[1]
 
 
-class _Signs:
-    """Bounds of the parts of one law, where there are `least` copies of each species."""
+class _Directions:
+    """The two parts of every node of one law, as nodes of a graph."""
 
-    def __init__(self, law: Expression, least: Mapping[str, int]):
-        self.law, self.least = law, least
+    def __init__(self, law: Expression, graph: Graph):
+        self.formula, self.graph = law.formula, graph
+        self.bounds = bounds_of(law, {})
+        self.copies = graph.copied(law.formula)
+        self.found: list[Parts | None] = []
 
-    def of(self, node: ast.expr) -> Bounds:
-        """Least and largest value."""
-        name = name_of(node)
-        if name is not None:
-            value = self.law.parameters.get(name)
-            return (float(self.least.get(name, 0)), math.inf) if value is None else (value, value)
-        match node:
-            case ast.Constant(value=number):
-                return float(number), float(number)  # type: ignore[arg-type]  # names were dealt with
-            case ast.Name(id=reserved):
-                return POSITIVE if reserved == TIME else {PI: (math.pi, math.pi)}[reserved]
-            case ast.BinOp(op=ast.Mult() | ast.Div()):
-                return self._product(node)
-            case ast.BinOp(left=left, op=op, right=right):
-                return self._sum_or_power(op, left, right)
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                low, high = self.of(operand)
-                return -high, -low
-            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return self.of(operand)
-            case ast.Call(func=ast.Name(id=function), args=arguments):
-                return self._call(function, arguments)
-        return (0.0, 1.0) if is_condition(node) else EVERYTHING
+    def whole(self) -> Parts | None:
+        for place in range(len(self.formula)):
+            self.found.append(self._parts(place))
+        return self.found[-1]
 
-    def parts(self, node: ast.expr) -> Parts | None:
+    def _parts(self, place: int) -> Parts | None:
         """Two parts of at least 0 each whose difference is the node; None where there are none to be seen."""
-        low, high = self.of(node)
+        low, high = self.bounds[place]
         if low >= 0:
-            return None if low == high == 0 else node, None
+            return None if low == high == 0 else self.copies[place], None
         if high <= 0:
-            return None, _negative(node)
-        match node:
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                inner = self.parts(operand)
-                return inner and (inner[1], inner[0])
-            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return self.parts(operand)
-            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div()):
-                return self._parts_of_two(node)
-            case ast.Call(func=ast.Name(id="piecewise"), args=arguments):
-                found = [self.parts(value) for value in arguments[::2]]
-                sides = [[each[i] for each in found if each is not None] for i in (0, 1)]
-                if any(each is None for each in found):
-                    return None
-                return _pieces(sides[0], arguments[1::2]), _pieces(sides[1], arguments[1::2])
-        return None
-
-    def _parts_of_two(self, node: ast.BinOp) -> Parts | None:
-        left = self.parts(node.left)
-        if isinstance(node.op, ast.Div):
-            low, high = self.of(node.right)
-            if left is None or low < 0 < high:
-                return None
-            more, less = left if low >= 0 else (left[1], left[0])
-            below = node.right if low >= 0 else _negative(node.right)
-            return _both(ast.Div(), more, below), _both(ast.Div(), less, below)
-        right = self.parts(node.right)
+            return None, self._negative(place)
+        code, parts, _ = self.formula[place]
+        if code == Code.NEGATE:
+            inner = self.found[parts[0]]
+            return inner and (inner[1], inner[0])
+        if code == Code.DIVIDE:
+            return self._quotient(*parts)
+        if code not in (Code.ADD, Code.SUBTRACT, Code.MULTIPLY, Code.SELECT):
+            return None
+        left, right = self.found[parts[0]], self.found[parts[2 if code == Code.SELECT else 1]]
         if left is None or right is None:
             return None
-        if isinstance(node.op, ast.Mult):
+        if code == Code.MULTIPLY:
             return (
-                _sum(_both(ast.Mult(), left[0], right[0]), _both(ast.Mult(), left[1], right[1])),
-                _sum(_both(ast.Mult(), left[0], right[1]), _both(ast.Mult(), left[1], right[0])),
+                self._sum(self._both(code, left[0], right[0]), self._both(code, left[1], right[1])),
+                self._sum(self._both(code, left[0], right[1]), self._both(code, left[1], right[0])),
             )
-        more, less = right if isinstance(node.op, ast.Add) else (right[1], right[0])
-        return _sum(left[0], more), _sum(left[1], less)
+        if code == Code.SELECT:
+            condition = self.copies[parts[1]]
+            return self._piece(left[0], condition, right[0]), self._piece(left[1], condition, right[1])
+        more, less = right if code == Code.ADD else (right[1], right[0])
+        return self._sum(left[0], more), self._sum(left[1], less)
 
-    def _product(self, node: ast.expr) -> Bounds:
-        """Factors of one species, A (A - 1) (A - 2) say, are at least 0 together: counts are whole."""
-        factors: list[tuple[ast.expr, int]] = []
-        flatten(node, 1, factors)
-        steps: dict[str, list[tuple[int, ast.expr]]] = {}
-        bounds = (1.0, 1.0)
-        for factor, power in factors:
-            stepped = shifted(factor, self.law) if power > 0 else None
-            if stepped is not None:
-                steps.setdefault(stepped[0], []).append((stepped[1], factor))
-                continue
-            bounds = _times(bounds, self.of(factor) if power > 0 else _inverse(self.of(factor)))
-        for found in steps.values():
-            if sorted(step for step, _ in found) == list(range(len(found))):
-                bounds = _times(bounds, POSITIVE)
-                continue
-            for _, factor in found:
-                bounds = _times(bounds, self.of(factor))
-        return bounds
+    def _quotient(self, above: int, below: int) -> Parts | None:
+        left, (low, high) = self.found[above], self.bounds[below]
+        if left is None or low < 0 < high:
+            return None
+        more, less = left if low >= 0 else (left[1], left[0])
+        divisor = self.copies[below] if low >= 0 else self._negative(below)
+        return self._both(Code.DIVIDE, more, divisor), self._both(Code.DIVIDE, less, divisor)
 
-    def _sum_or_power(self, op: ast.operator, left: ast.expr, right: ast.expr) -> Bounds:
-        (a, b), (c, d) = self.of(left), self.of(right)
-        if isinstance(op, ast.Add):
+    def _negative(self, place: int) -> int:
+        """As a factor, so that mass action is still seen."""
+        return self.graph.add(Code.MULTIPLY, (self.graph.number(-1.0), self.copies[place]))
+
+    def _both(self, code: Code, one: int | None, other: int | None) -> int | None:
+        return None if one is None or other is None else self.graph.add(code, (one, other))
+
+    def _sum(self, one: int | None, other: int | None) -> int | None:
+        return other if one is None else one if other is None else self.graph.add(Code.ADD, (one, other))
+
+    def _piece(self, value: int | None, condition: int, other: int | None) -> int | None:
+        if value is None and other is None:
+            return None
+        value, other = (self.graph.number(0.0) if each is None else each for each in (value, other))
+        return self.graph.add(Code.SELECT, (value, condition, other))
+
+
+def _product(
+    law: Expression, known: Sequence[float | None], bounds: Sequence[Bounds], factors: list[tuple[int, int]]
+) -> Bounds:
+    """Factors of one species, A (A - 1) (A - 2) say, are at least 0 together: counts are whole."""
+    steps: dict[str, list[tuple[int, int]]] = {}
+    found = (1.0, 1.0)
+    for factor, power in factors:
+        stepped = shifted(law.formula, known, factor) if power > 0 else None
+        if stepped is not None:
+            steps.setdefault(stepped[0], []).append((stepped[1], factor))
+            continue
+        found = _times(found, bounds[factor] if power > 0 else _inverse(bounds[factor]))
+    for each in steps.values():
+        if sorted(step for step, _ in each) == list(range(len(each))):
+            found = _times(found, POSITIVE)
+            continue
+        for _, factor in each:
+            found = _times(found, bounds[factor])
+    return found
+
+
+def _of_other(code: Code, inner: list[Bounds]) -> Bounds:
+    if code in TRUTHS:
+        return 0.0, 1.0
+    match code, inner:
+        case Code.CLOCK, _:
+            return POSITIVE
+        case Code.NEGATE, [(low, high)]:
+            return -high, -low
+        case Code.ADD, [(a, b), (c, d)]:
             return _known(a + c, b + d)
-        if isinstance(op, ast.Sub):
+        case Code.SUBTRACT, [(a, b), (c, d)]:
             return _known(a - d, b - c)
-        if isinstance(op, ast.Mod):
+        case Code.MODULO, [_, (c, d)]:
             return (0.0, d) if c > 0 else EVERYTHING  # with the sign of the divisor
-        return _power(a, c, d)
-
-    def _call(self, function: str, arguments: list[ast.expr]) -> Bounds:
-        if function == "piecewise":
-            lows, highs = zip(*(self.of(value) for value in arguments[::2]), strict=True)
-            return min(lows), max(highs)
-        bounds = [self.of(argument) for argument in arguments]
-        low, high = bounds[0]
-        match function:
-            case "exp" | "sqrt" | "abs":
-                return POSITIVE
-            case "sin" | "cos":
-                return WAVE
-            case "floor" | "ceil":
-                return math.floor(low) if low > -math.inf else low, high + 1
-            case "log":
-                return math.log(low) if low > 0 else -math.inf, math.inf
-            case "min":
-                return min(each[0] for each in bounds), min(each[1] for each in bounds)
-            case "max":
-                return max(each[0] for each in bounds), max(each[1] for each in bounds)
-        return _power(low, *bounds[1])
-
-
-def _power(least: float, c: float, d: float) -> Bounds:
-    """x ** y for x of at least `least`, y from c to d."""
-    is_even = c == d and c % 2 == 0
-    return POSITIVE if least >= 0 or is_even else EVERYTHING
+        case Code.POWER, [(low, _), (c, d)]:
+            is_even = c == d and c % 2 == 0
+            return POSITIVE if low >= 0 or is_even else EVERYTHING
+        case Code.SELECT, [(a, b), _, (c, d)]:
+            return min(a, c), max(b, d)
+        case Code.MINIMUM, [(a, b), (c, d)]:
+            return min(a, c), min(b, d)
+        case Code.MAXIMUM, [(a, b), (c, d)]:
+            return max(a, c), max(b, d)
+        case ((Code.EXP | Code.SQRT | Code.ABSOLUTE), _):
+            return POSITIVE
+        case ((Code.SINE | Code.COSINE), _):
+            return WAVE
+        case ((Code.FLOOR | Code.CEILING), [(low, high)]):
+            return math.floor(low) if low > -math.inf else low, high + 1
+        case Code.LOG, [(low, _)]:
+            return math.log(low) if low > 0 else -math.inf, math.inf
+    return EVERYTHING
 
 
 def _times(one: Bounds, other: Bounds) -> Bounds:
@@ -212,25 +225,3 @@ def _inverse(bounds: Bounds) -> Bounds:
 
 def _known(low: float, high: float) -> Bounds:
     return (-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high)
-
-
-def _negative(node: ast.expr) -> ast.expr:
-    """As a factor, so that mass action is still seen."""
-    return ast.BinOp(ast.UnaryOp(ast.USub(), ast.Constant(1.0)), ast.Mult(), node)
-
-
-def _both(op: ast.operator, one: ast.expr | None, other: ast.expr | None) -> ast.expr | None:
-    return None if one is None or other is None else ast.BinOp(one, op, other)
-
-
-def _sum(one: ast.expr | None, other: ast.expr | None) -> ast.expr | None:
-    return other if one is None else one if other is None else ast.BinOp(one, ast.Add(), other)
-
-
-def _pieces(values: list[ast.expr | None], conditions: list[ast.expr]) -> ast.expr | None:
-    if all(value is None for value in values):
-        return None
-    arguments = [ast.Constant(0.0) if value is None else value for value in values]
-    for place, condition in enumerate(conditions):
-        arguments.insert(2 * place + 1, condition)
-    return ast.Call(ast.Name("piecewise"), arguments, [])

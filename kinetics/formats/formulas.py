@@ -1,30 +1,41 @@
-"""Translation of the formulas of .net files into expressions, with names replaced by what they stand for."""
+"""The formulas of .net files: their spellings and functions, read into a graph."""
 
 from __future__ import annotations
 
-import ast
+import math
 import re
-import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from kinetics.network.laws.expression import LONGEST, Expression
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
+from kinetics.network.laws.reading import NUMBER, SHOWN, Dialect, called, node_of
 
-NUMBER = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-MOST_BRACKETS = 50  # within each other
-# Other programs' spellings.
-RENAMED = {"ln": "log", "rint": "floor", "if_": "piecewise"}
-CONSTANTS = {"_pi": "pi", "_e": "exp(1)", "_time_": "t"}
-SPELLINGS = (
-    (re.compile(r"\^"), "**"),
-    (re.compile(r"&&"), " and "),
-    (re.compile(r"\|\|"), " or "),
-    (re.compile(r"!(?!=)"), " not "),
-    (re.compile(r"\bif\s*\("), "if_("),
-    (re.compile(r"\btime\s*\(\s*\)"), "_time_"),
-)
+SPELLINGS = {"^": "**", "&&": "and", "||": "or", "!": "not"}
+CONSTANTS = {"_pi": math.pi, "_e": math.e}
+BASES = {"log10": 10.0, "log2": 2.0}
+
+
+def node_in_file(text: str, graph: Graph, meaning: Callable[[str], int | None]) -> int:
+    """The node of a formula; a ValueError for what is no formula.
+
+    meaning : the node that a name stands for; None for an unknown one, which is a mistake
+    """
+
+    def named(name: str) -> int:
+        known = meaning(name)
+        if known is None and name not in CONSTANTS:
+            raise ValueError(f"{name!r} is not known here")
+        return graph.number(CONSTANTS[name]) if known is None else known
+
+    def call(graph: Graph, name: str, arguments: Sequence[int]) -> int:
+        if name == "time" and not arguments:
+            return graph.time()
+        return _called(graph, name, arguments) if arguments else named(name)
+
+    return node_of(text, graph, named, Dialect(SPELLINGS, {}, call))
 
 
 def number(text: str, known: Mapping[str, float]) -> float:
@@ -34,79 +45,27 @@ def number(text: str, known: Mapping[str, float]) -> float:
     if re.fullmatch(NUMBER, text):
         found = float(text)
     else:
-        formula = Expression(replaced(text, {name: repr(value) for name, value in known.items()}))
+        graph = Graph()
+        place = node_in_file(text, graph, lambda name: graph.number(known[name]) if name in known else None)
+        formula = Expression.of(graph.formula(place))
         if formula.reads_time:
-            raise ValueError(f"{text[:80]!r} depends on time; expected a number")
+            raise ValueError(f"{text[:SHOWN]!r} depends on time; expected a number")
         found = float(evaluate(steps_of(formula, {}), np.zeros(0, dtype=np.int64), 0.0))
     if not np.isfinite(found):
-        raise ValueError(f"{text[:80]!r} comes to {found}; expected a finite number")
+        raise ValueError(f"{text[:SHOWN]!r} comes to {found}; expected a finite number")
     return found
 
 
-def replaced(text: str, meanings: Mapping[str, str]) -> str:
-    """The text of a formula in our own grammar.
-
-    meanings : name -> what stands for it, in our own grammar; a name without a meaning is a mistake
-    """
-    tree = _Replacing(meanings).visit(_tree(_spelled(text)))
-    made = ast.unparse(ast.fix_missing_locations(tree))
-    if len(made) > LONGEST:
-        raise ValueError(f"{text[:80]!r} grows to {len(made)} characters; at most {LONGEST} are read")
-    return made
-
-
-class _Replacing(ast.NodeTransformer):
-    """Puts in what names stand for, and calls functions by our names."""
-
-    def __init__(self, meanings: Mapping[str, str]):
-        self.meanings = meanings
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:  # as `ast` calls it
-        """What it stands for."""
-        meaning = self.meanings.get(node.id, CONSTANTS.get(node.id))
-        if meaning is None:
-            raise ValueError(f"{node.id!r} is not known here")
-        return _tree(meaning)
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        """A function without arguments is a name; if(condition, a, b) puts its condition first."""
-        name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if not node.args and not node.keywords and isinstance(node.func, ast.Name):
-            return self.visit_Name(node.func)
-        if name == "log":
-            raise ValueError("log means different things to different programs; write ln or log10")
-        arguments = [self.visit(argument) for argument in node.args]
-        if name == "rint" and len(arguments) == 1:
-            arguments = [ast.BinOp(arguments[0], ast.Add(), ast.Constant(0.5))]
-        if name == "if_" and len(arguments) == 3:
-            arguments = [arguments[1], arguments[0], arguments[2]]
-        if name in ("log10", "log2") and len(arguments) == 1:
-            return ast.BinOp(_call("log", arguments), ast.Div(), _call("log", [ast.Constant(float(name[3:]))]))
-        return ast.Call(ast.Name(RENAMED.get(name, name)), arguments, node.keywords) if name else node
-
-
-def _call(name: str, arguments: list[ast.expr]) -> ast.Call:
-    return ast.Call(ast.Name(name), arguments, [])
-
-
-def _spelled(text: str) -> str:
-    if len(text) > LONGEST:
-        raise ValueError(f"a formula of {len(text)} characters; at most {LONGEST} are read")
-    depth = deepest = 0
-    for character in text:
-        depth += (character == "(") - (character == ")")
-        deepest = max(deepest, depth)
-    if deepest > MOST_BRACKETS:
-        raise ValueError(f"a formula with {deepest} brackets within each other; at most {MOST_BRACKETS} are read")
-    for pattern, ours in SPELLINGS:
-        text = pattern.sub(ours, text)
-    return text
-
-
-def _tree(text: str) -> ast.expr:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # of dubious literals, which are mistakes here
-            return ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, SyntaxWarning, DeprecationWarning, ValueError, RecursionError, MemoryError):
-        raise ValueError(f"{text[:80]!r} is not a formula") from None
+def _called(graph: Graph, name: str, arguments: Sequence[int]) -> int:
+    """A function with arguments."""
+    if name == "log":
+        raise ValueError("log means different things to different programs; write ln or log10")
+    if name == "if" and len(arguments) == 3:
+        condition, value, other = arguments
+        return graph.add(Code.SELECT, (value, condition, other))
+    if name == "rint" and len(arguments) == 1:
+        return graph.add(Code.FLOOR, (graph.add(Code.ADD, (arguments[0], graph.number(0.5))),))
+    if name in BASES and len(arguments) == 1:
+        base = graph.add(Code.LOG, (graph.number(BASES[name]),))
+        return graph.add(Code.DIVIDE, (graph.add(Code.LOG, arguments), base))
+    return called(graph, "log" if name == "ln" else name, arguments)

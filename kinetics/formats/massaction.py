@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
-from kinetics.network.laws.expression import Expression, name_of
-from kinetics.network.laws.program import evaluate, steps_of
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import Code, Node
+from kinetics.network.laws.program import evaluate, known_numbers, learn_numbers, steps_of
+
+MOST_FACTORS = 1000  # of a product that is taken apart
+MOST_NAMES = 30  # of a part that is tried out
+
+Numbers = list[float | None]
 
 
 def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, dict[str, int]] | None:
@@ -21,20 +26,17 @@ def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, di
     multiplies in but a firing does not take is a catalyst: a reactant that is given back. So the propensity is the same
     at every state, and below the copies that a firing takes it is 0 by itself.
     """
-    try:
-        factors: list[tuple[ast.expr, int]] = []
-        flatten(law.tree, 1, factors)
-    except RecursionError:
-        return None
+    known = known_numbers(law)
+    factors = factors_of(law.formula, len(law.formula) - 1, MOST_FACTORS)
     constant = 1.0
     shifts: dict[str, list[int]] = {}
-    for node, power in factors:
-        stepped = shifted(node, law)
+    for place, power in factors or [(0, 0)]:
+        stepped = shifted(law.formula, known, place)
         if stepped is not None and power == 1:
             shifts.setdefault(stepped[0], []).append(stepped[1])
             continue
-        value = _number(node, law)
-        if value is None or (value == 0 and power < 0):
+        value = known[place]
+        if value is None or power == 0 or (value == 0 and power < 0):
             return None
         constant = constant * value if power > 0 else constant / value
     order = {name: len(found) for name, found in shifts.items()}
@@ -49,51 +51,88 @@ def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, di
     return (k, order) if math.isfinite(k) and k >= 0 else None
 
 
-def linear_weights(formula: Expression, species: tuple[str, ...]) -> dict[str, float] | None:
-    """Weights of a formula that is a weighted sum of counts; None for any other formula."""
-    if formula.reads_time:
+def linear_weights(formula: Sequence[Node], species: Sequence[str]) -> dict[str, float] | None:
+    """Weights of a formula that is a weighted sum of counts; None for any other formula.
+
+    Sums and multiples are taken apart; a part that is neither is tried out at many states, if it reads few counts.
+    """
+    known: Numbers = []
+    learn_numbers(formula, known)
+    counted = set(species)
+    weights: dict[str, float] = {}
+    factors = [0.0] * len(formula)  # of each node in the whole
+    factors[-1] = 1.0
+    for place in range(len(factors) - 1, -1, -1):
+        node, factor = formula[place], factors[place]
+        if factor == 0.0 or known[place] == 0.0:
+            continue
+        if known[place] is None and str(node.value) in counted:
+            weights[str(node.value)] = factor
+            continue
+        parts = _multiples(node, known) if known[place] is None else None
+        if parts is None:
+            names = [str(each.value) for each in formula if each.code == Code.COUNT]
+            return _tried(Expression.of(formula), counted) if len(names) <= MOST_NAMES else None
+        for part, times in parts:
+            factors[part] += factor * times
+    if not all(map(math.isfinite, weights.values())):
         return None
-    place = {name: s for s, name in enumerate(species)}
-    used = list(formula.species)
-    steps = steps_of(formula, place)
-
-    def values(states: np.ndarray) -> np.ndarray:
-        return evaluate(steps, states, 0.0)
-
-    units = np.zeros((len(used) + 1, len(species)), dtype=np.int64)
-    units[np.arange(1, len(used) + 1), [place[name] for name in used]] = 1
-    found = values(units)
-    weights = found[1:]
-    # Beyond the unit vectors, at states that no simple other formula would fit as well.
-    tried = np.random.default_rng(0).integers(0, 10**6, (16, len(species)))
-    expected = tried[:, [place[name] for name in used]] @ weights
-    is_sum = found[0] == 0 and np.allclose(values(tried), expected, rtol=1e-12, atol=0)
-    return dict(zip(used, weights.tolist(), strict=True)) if is_sum else None
+    return {name: weights[name] for name in (str(node.value) for node in formula) if name in weights}
 
 
-def flatten(node: ast.expr, power: int, factors: list[tuple[ast.expr, int]]) -> None:
-    """The factors of a product, each with 1, or -1 below a division."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
-        flatten(node.left, power, factors)
-        flatten(node.right, power if isinstance(node.op, ast.Mult) else -power, factors)
-    else:
-        factors.append((node, power))
+def factors_of(formula: Sequence[Node], place: int, most: int) -> list[tuple[int, int]] | None:
+    """The factors of a product, each with 1, or -1 below a division; None for over `most`."""
+    factors: list[tuple[int, int]] = []
+    waiting = [(place, 1)]
+    while waiting:
+        place, power = waiting.pop()
+        code, parts, _ = formula[place]
+        if code in (Code.MULTIPLY, Code.DIVIDE):
+            waiting += [(parts[1], power if code == Code.MULTIPLY else -power), (parts[0], power)]
+        else:
+            factors.append((place, power))
+        if len(factors) + len(waiting) > most:
+            return None
+    return factors
 
 
-def shifted(node: ast.expr, law: Expression) -> tuple[str, int] | None:
+def shifted(formula: Sequence[Node], known: Sequence[float | None], place: int) -> tuple[str, int] | None:
     """Species and whole number i of a factor `A - i`; i is 0 for `A`."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub):
-        below = _number(node.right, law)
-        inner = shifted(node.left, law) if below is not None and below == int(below) else None
-        return None if inner is None or below is None else (inner[0], inner[1] + int(below))
-    name = name_of(node)
-    return (name, 0) if name is not None and name not in law.parameters else None
+    total = 0
+    while formula[place].code == Code.SUBTRACT:
+        place, other = formula[place].parts
+        less = known[other]
+        if less is None or less != int(less):
+            return None
+        total += int(less)
+    is_count = formula[place].code == Code.COUNT and known[place] is None
+    return (str(formula[place].value), total) if is_count else None
 
 
-def _number(node: ast.expr, law: Expression) -> float | None:
-    """The value of what depends neither on counts nor on time."""
-    part = Expression(ast.unparse(node), law.parameters)
-    if part.species or part.reads_time:
+def _multiples(node: Node, known: Numbers) -> list[tuple[int, float]] | None:
+    """Parts whose multiples add up to a node; None where it is no such sum."""
+    code, parts, _ = node
+    if code in (Code.ADD, Code.SUBTRACT):
+        return [(parts[0], 1.0), (parts[1], 1.0 if code == Code.ADD else -1.0)]
+    if code == Code.NEGATE:
+        return [(parts[0], -1.0)]
+    if code in (Code.MULTIPLY, Code.DIVIDE):
+        left, right = known[parts[0]], known[parts[1]]
+        if right is not None and (code == Code.MULTIPLY or right != 0.0):
+            return [(parts[0], right if code == Code.MULTIPLY else 1.0 / right)]
+        if left is not None and code == Code.MULTIPLY:
+            return [(parts[1], left)]
+    return None
+
+
+def _tried(formula: Expression, counted: Set[str]) -> dict[str, float] | None:
+    """Weights that hold at many states, at which no simple other formula would have any."""
+    if formula.reads_time or not counted >= set(formula.species):
         return None
-    value = float(evaluate(steps_of(part, {}), np.zeros(0, dtype=np.int64), 0.0))
-    return value if math.isfinite(value) else None
+    used = list(formula.species)
+    steps = steps_of(formula, {name: s for s, name in enumerate(used)})
+    units = np.concatenate([np.zeros((1, len(used)), dtype=np.int64), np.eye(len(used), dtype=np.int64)])
+    found = evaluate(steps, units, 0.0)
+    tried = np.random.default_rng(0).integers(0, 10**6, (16, len(used)))
+    is_sum = found[0] == 0 and np.allclose(evaluate(steps, tried, 0.0), tried @ found[1:], rtol=1e-12, atol=0)
+    return dict(zip(used, found[1:].tolist(), strict=True)) if is_sum else None

@@ -1,14 +1,16 @@
-"""Rate laws of .net files as expressions: functions of groups and parameters, and the named rate laws."""
+"""Rate laws of .net files as nodes: functions of groups and parameters, and the named rate laws."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
-from kinetics.network.laws.expression import Expression, quoted
+from kinetics.network.laws.graph import Code, Graph
 
 
-def law_of(name: str, functions: Mapping[str, str], values: Sequence[float], reactants: Sequence[str]) -> Expression:
+def law_of(
+    graph: Graph, name: str, functions: Mapping[str, int], values: Sequence[float], reactants: Sequence[str]
+) -> int:
     """The propensity of a reaction per way: the law times the ordered combinations of its reactants.
 
     name : of a function without arguments, or one of `KINDS` with its `values`
@@ -16,47 +18,52 @@ def law_of(name: str, functions: Mapping[str, str], values: Sequence[float], rea
     if name in functions:
         if values:
             raise ValueError(f"{name!r} is a function without arguments; {len(values)} came")
-        return Expression(" * ".join([f"({functions[name]})", *_combinations(reactants)]))
-    count, least, text_of = KINDS[name]
+        return graph.all_of(Code.MULTIPLY, [functions[name], *_combinations(graph, reactants)])
+    count, least, law = KINDS[name]
     if len(values) != count or len(reactants) < least:
         raise ValueError(
             f"{name} takes {count} numbers and at least {least} reactants; {len(values)} and {len(reactants)} came"
         )
-    return Expression(text_of([repr(value) for value in values], reactants))
+    return law(graph, [graph.number(value) for value in values], reactants)
 
 
-def _combinations(reactants: Sequence[str]) -> list[str]:
+def _combinations(graph: Graph, reactants: Sequence[str]) -> list[int]:
     """Factors n, n - 1, ... for each species."""
     return [
-        quoted(species) if i == 0 else f"({quoted(species)} - {i})"
+        graph.add(Code.SUBTRACT, (graph.name(species), graph.number(i))) if i else graph.name(species)
         for species, copies in Counter(reactants).items()
         for i in range(copies)
     ]
 
 
-def _saturation(values: Sequence[str], reactants: Sequence[str]) -> str:
+def _saturation(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
     k, half = values
-    return " * ".join([f"{k} / ({half} + {quoted(reactants[0])})", *_combinations(reactants)])
+    share = graph.add(Code.DIVIDE, (k, graph.add(Code.ADD, (half, graph.name(reactants[0])))))
+    return graph.all_of(Code.MULTIPLY, [share, *_combinations(graph, reactants)])
 
 
-def _hill(values: Sequence[str], reactants: Sequence[str]) -> str:
+def _hill(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
     """As `Sat` with powers, but the first reactant is in the law and not multiplied in again."""
     top, half, power = values
-    s = quoted(reactants[0])
-    return " * ".join([f"{top} * {s} ** {power} / ({half} ** {power} + {s} ** {power})", *_combinations(reactants[1:])])
+    raised = graph.add(Code.POWER, (graph.name(reactants[0]), power))
+    below = graph.add(Code.ADD, (graph.add(Code.POWER, (half, power)), raised))
+    share = graph.add(Code.DIVIDE, (graph.add(Code.MULTIPLY, (top, raised)), below))
+    return graph.all_of(Code.MULTIPLY, [share, *_combinations(graph, reactants[1:])])
 
 
-def _quasi_steady(values: Sequence[str], reactants: Sequence[str]) -> str:
+def _quasi_steady(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
     """The total quasi-steady-state approximation of an enzyme: substrate first, then enzyme."""
     k, half = values
-    s, e = quoted(reactants[0]), quoted(reactants[1])
-    rest = f"({s} - {half} - {e})"
-    free = f"(({rest} + sqrt({rest} ** 2 + 4 * {half} * {s})) / 2)"
-    return f"{k} * {e} * {free} / ({half} + {free})"
+    s, e = graph.name(reactants[0]), graph.name(reactants[1])
+    rest = graph.add(Code.SUBTRACT, (graph.add(Code.SUBTRACT, (s, half)), e))
+    product = graph.all_of(Code.MULTIPLY, [graph.number(4.0), half, s])
+    square = graph.add(Code.ADD, (graph.add(Code.POWER, (rest, graph.number(2.0))), product))
+    free = graph.add(Code.DIVIDE, (graph.add(Code.ADD, (rest, graph.add(Code.SQRT, (square,)))), graph.number(2.0)))
+    return graph.add(Code.DIVIDE, (graph.all_of(Code.MULTIPLY, [k, e, free]), graph.add(Code.ADD, (half, free))))
 
 
-# Name -> how many numbers it takes, how many reactants at least, and its text.
-KINDS: dict[str, tuple[int, int, Callable[[Sequence[str], Sequence[str]], str]]] = {
+# Name -> how many numbers it takes, how many reactants at least, and its node.
+KINDS: dict[str, tuple[int, int, Callable[[Graph, Sequence[int], Sequence[str]], int]]] = {
     "Sat": (2, 1, _saturation),
     "Hill": (3, 1, _hill),
     "MM": (2, 2, _quasi_steady),

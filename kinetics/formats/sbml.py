@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from kinetics.formats.massaction import linear_weights
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.sbmlevents import events_of
 from kinetics.formats.sbmlfile import document_of
-from kinetics.formats.sbmlmath import is_sum
-from kinetics.formats.sbmlnames import SbmlError, SbmlNames
+from kinetics.formats.sbmlnames import SbmlNames
 from kinetics.formats.sbmlreactions import channels_of
 from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.formats.scaling import model_of
 from kinetics.network import Network
+from kinetics.network.laws.graph import BudgetError
+from kinetics.network.laws.writing import text_of
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,6 @@ class Sbml(Format):
         names = SbmlNames(path, document.getModel())
         try:
             return _model(names, copies_per_unit)
-        except RecursionError:
-            raise ValueError(f"{path}: formulas are nested too deeply; write them with fewer terms") from None
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
 
@@ -56,9 +55,14 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
     sums, notes = {}, list(channels.notes)
     if copies_per_unit is None and _are_moles(names):
         notes.append("the file states amounts in moles; they are read as copies")
-    for name, rule in names.rules.items():
+    for name in names.rules:
+        names.meaning(name)  # of all, before any is handed out: a sum beyond the budget is only not shown
+    for name in names.rules:
         if name in names.species or name in names.parameters:
-            weights = _weights(names, name, rule, network.species)
+            try:
+                weights = _weights(names, name, network.species)
+            except BudgetError:
+                weights = None
             if weights is None:
                 notes.append(f"{name} is no sum of counts and is not shown")
             else:
@@ -86,38 +90,21 @@ def _are_moles(names: SbmlNames) -> bool:
     return "mole" in stated or any(unit.getKind() == libsbml.UNIT_KIND_MOLE for unit in units)
 
 
-def _weights(names: SbmlNames, key: str, rule: Any, species: tuple[str, ...]) -> dict[str, float] | None:
-    """Weights of a sum of amounts, term by term, however long it is; None for any other formula."""
-    total: dict[str, float] = {}
-    size = names.constant(rule, names.size(key)) if key in names.species else 1.0
-    waiting = [rule.getMath()]
-    while waiting:
-        term = waiting.pop()
-        if is_sum(term):
-            waiting += [term.getChild(i) for i in reversed(range(term.getNumChildren()))]
-            continue
-        try:
-            part = linear_weights(names.expression(rule, names.text(rule, term)), species)
-        except SbmlError as error:
-            if not error.is_too_long:
-                raise
-            part = None
-        if part is None or size is None:
-            return None
-        for name, weight in part.items():
-            total[name] = total.get(name, 0.0) + weight * size
-    return total
+def _weights(names: SbmlNames, key: str, species: tuple[str, ...]) -> dict[str, float] | None:
+    """Weights of a rule that is a sum of amounts; None for any other."""
+    size = names.constant(names.size(key)) if key in names.species else 1.0
+    found = linear_weights(names.graph.formula(names.meaning(key)), species)
+    return None if found is None or size is None else {name: weight * size for name, weight in found.items()}
 
 
 def _formulas(names: SbmlNames) -> dict[str, str]:
-    """What every id with a value stands for, but for formulas that are too long."""
+    """What every id with a value stands for, as far as the budget goes."""
     made = {}
     for name in (*names.compartments, *names.species, *names.parameters, *names.references):
         try:
-            made[name] = names.meaning(name)
-        except SbmlError as error:
-            if not error.is_too_long:
-                raise
+            made[name] = text_of(names.graph.formula(names.meaning(name)))
+        except BudgetError:
+            break
         except ValueError:  # an id without a value, which nothing uses
             continue
     return made

@@ -8,6 +8,7 @@ from typing import Any
 from kinetics.formats.sbmlnames import SbmlNames
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import TRUTHS, Code
 
 
 def events_of(names: SbmlNames) -> list[Event]:
@@ -47,15 +48,18 @@ def _event(names: SbmlNames, event: Any, place: int) -> Event | None:
         species = change.getVariable()
         if species not in names.states:
             raise names.wrong(change, f"event {name!r} sets {species!r}; only counts of species can be set")
-        text, size = names.text(change, change.getMath()), names.size(species)
-        if event.isSetDelay() and event.getUseValuesFromTriggerTime() and names.constant(change, size) is None:
+        value, size = names.node(change, change.getMath()), names.size(species)
+        if event.isSetDelay() and event.getUseValuesFromTriggerTime() and names.constant(size) is None:
             raise names.wrong(
                 change, f"event {name!r} sets the concentration of {species!r} later, in a changing volume"
             )
-        assign[species] = names.expression(change, text if size in ("1", "1.0") else f"({text}) * {size}")
-    when = names.expression(trigger, names.text(trigger, trigger.getMath()))
-    if not when.is_condition:  # a number, which Level 3 Version 2 takes for one
-        when = names.expression(trigger, f"({when.text}) != 0")
+        if not names.graph.is_known(size, 1.0):
+            value = names.graph.add(Code.MULTIPLY, (value, size))
+        assign[species] = names.expression(value)
+    condition = names.node(trigger, trigger.getMath())
+    if names.graph.nodes[condition].code not in TRUTHS:  # a number, which Level 3 Version 2 takes for one
+        condition = names.graph.add(Code.NOT_EQUAL, (condition, names.graph.number(0.0)))
+    when = names.expression(condition)
     return Event(
         name,
         when,
@@ -72,7 +76,7 @@ def _priority(names: SbmlNames, event: Any, name: str) -> float:
     if not _has_priority(event):
         return 0.0
     given = event.getPriority()
-    value = names.constant(given, names.text(given, given.getMath()))
+    value = names.constant(names.node(given, given.getMath()))
     if value is None:
         raise names.wrong(event, f"event {name!r} has a priority that is no number")
     return value
@@ -81,4 +85,4 @@ def _priority(names: SbmlNames, event: Any, name: str) -> float:
 def _delay(names: SbmlNames, event: Any) -> Expression:
     given = event.getDelay()
     is_given = given is not None and given.isSetMath()
-    return names.expression(event, names.text(given, given.getMath()) if is_given else "0")
+    return names.expression(names.node(given, given.getMath()) if is_given else names.graph.number(0.0))

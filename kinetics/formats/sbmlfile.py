@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+from kinetics.formats.sbmlchecks import check_consistency
+
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
 MAX_ERRORS = 5  # reported at once
@@ -35,7 +37,7 @@ def document_of(path: Path) -> Any:
         raise ValueError(f"{path} holds no model")
     for category in (libsbml.LIBSBML_CAT_UNITS_CONSISTENCY, libsbml.LIBSBML_CAT_MODELING_PRACTICE):
         document.setConsistencyChecks(category, False)
-    document.checkConsistency()
+    check_consistency(document)
     _raise_errors(path, document)
     return document
 

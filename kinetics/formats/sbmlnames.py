@@ -7,17 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from kinetics.formats.sbmlmath import Functions, names_in, node_of
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import MOST_NODES, Code, Graph
+from kinetics.network.laws.program import learn_numbers
 
-from kinetics.formats.sbmlmath import Functions, TooLongError, number_text, text_of
-from kinetics.network.laws.expression import Expression, quoted
-from kinetics.network.laws.program import evaluate, steps_of
+INITIAL, MEANING = "initial", "meaning"
 
 
 class SbmlError(ValueError):
     """A fault that is already told with file and line."""
-
-    is_too_long = False  # of a formula, which may do no harm
 
 
 class SbmlNames:
@@ -39,10 +38,10 @@ class SbmlNames:
         self.rules = {each.getVariable(): each for each in self.each("Rules") if each.isSetMath()}
         self.assignments = {each.getSymbol(): each for each in self.each("InitialAssignments") if each.isSetMath()}
         self.states = [name for name in self.species if name not in self.rules]
-        self._functions = Functions({each.getId(): each for each in self.each("FunctionDefinitions")})
-        self._initial: dict[str, float] = {}
-        self._meanings: dict[str, str] = {}
-        self._open: list[tuple[str, str]] = []  # what is being resolved: initial or meaning, and id
+        self.graph = Graph(MOST_NODES + path.stat().st_size // 4)
+        self._known: list[float | None] = []  # the numbers of the graph's first nodes
+        self._functions = Functions({each.getId(): each for each in self.each("FunctionDefinitions")}, self.graph)
+        self._found: dict[tuple[str, str], float | ValueError] = {}
 
     def each(self, plural: str) -> list[Any]:
         """All members of one of the model's lists."""
@@ -59,12 +58,7 @@ class SbmlNames:
 
     def initial(self, name: str) -> float:
         """The value of an id at time 0: by its initial assignment, its rule or as stated."""
-        if name not in self._initial:
-            given = self.assignments.get(name) or self.rules.get(name)
-            self._initial[name] = self._apart(
-                "initial", name, lambda: self._stated(name) if given is None else self.number(given, given.getMath())
-            )
-        return self._initial[name]
+        return float(self._resolved(INITIAL, name))
 
     def initial_amount(self, name: str) -> float:
         """The amount of a species at time 0."""
@@ -73,62 +67,90 @@ class SbmlNames:
             return float(species.getInitialAmount())
         return self.initial(name) * self._initial_size(name)
 
-    def meaning(self, name: str) -> str:
-        """What stands for an id from time 0 on: a formula over the amounts of the states, and t."""
-        if name not in self._meanings:
-            self._meanings[name] = self._apart("meaning", name, lambda: self._meaning(name))
-        return self._meanings[name]
+    def meaning(self, name: str) -> int:
+        """The node that stands for an id from time 0 on: a formula over the amounts of the states, and t."""
+        return int(self._resolved(MEANING, name))
 
-    def size(self, name: str) -> str:
+    def size(self, name: str) -> int:
         """What turns the value of a species in formulas into its amount: 1, or the size of its compartment."""
         species = self.species[name]
-        return "1" if self._is_amount(species) else self.meaning(species.getCompartment())
+        return self.graph.number(1.0) if self._is_amount(species) else self.meaning(species.getCompartment())
 
-    def text(self, element: Any, math_: Any) -> str:
-        """A formula of an element in our own grammar, over the amounts of the states, and t."""
-        return self._text(element, math_, self.meaning)
+    def node(self, element: Any, math_: Any) -> int:
+        """A formula of an element, over the amounts of the states, and t."""
+        return self._node(element, math_, self.meaning, self.graph.time())
 
-    def law_text(self, reaction: Any) -> str:
+    def law(self, reaction: Any) -> int:
         """The rate of a reaction."""
-        return self._law(reaction, self.meaning)
+        return self._law(reaction, self.meaning, self.graph.time())
 
     def number(self, element: Any, math_: Any) -> float:
         """What a formula comes to at time 0."""
-        return self._value(element, self._text(element, math_, lambda name: number_text(self.initial(name))))
+        return self._value(self._node(element, math_, self._initial_node, self.graph.number(0.0)))
 
-    def constant(self, element: Any, text: str) -> float | None:
-        """The number that a formula is at all times; None where it depends on counts or time."""
-        formula = self.expression(element, text)
-        return None if formula.species or formula.reads_time else self._value(element, text)
+    def constant(self, place: int) -> float | None:
+        """The number that a node is at all times; None where it depends on counts or time."""
+        learn_numbers(self.graph.nodes, self._known)
+        return self._known[place]
 
-    def expression(self, element: Any, text: str) -> Expression:
-        """A formula, parsed."""
-        try:
-            return Expression(text)
-        except ValueError as error:
-            raise self.wrong(element, str(error)) from None
+    def expression(self, place: int) -> Expression:
+        """A node as an expression."""
+        return Expression.of(self.graph.formula(place))
 
     def wrong(self, element: Any, fault: str) -> SbmlError:
         """The fault with file and line."""
         return SbmlError(f"{self.path}, line {element.getLine()}: {fault}")
 
-    def _apart(self, kind: str, name: str, resolve: Callable[[], Any]) -> Any:
-        """The result, unless the id needs itself."""
-        if (kind, name) in self._open:
-            raise ValueError(f"values go round in a circle: {', '.join(each for _, each in self._open)}")
-        self._open.append((kind, name))
-        try:
-            return resolve()
-        finally:
-            self._open.pop()
+    def _resolved(self, kind: str, name: str) -> float:
+        """The value at time 0, or the node, of an id; what it needs comes first, without recursion."""
+        opened: dict[str, None] = {}
+        waiting = [] if (kind, name) in self._found else [name]
+        while waiting:
+            each = waiting[-1]
+            needed = [] if each in opened or (kind, each) in self._found else self._needed(kind, each)
+            if needed:
+                opened[each] = None
+                circle = [other for other in needed if other in opened]
+                if circle:
+                    self._found[kind, each] = ValueError(f"values go round in a circle: {', '.join(opened)}")
+                waiting += [other for other in needed if other not in opened]
+                continue
+            if (kind, each) not in self._found:
+                try:
+                    self._found[kind, each] = self._initial_of(each) if kind == INITIAL else self._meaning_of(each)
+                except ValueError as error:  # told where the id is used
+                    self._found[kind, each] = error
+            opened.pop(each, None)
+            waiting.pop()
+        found = self._found[kind, name]
+        if isinstance(found, ValueError):
+            raise found
+        return found
+
+    def _needed(self, kind: str, name: str) -> list[str]:
+        """The ids that must be known before an id is, of those that are not."""
+        given = self.assignments.get(name) if kind == INITIAL else None
+        given = given or self.rules.get(name)
+        law = self.reactions[name].getKineticLaw() if name in self.reactions else None
+        math_ = given.getMath() if given else law.getMath() if law else None
+        ids = list(names_in(math_)[0]) if math_ is not None else []
+        if name in self.species:
+            ids.append(self.species[name].getCompartment())
+        return [each for each in ids if (kind, each) not in self._found]
+
+    def _initial_of(self, name: str) -> float:
+        given = self.assignments.get(name) or self.rules.get(name)
+        return self._stated(name) if given is None else self.number(given, given.getMath())
+
+    def _initial_node(self, name: str) -> int:
+        return self.graph.number(self.initial(name))
 
     def _stated(self, name: str) -> float:
         """The number that the element itself states."""
         if name in self.species:
             return self._stated_of_species(name)
         if name in self.reactions:
-            text = self._law(self.reactions[name], lambda each: number_text(self.initial(each)))
-            return self._value(self.reactions[name], text)
+            return self._value(self._law(self.reactions[name], self._initial_node, self.graph.number(0.0)))
         reference = self.references.get(name)
         if reference is not None and reference.isSetStoichiometryMath():
             return self.number(reference, reference.getStoichiometryMath().getMath())
@@ -171,21 +193,22 @@ class SbmlNames:
             raise self.wrong(species, f"species {name!r} is a concentration in a volume of {size:g}")
         return size
 
-    def _meaning(self, name: str) -> str:
+    def _meaning_of(self, name: str) -> int:
         if name in self.rules:
             rule = self.rules[name]
-            text = f"({self.text(rule, rule.getMath())})"
-            value = self.constant(rule, text)
-            return text if value is None else number_text(value)
+            place = self.node(rule, rule.getMath())
+            value = self.constant(place)
+            return place if value is None else self.graph.number(value)
         if name in self.species:
             self._initial_size(name)  # which must be above 0
             size = self.size(name)
-            return quoted(name) if size in ("1", "1.0") else f"({quoted(name)} / {size})"
+            amount = self.graph.name(name)
+            return amount if self.graph.is_known(size, 1.0) else self.graph.add(Code.DIVIDE, (amount, size))
         if name in self.reactions:
-            return f"({self.law_text(self.reactions[name])})"
-        return number_text(self.initial(name))  # nothing that is read changes it
+            return self.law(self.reactions[name])
+        return self.graph.number(self.initial(name))  # nothing that is read changes it
 
-    def _law(self, reaction: Any, meaning: Callable[[str], str]) -> str:
+    def _law(self, reaction: Any, meaning: Callable[[str], int], time: int) -> int:
         law = reaction.getKineticLaw()
         if law is None or not law.isSetMath():
             raise self.wrong(reaction, f"reaction {reaction.getId()!r} has no kinetic law")
@@ -193,18 +216,19 @@ class SbmlNames:
         for i in range(law.getNumParameters()):  # those of Level 3, too
             parameter = law.getParameter(i)
             own[parameter.getId()] = parameter.getValue()
-        return self._text(law, law.getMath(), lambda name: number_text(own[name]) if name in own else meaning(name))
+        return self._node(
+            law, law.getMath(), lambda name: self.graph.number(own[name]) if name in own else meaning(name), time
+        )
 
-    def _text(self, element: Any, math_: Any, meaning: Callable[[str], str]) -> str:
+    def _node(self, element: Any, math_: Any, meaning: Callable[[str], int], time: int) -> int:
         try:
-            return text_of(math_, meaning, self._functions)
+            return node_of(math_, self.graph, meaning, self._functions.call, time)
         except SbmlError:
             raise
         except ValueError as error:
-            located = self.wrong(element, str(error))
-            located.is_too_long = isinstance(error, TooLongError)
-            raise located from None
+            raise self.wrong(element, str(error)) from None
 
-    def _value(self, element: Any, text: str) -> float:
-        formula = self.expression(element, text)
-        return float(evaluate(steps_of(formula, {}), np.zeros(0, dtype=np.int64), 0.0))
+    def _value(self, place: int) -> float:
+        value = self.constant(place)
+        assert value is not None, "every name at time 0 is a number"  # noqa: S101
+        return value

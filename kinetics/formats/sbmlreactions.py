@@ -28,23 +28,21 @@ class Channels:
 def channels_of(names: SbmlNames) -> Channels:
     """The channels of all reactions; a ValueError for a law that two directions share in no form that shows them."""
     made = Channels({}, [], [])
+    states = set(names.states)
     held = {name for name, each in names.species.items() if each.getBoundaryCondition() or each.getConstant()}
     for reaction in names.reactions.values():
         key = reaction.getId()
         if reaction.isSetFast() and reaction.getFast():
             raise names.wrong(reaction, f"reaction {key!r} is `fast`, which has no stochastic meaning")
-        law = names.expression(reaction, names.law_text(reaction))
+        law = names.expression(names.law(reaction))
         before, after = (
             _side(names, reaction, getattr(reaction, f"getListOf{side}")()) for side in ("Reactants", "Products")
         )
         # What is held is neither taken nor made.
         taken, gained = ({name: n for name, n in side.items() if n and name not in held} for side in (before, after))
-        for name in (taken | gained).keys() - set(names.states):
+        for name in (taken | gained).keys() - states:
             raise names.wrong(reaction, f"reaction {key!r} changes {name!r}, which a rule gives")
-        try:
-            forward, backward = _directions(names, reaction, law, taken, gained, made.notes)
-        except RecursionError:
-            raise names.wrong(reaction, f"the law of {key!r} is nested too deeply; write it with fewer terms") from None
+        forward, backward = _directions(names, reaction, law, taken, gained, made.notes)
         if forward is not None:
             _add(made, key, forward, taken, gained)
         if backward is not None:
@@ -116,20 +114,20 @@ def _side(names: SbmlNames, reaction: Any, references: Any) -> dict[str, int]:
 
 def _stoichiometry(names: SbmlNames, reaction: Any, reference: Any) -> float:
     """The number that a reference states, or that its rule, assignment or formula comes to at all times."""
-    key, text = reference.getId(), None
+    key, place = reference.getId(), None
     if key and (key in names.rules or key in names.assignments):
-        text = names.meaning(key)
+        place = names.meaning(key)
     elif reference.isSetStoichiometryMath() and reference.getStoichiometryMath().isSetMath():
-        text = names.text(reference, reference.getStoichiometryMath().getMath())
-    if text is None:
+        place = names.node(reference, reference.getStoichiometryMath().getMath())
+    if place is None:
         # The first is nan where Level 3 states none, the second is 1 beyond Level 2.
         return float(reference.getStoichiometry() / reference.getDenominator())
-    number = names.constant(reference, text)
+    number = names.constant(place)
     if number is None:
         raise names.wrong(
             reference,
-            f"reaction {reaction.getId()!r} has {text[:80]} of {reference.getSpecies()!r}, which changes with counts "
-            f"or time; expected a number of copies",
+            f"reaction {reaction.getId()!r} has {names.expression(place)} of {reference.getSpecies()!r}, which changes "
+            f"with counts or time; expected a number of copies",
         )
     return number
 

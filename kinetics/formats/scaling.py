@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,8 @@ import numpy as np
 from kinetics.formats.model import CLOSE, NetworkModel
 from kinetics.network import Network
 from kinetics.network.laws.events import Event
-from kinetics.network.laws.expression import Expression, name_of
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import Code, Graph
 
 
 def model_of(
@@ -68,44 +68,31 @@ def scaled(network: Network, copies: float) -> Network:
 
 
 def _law(law: Expression, copies: float) -> Expression:
-    return Expression(f"{copies!r} * ({_over_counts(law, copies).text})", law.parameters)
+    def times(graph: Graph, place: int) -> int:
+        return graph.add(Code.MULTIPLY, (graph.number(copies), place))
+
+    return _over_counts(law, copies, times)
 
 
 def _event(event: Event, copies: float) -> Event:
-    new = {
-        name: Expression(f"floor({copies!r} * ({_over_counts(value, copies).text}) + 0.5)", value.parameters)
-        for name, value in event.new_counts.items()
-    }
+    def whole(graph: Graph, place: int) -> int:
+        scaled_up = graph.add(Code.MULTIPLY, (graph.number(copies), place))
+        return graph.add(Code.FLOOR, (graph.add(Code.ADD, (scaled_up, graph.number(0.5))),))
+
+    new = {name: _over_counts(value, copies, whole) for name, value in event.new_counts.items()}
     delay = _over_counts(event.waits, copies)
     return replace(event, when=_over_counts(event.condition, copies), assign=new, delay=delay)
 
 
-def _over_counts(formula: Expression, copies: float) -> Expression:
-    """A formula over amounts with counts in their place."""
-    tree = _Amounts(formula.parameters, copies).visit(ast.parse(formula.text, mode="eval").body)
-    return Expression(ast.unparse(ast.fix_missing_locations(tree)), formula.parameters)
+def _over_counts(
+    formula: Expression, copies: float, finish: Callable[[Graph, int], int] = lambda _, place: place
+) -> Expression:
+    """A formula over amounts with count / copies in the place of every amount.
 
-
-class _Amounts(ast.NodeTransformer):
-    """Puts count / copies in the place of every species."""
-
-    def __init__(self, parameters: Mapping[str, float], copies: float):
-        self.parameters, self.copies = parameters, copies
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:  # as `ast` calls it
-        """A species or a parameter."""
-        return self._of(node)
-
-    def visit_Constant(self, node: ast.Constant) -> ast.expr:
-        """A number, or the quoted name of a species."""
-        return self._of(node)
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        """The function's own name is no species."""
-        return ast.Call(node.func, [self.visit(argument) for argument in node.args], [])
-
-    def _of(self, node: ast.expr) -> ast.expr:
-        name = name_of(node)
-        if name is None or name in self.parameters:
-            return node
-        return ast.BinOp(node, ast.Div(), ast.Constant(self.copies))
+    finish : what is made of the whole
+    """
+    graph = Graph(most=10 * len(formula.formula) + 100)
+    unit = graph.number(copies)
+    amounts = {name: graph.add(Code.DIVIDE, (graph.name(name), unit)) for name in formula.species}
+    found = graph.copied(formula.formula, amounts)
+    return Expression.of(graph.formula(finish(graph, found[-1])), formula.parameters)

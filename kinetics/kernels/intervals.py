@@ -20,6 +20,7 @@ from kinetics.kernels.programs import (
     EQUAL,
     FLOOR,
     GUARD,
+    KEEP,
     LESS,
     LESS_EQUAL,
     LOG,
@@ -186,7 +187,14 @@ def ranges(programs, which, begin, end, counts, since, until, stack, lows, highs
                 elif stack[1, height + 1] != 0.0:
                     low, high = min(low, stack[0, height]), max(high, stack[1, height])
             elif code >= NEGATE:
-                low, high = range_of_one(code, low, high)
+                if code < SELECT:
+                    low, high = range_of_one(code, low, high)
+                elif code == KEEP:
+                    stack[0, -1 - operands[step]], stack[1, -1 - operands[step]] = low, high
+                else:
+                    stack[0, height], stack[1, height] = low, high
+                    height += 1
+                    low, high = stack[0, -1 - operands[step]], stack[1, -1 - operands[step]]
             elif code != REFUSE:  # which shows at a moment
                 height -= 1
                 low, high = range_of_two(code, stack[0, height], stack[1, height], low, high)

@@ -9,7 +9,7 @@ from kinetics.kernels.compiled import compiled
 # As in `network.laws.program.Code`
 CONSTANT, COUNT, CLOCK, TIMES, GUARD, REFUSE, ADD, SUBTRACT, MULTIPLY, DIVIDE, MODULO, POWER = range(12)
 LESS, LESS_EQUAL, EQUAL, NOT_EQUAL, AND, OR, MINIMUM, MAXIMUM = range(12, 20)
-NEGATE, NOT, EXP, LOG, SQRT, ABSOLUTE, SINE, COSINE, FLOOR, CEILING, SELECT = range(20, 31)
+NEGATE, NOT, EXP, LOG, SQRT, ABSOLUTE, SINE, COSINE, FLOOR, CEILING, SELECT, KEEP, RECALL = range(20, 33)
 
 
 class Programs(NamedTuple):
@@ -111,7 +111,14 @@ def values(programs, which, begin, end, counts, t, stack, results):
                 if stack[0, height + 1] != 0.0:
                     top = stack[0, height]
             elif code >= NEGATE:
-                top = of_one(code, top)
+                if code < SELECT:
+                    top = of_one(code, top)
+                elif code == KEEP:  # from the far end of the stack on
+                    stack[0, -1 - operands[step]] = top
+                else:
+                    stack[0, height] = top
+                    height += 1
+                    top = stack[0, -1 - operands[step]]
             else:
                 height -= 1
                 top = of_two(code, stack[0, height], top)

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.program import Code, Step, evaluate, steps_of
+from kinetics.network.laws.graph import Code
+from kinetics.network.laws.program import Step, evaluate, steps_of
 from kinetics.support.arrays import Floats, Ints
 
 # What h(s) counts for m like reactants among s copies:

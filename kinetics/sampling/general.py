@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from kinetics.kernels import outcomes
 from kinetics.network import Network
-from kinetics.network.laws.program import Code, Step, depth, steps_of
+from kinetics.network.laws.graph import Code
+from kinetics.network.laws.program import Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.network.laws.program import UFUNCS, Code, Step
+from kinetics.network.laws.graph import Code
+from kinetics.network.laws.program import UFUNCS, Step
 from kinetics.support.arrays import Ints
 
 LIBRARY_ULPS = 4.0
@@ -43,6 +44,7 @@ class Interval(NamedTuple):
 def enclosed(steps: Iterable[Step], states: Ints) -> Interval:
     """Between what numbers (...) a program's real value lies at states (..., S); nan where it may be undefined."""
     stack: list[Interval] = []
+    kept: dict[int, Interval] = {}
     ends = np.zeros(states.shape[:-1], dtype=bool)  # where a guard found too few copies
     with np.errstate(all="ignore"):
         for code, operand, number in steps:
@@ -60,6 +62,10 @@ def enclosed(steps: Iterable[Step], states: Ints) -> Interval:
             elif code == Code.SELECT:
                 other, condition, value = stack.pop(), stack.pop(), stack.pop()
                 stack.append(_selected(value, condition, other))
+            elif code == Code.KEEP:
+                kept[operand] = stack[-1]
+            elif code == Code.RECALL:
+                stack.append(kept[operand])
             elif code >= Code.NEGATE:
                 stack.append(_of_one(code, stack.pop()))
             elif code != Code.REFUSE:  # which shows in the value itself

@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
-from kinetics.network.laws.expression import Expression, quoted
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.writing import quoted
 
 
 def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:

@@ -6,55 +6,18 @@ arrays of states.
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Iterable, Mapping
-from enum import IntEnum
-from functools import reduce
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.network.laws.expression import PI, TIME, Expression, is_condition, name_of
+from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import TRUTHS, Code, Node
 from kinetics.support.arrays import Floats, Ints
 
-MOST_STEPS = 50_000  # of a program with comparisons
-
-
-class Code(IntEnum):
-    """What a step does to the stack. `kernels.general` has the same numbers."""
-
-    CONSTANT = 0  # push the number
-    COUNT = 1  # push the count of species number `operand`
-    CLOCK = 2  # push the time
-    TIMES = 3  # multiply by that count less the number: the factor of mass action
-    GUARD = 4  # end with 0 where there are fewer copies than the number
-    REFUSE = 5  # what is above 0 becomes nan where there are fewer copies than the number
-    ADD = 6
-    SUBTRACT = 7
-    MULTIPLY = 8
-    DIVIDE = 9
-    MODULO = 10
-    POWER = 11
-    LESS = 12
-    LESS_EQUAL = 13
-    EQUAL = 14
-    NOT_EQUAL = 15
-    AND = 16
-    OR = 17
-    MINIMUM = 18
-    MAXIMUM = 19
-    NEGATE = 20
-    NOT = 21
-    EXP = 22
-    LOG = 23
-    SQRT = 24
-    ABSOLUTE = 25
-    SINE = 26
-    COSINE = 27
-    FLOOR = 28
-    CEILING = 29
-    SELECT = 30  # of value, condition and other value
+MOST_HELD = 2**22  # numbers that `evaluate` has on its stack at a time; more states come in pieces
+VISIT, APPLY, JUDGE = range(3)  # what is left to do with a node: its parts, its own step, whether it is other than 0
 
 
 class Step(NamedTuple):
@@ -65,30 +28,6 @@ class Step(NamedTuple):
     number: float = 0.0
 
 
-BINARY = {
-    ast.Add: Code.ADD,
-    ast.Sub: Code.SUBTRACT,
-    ast.Mult: Code.MULTIPLY,
-    ast.Div: Code.DIVIDE,
-    ast.Mod: Code.MODULO,
-    ast.Pow: Code.POWER,
-}
-# The other two are these with their sides exchanged.
-COMPARE = {ast.Lt: Code.LESS, ast.LtE: Code.LESS_EQUAL, ast.Eq: Code.EQUAL, ast.NotEq: Code.NOT_EQUAL}
-MIRRORED = {ast.Gt: Code.LESS, ast.GtE: Code.LESS_EQUAL}
-CALLS = {
-    "exp": Code.EXP,
-    "log": Code.LOG,
-    "sqrt": Code.SQRT,
-    "abs": Code.ABSOLUTE,
-    "sin": Code.SINE,
-    "cos": Code.COSINE,
-    "floor": Code.FLOOR,
-    "ceil": Code.CEILING,
-    "pow": Code.POWER,
-    "min": Code.MINIMUM,
-    "max": Code.MAXIMUM,
-}
 UFUNCS = {
     Code.ADD: np.add,
     Code.SUBTRACT: np.subtract,
@@ -118,100 +57,145 @@ UFUNCS = {
 
 
 def steps_of(expression: Expression, places: Mapping[str, int], folds: bool = True) -> list[Step]:
-    """The program of an expression.
+    """The program of an expression; its steps are in proportion to the nodes.
 
     places : number of each species
     folds : whether what depends on nothing is the number that it is found to be, rounded
     """
     expression.check_names("expression", places)
-    try:
-        return _steps(expression.tree, expression.parameters, places, folds)
-    except RecursionError:
-        raise ValueError(f"{expression.text[:80]!r}... is nested too deeply; write it with fewer terms") from None
+    return _Compiling(expression, places, folds).steps()
 
 
-def _steps(node: ast.expr, parameters: Mapping[str, float], places: Mapping[str, int], folds: bool) -> list[Step]:
-    def inner(child: ast.expr) -> list[Step]:
-        return _steps(child, parameters, places, folds)
-
-    def whole(steps: list[Step]) -> list[Step]:
-        return _folded(steps) if folds else steps
-
-    def binary(code: Code, one: list[Step], other: list[Step]) -> list[Step]:
-        return _times(code, one, other) or whole([*one, *other, Step(code)])
-
-    def truth(child: ast.expr) -> list[Step]:
-        steps = inner(child)
-        return steps if is_condition(child) else [*steps, Step(Code.CONSTANT), Step(Code.NOT_EQUAL)]
-
-    name = name_of(node)
-    if name is not None:
-        is_number = name in parameters
-        return [Step(Code.CONSTANT, 0, parameters[name]) if is_number else Step(Code.COUNT, places[name])]
-    match node:
-        case ast.Constant(value=value):
-            return [Step(Code.CONSTANT, 0, float(value))]  # type: ignore[arg-type]  # names were dealt with
-        case ast.Name(id=reserved):
-            return [Step(Code.CLOCK) if reserved == TIME else Step(Code.CONSTANT, 0, {PI: math.pi}[reserved])]
-        case ast.BinOp(left=left, op=op, right=right):
-            return binary(BINARY[type(op)], inner(left), inner(right))
-        case ast.UnaryOp(op=ast.Not(), operand=operand):
-            return [*truth(operand), Step(Code.NOT)]
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return inner(operand)
-        case ast.UnaryOp(operand=operand):
-            return whole([*inner(operand), Step(Code.NEGATE)])
-        case ast.BoolOp(op=op, values=values):
-            code = Code.AND if isinstance(op, ast.And) else Code.OR
-            return reduce(lambda one, other: [*one, *other, Step(code)], map(truth, values))
-        case ast.Compare(left=left, ops=ops, comparators=others):
-            sides = [inner(side) for side in (left, *others)]
-            if sum(map(len, sides)) > MOST_STEPS:
-                raise ValueError(
-                    f"comparisons within each other grow to over {MOST_STEPS} steps, as the middle of a < b < c counts "
-                    f"twice; write them with `and`"
-                )
-            pairs = [
-                [*a, *b, Step(COMPARE[type(op)])] if type(op) in COMPARE else [*b, *a, Step(MIRRORED[type(op)])]
-                for a, b, op in zip(sides[:-1], sides[1:], ops, strict=True)
-            ]
-            return reduce(lambda one, other: [*one, *other, Step(Code.AND)], pairs)
-        case ast.Call(func=ast.Name(id="piecewise"), args=arguments):
-            steps = inner(arguments[-1])
-            for chosen, condition in zip(arguments[-3::-2], arguments[-2::-2], strict=True):
-                steps = [*inner(chosen), *truth(condition), *steps, Step(Code.SELECT)]
-            return steps
-        case ast.Call(func=ast.Name(id=function), args=arguments):
-            code = CALLS[function]
-            if len(arguments) == 1:
-                return whole([*inner(arguments[0]), Step(code)])
-            return reduce(lambda one, other: binary(code, one, other), map(inner, arguments))
-    raise AssertionError(f"an expression let through {node!r}")
+def known_numbers(expression: Expression) -> list[float | None]:
+    """The number that each node of an expression is at all states and times; None where it is none, or not finite."""
+    found: list[float | None] = []
+    learn_numbers(expression.formula, found, expression.parameters)
+    return [number if number is not None and math.isfinite(number) else None for number in found]
 
 
-def _times(code: Code, left: list[Step], right: list[Step]) -> list[Step]:
-    """A product with a count, or a count less a number, in one step; empty where it is none."""
-    if code == Code.MULTIPLY and right[0].code == Code.COUNT:
-        species = right[0].operand
-        if len(right) == 1:
-            return [*left, Step(Code.TIMES, species)]
-        if len(right) == 3 and right[1].code == Code.CONSTANT and right[2].code == Code.SUBTRACT:
-            return [*left, Step(Code.TIMES, species, right[1].number)]
-    return []
+def learn_numbers(
+    nodes: Sequence[Node], known: list[float | None], parameters: Mapping[str, float] | None = None
+) -> None:
+    """Append the number of each node that is not known yet; None where it depends on counts or the time."""
+    with np.errstate(all="ignore"):
+        for code, parts, value in nodes[len(known) :]:
+            found: float | None = None
+            if code == Code.CONSTANT:
+                found = float(value)
+            elif code == Code.COUNT and parameters:
+                found = parameters.get(str(value))
+            elif parts:
+                inner = [known[part] for part in parts]
+                numbers = [np.full((), number) for number in inner if number is not None]
+                found = float(_applied(code, numbers)) if len(numbers) == len(inner) else None
+            known.append(found)
 
 
-def _folded(steps: list[Step]) -> list[Step]:
-    """What depends on nothing, as the number it is, where it is one."""
-    if any(step.code != Code.CONSTANT for step in steps[:-1]):
-        return steps
-    number = float(evaluate(steps, np.zeros(0, dtype=np.int64), 0.0))
-    return [Step(Code.CONSTANT, 0, number)] if math.isfinite(number) else steps
+def _applied(code: Code, numbers: Sequence[Floats]) -> Floats:
+    if code == Code.SELECT:
+        value, condition, other = numbers
+        return np.where(condition != 0, value, other)
+    return np.asarray(UFUNCS[code](*numbers), dtype=np.float64)
 
 
-def evaluate(steps: Iterable[Step], states: Ints, time: float) -> Floats:
+class _Compiling:
+    """One expression while its program is made: depth first, without recursion; what occurs twice is kept."""
+
+    def __init__(self, expression: Expression, places: Mapping[str, int], folds: bool):
+        self.formula, self.places = expression.formula, places
+        known = known_numbers(expression)
+        self.known = [
+            number if folds or node.code in (Code.CONSTANT, Code.COUNT) else None
+            for number, node in zip(known, self.formula, strict=True)
+        ]
+
+    def steps(self) -> list[Step]:
+        root = len(self.formula) - 1
+        uses = self._uses(root)
+        made: list[Step] = []
+        kept: dict[int, int] = {}
+        waiting = [(VISIT, root)]
+        while waiting:
+            task, place = waiting.pop()
+            if task == JUDGE:
+                made += [Step(Code.CONSTANT), Step(Code.NOT_EQUAL)]
+            elif task == APPLY:
+                made.append(self._step(place))
+                if uses[place] > 1:
+                    kept[place] = len(kept)
+                    made.append(Step(Code.KEEP, kept[place]))
+            elif place in kept:
+                made.append(Step(Code.RECALL, kept[place]))
+            elif self._is_leaf(place):
+                made.append(self._step(place))
+            else:
+                waiting.append((APPLY, place))
+                for position, part in reversed(list(enumerate(self._parts(place)))):
+                    if self._is_truth(place, position) and self.formula[part].code not in TRUTHS:
+                        waiting.append((JUDGE, part))
+                    waiting.append((VISIT, part))
+        return made
+
+    def _is_leaf(self, place: int) -> bool:
+        return self.known[place] is not None or not self.formula[place].parts
+
+    def _parts(self, place: int) -> tuple[int, ...]:
+        """The parts whose steps come before that of a node."""
+        parts = self.formula[place].parts
+        return parts if self._times(place) is None else parts[:1]
+
+    def _is_truth(self, place: int, position: int) -> bool:
+        code = self.formula[place].code
+        return code in (Code.AND, Code.OR, Code.NOT) or (code == Code.SELECT and position == 1)
+
+    def _step(self, place: int) -> Step:
+        """The last step of a node."""
+        node, number = self.formula[place], self.known[place]
+        if number is not None:
+            return Step(Code.CONSTANT, 0, number)
+        if node.code == Code.COUNT:
+            return Step(Code.COUNT, self.places[str(node.value)])
+        return self._times(place) or Step(node.code)
+
+    def _times(self, place: int) -> Step | None:
+        """A product with a count, or with a count less a number, in one step."""
+        if self.formula[place].code != Code.MULTIPLY:
+            return None
+        right = self.formula[place].parts[1]
+        less: float | None = 0.0
+        if self.formula[right].code == Code.SUBTRACT:
+            right, other = self.formula[right].parts
+            less = self.known[other]
+        if less is None or self.known[right] is not None or self.formula[right].code != Code.COUNT:
+            return None
+        return Step(Code.TIMES, self.places[str(self.formula[right].value)], less)
+
+    def _uses(self, root: int) -> list[int]:
+        """How often each node is needed."""
+        uses = [0] * len(self.formula)
+        uses[root] = 1
+        for place in range(root, -1, -1):  # wholes before parts
+            if uses[place] and not self._is_leaf(place):
+                for part in self._parts(place):
+                    uses[part] += 1
+        return uses
+
+
+def evaluate(steps: Sequence[Step], states: Ints, time: float) -> Floats:
     """Values (...) of a program at states (..., S) and a time. What is undefined is nan or inf."""
     shape = states.shape[:-1]
+    piece = max(1, MOST_HELD // max(1, depth(steps)))
+    if math.prod(shape) > piece:
+        flat = states.reshape(math.prod(shape), states.shape[-1])
+        values = [_evaluated(steps, flat[begin : begin + piece], time) for begin in range(0, len(flat), piece)]
+        return np.concatenate(values).reshape(shape)
+    return _evaluated(steps, states, time)
+
+
+def _evaluated(steps: Sequence[Step], states: Ints, time: float) -> Floats:
+    shape = states.shape[:-1]
     stack: list[Floats] = []
+    kept: dict[int, Floats] = {}
     ends = np.zeros(shape, dtype=bool)  # where a guard found too few copies
     with np.errstate(all="ignore"):
         for code, operand, number in steps:
@@ -230,6 +214,10 @@ def evaluate(steps: Iterable[Step], states: Ints, time: float) -> Floats:
             elif code == Code.SELECT:
                 other, condition, value = stack.pop(), stack.pop(), stack.pop()
                 stack.append(np.where(condition != 0, value, other))
+            elif code == Code.KEEP:
+                kept[operand] = stack[-1]
+            elif code == Code.RECALL:
+                stack.append(kept[operand])
             elif code >= Code.NEGATE:
                 stack.append(UFUNCS[code](stack.pop()).astype(np.float64))
             else:
@@ -239,14 +227,16 @@ def evaluate(steps: Iterable[Step], states: Ints, time: float) -> Floats:
 
 
 def depth(steps: Iterable[Step]) -> int:
-    """Most numbers that a program has on the stack."""
-    height = deepest = 0
-    for step in steps:
-        if step.code in (Code.CONSTANT, Code.COUNT, Code.CLOCK):
+    """Most numbers that a program holds: on the stack, and kept beside it."""
+    height = deepest = kept = 0
+    for code, _, _ in steps:
+        if code in (Code.CONSTANT, Code.COUNT, Code.CLOCK, Code.RECALL):
             height += 1
-        elif step.code == Code.SELECT:
+        elif code == Code.SELECT:
             height -= 2
-        elif Code.ADD <= step.code <= Code.MAXIMUM:
+        elif code == Code.KEEP:
+            kept += 1
+        elif Code.ADD <= code <= Code.MAXIMUM:
             height -= 1
         deepest = max(deepest, height)
-    return deepest
+    return deepest + kept

@@ -132,8 +132,8 @@ def test_events(tmp_path):
     made.event("refill", "P < 30", P="P + 70", D="0")
     made.event("stop", "time >= 25.5", priority="2", P="0")
     refill, stop = made.read(tmp_path).network.events
-    assert (refill.condition.text, stop.condition.text) == ("(P < 30)", "(t >= 25.5)")
-    assert {name: value.text for name, value in refill.new_counts.items()} == {"P": "(P + 70)", "D": "0"}
+    assert (refill.condition.text, stop.condition.text) == ("P < 30", "t >= 25.5")
+    assert {name: value.text for name, value in refill.new_counts.items()} == {"P": "P + 70", "D": "0"}
     assert (refill.priority, stop.priority) == (0.0, 2.0)
     assert refill.was_true
     assert refill.from_trigger
@@ -248,13 +248,13 @@ def test_an_observable_of_thousands_of_species_comes_back(tmp_path):
     assert again.notes == ()
 
 
-def test_a_rate_law_over_a_long_sum_is_refused_by_its_line(tmp_path):
+def test_a_rate_law_over_a_long_sum(tmp_path):
     made = Builder()
     for i in range(1500):
         made.species(f"s{i}", 1)
     made.reaction("out", {"s0": 1}, {}, " + ".join(f"s{i}" for i in range(1500)))
-    with pytest.raises(ValueError, match=r"line [0-9]+: "):
-        made.read(tmp_path)
+    model = made.read(tmp_path)
+    assert model.network.propensities(model.initial) == 1500.0
 
 
 def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from kinetics.network import Network
 from kinetics.network.laws import Expression, enclosure, hill, hill_repression, michaelis_menten
-from kinetics.network.laws.program import Code, evaluate, steps_of
+from kinetics.network.laws.graph import Code
+from kinetics.network.laws.program import evaluate, steps_of
 from kinetics.network.propensity import ROUNDING
 from kinetics.solving import StateSpace
 

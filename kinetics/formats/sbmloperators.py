@@ -1,0 +1,157 @@
+"""The operators, functions and constants of SBML formulas, each as nodes of a graph."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import pairwise
+
+from kinetics.network.laws.graph import Code, Graph
+
+AVOGADRO = 6.02214179e23  # as SBML Level 3 has it
+
+Build = Callable[[Graph, Sequence[int]], int | None]
+
+
+@cache
+def builders() -> dict[int, Build]:
+    """Kind of libsbml -> what makes its node of those of its parts; None where there are too many or too few."""
+    import libsbml as sbml
+
+    return {
+        sbml.AST_NAME_AVOGADRO: lambda graph, _: graph.number(AVOGADRO),
+        sbml.AST_CONSTANT_PI: lambda graph, _: graph.number(math.pi),
+        sbml.AST_CONSTANT_E: lambda graph, _: graph.add(Code.EXP, (graph.number(1.0),)),
+        sbml.AST_CONSTANT_TRUE: lambda graph, _: truth(graph, True),
+        sbml.AST_CONSTANT_FALSE: lambda graph, _: truth(graph, False),
+        sbml.AST_PLUS: lambda graph, inner: graph.all_of(Code.ADD, inner or [graph.number(0.0)]),
+        sbml.AST_TIMES: lambda graph, inner: graph.all_of(Code.MULTIPLY, inner or [graph.number(1.0)]),
+        sbml.AST_LOGICAL_AND: lambda graph, inner: graph.all_of(Code.AND, inner or [truth(graph, True)]),
+        sbml.AST_LOGICAL_OR: lambda graph, inner: graph.all_of(Code.OR, inner or [truth(graph, False)]),
+        sbml.AST_RELATIONAL_LT: _compared(Code.LESS),
+        sbml.AST_RELATIONAL_LEQ: _compared(Code.LESS_EQUAL),
+        sbml.AST_RELATIONAL_GT: _compared(Code.LESS, is_mirrored=True),
+        sbml.AST_RELATIONAL_GEQ: _compared(Code.LESS_EQUAL, is_mirrored=True),
+        sbml.AST_RELATIONAL_EQ: _compared(Code.EQUAL),
+        sbml.AST_RELATIONAL_NEQ: _compared(Code.NOT_EQUAL),
+        sbml.AST_FUNCTION_EXP: _of_one(Code.EXP),
+        sbml.AST_FUNCTION_LN: _of_one(Code.LOG),
+        sbml.AST_FUNCTION_ABS: _of_one(Code.ABSOLUTE),
+        sbml.AST_FUNCTION_SIN: _of_one(Code.SINE),
+        sbml.AST_FUNCTION_COS: _of_one(Code.COSINE),
+        sbml.AST_FUNCTION_FLOOR: _of_one(Code.FLOOR),
+        sbml.AST_FUNCTION_CEILING: _of_one(Code.CEILING),
+        sbml.AST_LOGICAL_NOT: _of_one(Code.NOT),
+        sbml.AST_FUNCTION_MIN: lambda graph, inner: graph.all_of(Code.MINIMUM, inner) if inner else None,
+        sbml.AST_FUNCTION_MAX: lambda graph, inner: graph.all_of(Code.MAXIMUM, inner) if inner else None,
+        sbml.AST_FUNCTION_PIECEWISE: _piecewise,
+        sbml.AST_MINUS: _minus,
+        sbml.AST_DIVIDE: _of_two(Code.DIVIDE),
+        sbml.AST_POWER: _of_two(Code.POWER),
+        sbml.AST_FUNCTION_POWER: _of_two(Code.POWER),
+        sbml.AST_FUNCTION_LOG: _log,
+        sbml.AST_FUNCTION_ROOT: _root,
+        sbml.AST_FUNCTION_QUOTIENT: lambda graph, inner: _quotient(graph, *inner) if len(inner) == 2 else None,
+        sbml.AST_FUNCTION_REM: _remainder,
+        sbml.AST_LOGICAL_IMPLIES: _implies,
+        sbml.AST_LOGICAL_XOR: _either,
+        sbml.AST_FUNCTION_TAN: _wave(Code.SINE, Code.COSINE),
+        sbml.AST_FUNCTION_COT: _wave(Code.COSINE, Code.SINE),
+        sbml.AST_FUNCTION_SEC: _wave(None, Code.COSINE),
+        sbml.AST_FUNCTION_CSC: _wave(None, Code.SINE),
+    }
+
+
+def truth(graph: Graph, holds: bool) -> int:
+    """What is always true, or never."""
+    return graph.add(Code.EQUAL, (graph.number(1.0), graph.number(float(holds))))
+
+
+def _of_one(code: Code) -> Build:
+    return lambda graph, inner: graph.add(code, inner) if len(inner) == 1 else None
+
+
+def _of_two(code: Code) -> Build:
+    return lambda graph, inner: graph.add(code, inner) if len(inner) == 2 else None
+
+
+def _compared(code: Code, is_mirrored: bool = False) -> Build:
+    """Each part with the next."""
+
+    def build(graph: Graph, inner: Sequence[int]) -> int | None:
+        if len(inner) < 2:
+            return None
+        pairs = [pair[::-1] if is_mirrored else pair for pair in pairwise(inner)]
+        return graph.all_of(Code.AND, [graph.add(code, pair) for pair in pairs])
+
+    return build
+
+
+def _wave(above: Code | None, below: Code) -> Build:
+    """A quotient of sines and cosines; of 1 where there is none above."""
+
+    def build(graph: Graph, inner: Sequence[int]) -> int | None:
+        if len(inner) != 1:
+            return None
+        top = graph.number(1.0) if above is None else graph.add(above, inner)
+        return graph.add(Code.DIVIDE, (top, graph.add(below, inner)))
+
+    return build
+
+
+def _piecewise(graph: Graph, inner: Sequence[int]) -> int | None:
+    """Value, condition, ..., and a value otherwise."""
+    if len(inner) % 2 == 0:
+        return None
+    whole = inner[-1]
+    for value, condition in zip(inner[-3::-2], inner[-2::-2], strict=True):
+        whole = graph.add(Code.SELECT, (value, condition, whole))
+    return whole
+
+
+def _minus(graph: Graph, inner: Sequence[int]) -> int | None:
+    if len(inner) > 2 or not inner:
+        return None
+    return graph.add(Code.SUBTRACT if len(inner) == 2 else Code.NEGATE, inner)
+
+
+def _log(graph: Graph, inner: Sequence[int]) -> int | None:
+    """To base 10, or to the base that comes first."""
+    if len(inner) > 2 or not inner:
+        return None
+    base = inner[0] if len(inner) == 2 else graph.number(10.0)
+    return graph.add(Code.DIVIDE, (graph.add(Code.LOG, inner[-1:]), graph.add(Code.LOG, (base,))))
+
+
+def _root(graph: Graph, inner: Sequence[int]) -> int | None:
+    """Square, or of the degree that comes first."""
+    if len(inner) == 1 or (len(inner) == 2 and graph.is_known(inner[0], 2.0)):
+        return graph.add(Code.SQRT, inner[-1:])
+    if len(inner) != 2:
+        return None
+    return graph.add(Code.POWER, (inner[1], graph.add(Code.DIVIDE, (graph.number(1.0), inner[0]))))
+
+
+def _quotient(graph: Graph, above: int, below: int) -> int:
+    """The quotient without its fraction."""
+    share = graph.add(Code.DIVIDE, (above, below))
+    is_positive = graph.add(Code.LESS_EQUAL, (graph.number(0.0), share))
+    return graph.add(Code.SELECT, (graph.add(Code.FLOOR, (share,)), is_positive, graph.add(Code.CEILING, (share,))))
+
+
+def _remainder(graph: Graph, inner: Sequence[int]) -> int | None:
+    """With the sign of the first; that of `Code.MODULO` has the sign of the second."""
+    if len(inner) != 2:
+        return None
+    whole = graph.add(Code.MULTIPLY, (inner[1], _quotient(graph, *inner)))
+    return graph.add(Code.SUBTRACT, (inner[0], whole))
+
+
+def _implies(graph: Graph, inner: Sequence[int]) -> int | None:
+    return graph.add(Code.OR, (graph.add(Code.NOT, inner[:1]), inner[1])) if len(inner) == 2 else None
+
+
+def _either(graph: Graph, inner: Sequence[int]) -> int | None:
+    """One of two, not both."""
+    return graph.add(Code.NOT_EQUAL, [graph.add(Code.NOT, (part,)) for part in inner]) if len(inner) == 2 else None
