@@ -23,6 +23,7 @@ from kinetics.chain.checks import Reward
 from kinetics.chain.prism_model import prism_names
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
+from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 
 INIT, DEADLOCK = "init", "deadlock"  # labels that PRISM gives; both follow from the chain
@@ -116,11 +117,7 @@ def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Numbers and texts of the lines that hold anything."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is no text file") from None
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text_in(path).splitlines(), start=1):
         if line.strip():
             yield number, line.strip()
 
@@ -194,6 +191,8 @@ def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] |
             raise ValueError
         return int(state), told
 
+    check_names(path, names)
+    check_memory(f"{len(names)} variables of {n} states", 8.0 * n * len(names), "give fewer of them")
     counts = np.zeros((n, len(names)), dtype=np.int64)
     seen = np.zeros(n, dtype=bool)
     for number, line in lines:
@@ -209,6 +208,8 @@ def _labels(path: Path, n: int) -> dict[str, NDArray[np.bool_]]:
         return {}
     (_, heading), *lines = list(_lines(path)) or [(1, "")]
     names = {int(k): name for k, name in re.findall(r'(\d+)="([^"]*)"', heading)}
+    check_names(path, names.values())
+    check_memory(f"{len(names)} labels of {n} states", 1.0 * n * len(names), "give fewer of them")
     masks = {name: np.zeros(n, dtype=bool) for name in names.values()}
 
     def row(line: str) -> tuple[int, list[str]]:
@@ -250,7 +251,7 @@ def _rewards(file: Path, n: int, stays: Floats) -> Iterator[tuple[str, Reward]]:
 
 
 def _name(path: Path) -> str | None:
-    found = REWARD_NAME.search(path.read_text(encoding="utf-8")[:1000])
+    found = REWARD_NAME.search(text_in(path)[:1000])
     return found[1] if found else None
 
 
