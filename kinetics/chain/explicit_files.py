@@ -164,6 +164,8 @@ def _table(path: Path, lines: list[tuple[int, str]]) -> tuple[NDArray[np.int64],
 
     def entry(line: str) -> tuple[int, int, float]:
         row, column, value = line.split()[:3]
+        if max(abs(int(row)), abs(int(column))) >= 2**63:
+            raise ValueError
         return int(row), int(column), float(value)
 
     found = [_parsed(path, number, line, "two states and a number", entry) for number, line in lines]
@@ -187,7 +189,7 @@ def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] |
     def row(line: str) -> tuple[int, list[int]]:
         state, _, values = line.partition(":")
         told = [words[word] if word in words else int(word) for word in values.strip().strip("()").split(",")]
-        if len(told) != len(names) or not 0 <= int(state) < n:
+        if len(told) != len(names) or not 0 <= int(state) < n or any(abs(value) >= 2**63 for value in told):
             raise ValueError
         return int(state), told
 
