@@ -23,6 +23,7 @@ from kinetics.chain.checks import Reward
 from kinetics.chain.prism_model import prism_names
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
+from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 from kinetics.support.output import write_together
 
@@ -120,11 +121,7 @@ def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Numbers and texts of the lines that hold anything."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is no text file") from None
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text_in(path).splitlines(), start=1):
         if line.strip():
             yield number, line.strip()
 
@@ -171,6 +168,8 @@ def _table(path: Path, lines: list[tuple[int, str]]) -> tuple[NDArray[np.int64],
 
     def entry(line: str) -> tuple[int, int, float]:
         row, column, value = line.split()[:3]
+        if max(abs(int(row)), abs(int(column))) >= 2**63:
+            raise ValueError
         return int(row), int(column), float(value)
 
     found = [_parsed(path, number, line, "two states and a number", entry) for number, line in lines]
@@ -194,10 +193,12 @@ def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] |
     def row(line: str) -> tuple[int, list[int]]:
         state, _, values = line.partition(":")
         told = [words[word] if word in words else int(word) for word in values.strip().strip("()").split(",")]
-        if len(told) != len(names) or not 0 <= int(state) < n:
+        if len(told) != len(names) or not 0 <= int(state) < n or any(abs(value) >= 2**63 for value in told):
             raise ValueError
         return int(state), told
 
+    check_names(path, names)
+    check_memory(f"{len(names)} variables of {n} states", 8.0 * n * len(names), "give fewer of them")
     counts = np.zeros((n, len(names)), dtype=np.int64)
     seen = np.zeros(n, dtype=bool)
     for number, line in lines:
@@ -213,6 +214,8 @@ def _labels(path: Path, n: int) -> dict[str, NDArray[np.bool_]]:
         return {}
     (_, heading), *lines = list(_lines(path)) or [(1, "")]
     names = {int(k): name for k, name in re.findall(r'(\d+)="([^"]*)"', heading)}
+    check_names(path, names.values())
+    check_memory(f"{len(names)} labels of {n} states", 1.0 * n * len(names), "give fewer of them")
     masks = {name: np.zeros(n, dtype=bool) for name in names.values()}
 
     def row(line: str) -> tuple[int, list[str]]:
@@ -254,7 +257,7 @@ def _rewards(file: Path, n: int, stays: Floats) -> Iterator[tuple[str, Reward]]:
 
 
 def _name(path: Path) -> str | None:
-    found = REWARD_NAME.search(path.read_text(encoding="utf-8")[:1000])
+    found = REWARD_NAME.search(text_in(path)[:1000])
     return found[1] if found else None
 
 

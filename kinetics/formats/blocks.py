@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-MAX_BYTES = 512 * 2**20
+from kinetics.support.limits import MOST_REACTIONS, MOST_SPECIES, check_count, check_names, text_in
+
 NEEDED = ("species", "reactions")
 READ = ("parameters", "functions", "species", "reactions", "groups")
 # What a network was generated from; the blocks above say all of it again.
@@ -32,12 +33,7 @@ class Line(NamedTuple):
 
 def blocks_of(path: Path) -> dict[str, list[Line]]:
     """The lines of every block that is read; a ValueError with the line number where the file is damaged."""
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes; a network file may have at most {MAX_BYTES}")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text: {error}") from None
+    text = text_in(path)
     blocks: dict[str, list[Line]] = {}
     inside: str | None = None
     began = 0
@@ -70,6 +66,10 @@ def blocks_of(path: Path) -> dict[str, list[Line]]:
     missing = [name for name in NEEDED if name not in blocks]
     if missing:
         raise ValueError(f"{path} has no block {missing[0]!r}; is it a .net file of BioNetGen?")
+    for name, most in (("species", MOST_SPECIES), ("reactions", MOST_REACTIONS)):
+        check_count(path, name, len(blocks[name]), most)
+    named = (name for name in ("parameters", "functions", "species") if name in blocks)
+    check_names(path, (word for name in named for line in blocks[name] for word in line.words[1:2]))
     return blocks
 
 

@@ -7,8 +7,15 @@ from typing import Any
 from xml.parsers import expat
 
 from kinetics.formats.sbmlchecks import check_consistency
+from kinetics.support.limits import (
+    MOST_REACTIONS,
+    MOST_SPECIES,
+    XML_BYTES,
+    check_count,
+    check_names,
+    check_size,
+)
 
-MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
 MAX_ERRORS = 5  # reported at once
 # Packages that say how a model looks, not what it does.
@@ -19,8 +26,7 @@ def document_of(path: Path) -> Any:
     """The document, with a model, without faults that libsbml sees or packages that change what it means."""
     import libsbml
 
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes; an SBML file may have at most {MAX_BYTES}")
+    check_size(path, XML_BYTES)
     data = path.read_bytes()
     _check_depth(path, data)
     try:
@@ -35,11 +41,18 @@ def document_of(path: Path) -> Any:
     _raise_errors(path, document)
     if document.getModel() is None:
         raise ValueError(f"{path} holds no model")
+    _check_counts(path, document.getModel())
     for category in (libsbml.LIBSBML_CAT_UNITS_CONSISTENCY, libsbml.LIBSBML_CAT_MODELING_PRACTICE):
         document.setConsistencyChecks(category, False)
     check_consistency(document)
     _raise_errors(path, document)
     return document
+
+
+def _check_counts(path: Path, model: Any) -> None:
+    check_count(path, "species", model.getNumSpecies(), MOST_SPECIES)
+    check_count(path, "reactions", model.getNumReactions(), MOST_REACTIONS)
+    check_names(path, (model.getSpecies(i).getId() for i in range(model.getNumSpecies())))
 
 
 def _check_depth(path: Path, data: bytes) -> None:

@@ -181,7 +181,6 @@ def checked_laws(
             raise ValueError(f"a law for channel {name!r}, which the network does not have")
         checked[name] = _parsed(name, law, {})
         checked[name].check_names(f"law of channel {name!r}", species)
-        steps_of(checked[name], species)
     return {name: checked[name] for name in sorted(checked, key=channels.__getitem__)}
 
 

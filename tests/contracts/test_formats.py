@@ -218,7 +218,7 @@ def test_a_damaged_file_is_refused_by_name(kind, tmp_path):
     assert all(refused[:5])
     with path.open("wb") as file:
         file.truncate(2**30)
-    with pytest.raises(ValueError, match=f"{re.escape(str(path))} has {2**30} bytes; .* may have at most"):
+    with pytest.raises(ValueError, match=f"{re.escape(str(path))} has {2**30} bytes; at most"):
         read(path)
 
 

@@ -48,12 +48,18 @@ class Expression:
 
     @classmethod
     def of(cls, formula: Sequence[Node], parameters: Mapping[str, float] | None = None) -> Expression:
-        """An expression of nodes, as `Graph.formula` hands them out; its text follows from them."""
+        """An expression of nodes, as `Graph.formula` hands them out; its text is made when it is first asked for."""
         made = object.__new__(cls)
-        values = {"text": text_of(formula), "parameters": dict(parameters or {}), "formula": tuple(formula)}
-        for name, value in values.items():
-            object.__setattr__(made, name, value)
+        object.__setattr__(made, "parameters", dict(parameters or {}))
+        object.__setattr__(made, "formula", tuple(formula))
         return made
+
+    def __getattr__(self, name: str) -> str:
+        """The text of an expression that was made of nodes."""
+        if name != "text" or "formula" not in self.__dict__:
+            raise AttributeError(f"an expression has no {name!r}")
+        object.__setattr__(self, "text", text_of(self.formula))
+        return self.text
 
     def __str__(self) -> str:
         used = {name: self.parameters[name] for name in self._names if name in self.parameters}

@@ -131,8 +131,8 @@ class Graph:
         self.handed_out += len(found)
         moved = {old: new for new, old in enumerate(found)}
         return tuple(
-            node._replace(parts=tuple(moved[part] for part in node.parts)) if node.parts else node
-            for node in (self.nodes[old] for old in found)
+            Node(code, tuple([moved[part] for part in parts]), value) if parts else self.nodes[old]
+            for old, (code, parts, value) in ((old, self.nodes[old]) for old in found)
         )
 
     def copied(self, formula: Sequence[Node], places: dict[str, int] | None = None) -> list[int]:

@@ -86,8 +86,8 @@ def learn_numbers(
                 found = parameters.get(str(value))
             elif parts:
                 inner = [known[part] for part in parts]
-                numbers = [np.full((), number) for number in inner if number is not None]
-                found = float(_applied(code, numbers)) if len(numbers) == len(inner) else None
+                numbers = [] if None in inner else [np.full((), number) for number in inner]
+                found = float(_applied(code, numbers)) if numbers else None
             known.append(found)
 
 
