@@ -21,6 +21,7 @@ from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
+from kinetics.assembly.deriving.order import stages_in_words
 from kinetics.assembly.rules.conditions import BookTarget, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
@@ -35,6 +36,7 @@ LADDER = (
     SIX,
 )  # tried in this order where the target names no senses; what of it is not needed is then left out
 HOLD = Semantics(bonds="hold")
+SLOW_WAVES = "slow internal waves: left out; each wave is taken to rest before the next cube docks"
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ def compile_seeded(
         *draft.verified,
         f"{found.runs} random growths, seeds {seed} to {seed + found.runs - 1}, all end in the target",
         f"{found.squeezed:.2g} cubes a growth come in between two opposite ones, on average",
+        SLOW_WAVES if draft.book.internal else "slow internal waves: none, as there are no internal rules",
     )
     return Compiled(draft.book, draft.is_minimal, (), time.monotonic() - start, verified)
 
@@ -159,6 +162,7 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, report: N
     verified = (
         f"a spanning tree of {len(names)} different subtrees; from this seed it takes at least {bound}",
         "no rule reads what else is there, so what comes to a face does not depend on the order of growth",
+        "order: a cube may come as soon as the one that it hangs on in the tree is there; no other order is kept",
     )
     return _Draft(book, len(names) == bound, verified)
 
@@ -208,21 +212,24 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
         f"letters were merged from {len(tables.letters)} such that nobody is misled in any of {facts.states} states "
         "(up to turns and mirrors) nor in the middle of a wave"
     )
-    return _Draft(book, False, (merged, _exhaustive(book, facts.states, report)))
+    return _Draft(book, False, (merged, *_exhaustive(book, facts.states, report)))
 
 
-def _exhaustive(book: RuleBook, states: int, report: Notify) -> str:
+def _exhaustive(book: RuleBook, states: int, report: Notify) -> tuple[str, ...]:
     """What exploring every event of the book says; RuntimeError where the book is wrong."""
     if states > MOST_STRUCTURES:
-        return f"not explored again as a book: more than {MOST_STRUCTURES} structures"
+        return (f"not explored again as a book: more than {MOST_STRUCTURES} structures",)
     found = exhausted(book, progress=lambda n, all_: report(f"explored {n} of {all_} structures found"))
     if found.fault:
         raise RuntimeError(f"the book compiled for {book.name!r} is wrong, please report it: {found.fault}")
     if found.stopped:
-        return f"explored again as a book only in part: {found.stopped}"
+        return (f"explored again as a book only in part: {found.stopped}",)
     return (
-        f"every event of the book explored: {found.structures} structures up to rotation, all of which become the "
-        "target and no more, none by squeezing a cube in"
+        (
+            f"every event of the book explored: {found.structures} structures up to rotation, all of which become the "
+            "target and no more, none by squeezing a cube in"
+        ),
+        stages_in_words(found.stages),
     )
 
 
