@@ -182,3 +182,25 @@ def test_one_lost_structure_is_enough():
 def test_what_is_proven_is_said():
     assert check(RuleBook.load("line4")).home.proven == "any tank"
     assert check(RuleBook.load("t5")).home.proven == "any tank"
+    stay = Dissociation(rule="stay", letter="b", becomes="x")
+    report = check(pairs(stay))  # two x wait for two free cubes
+    assert report.home.proven == "enough free cubes"
+    assert report.home.text.endswith("proven for every structure that has free cubes enough around it")
+
+
+def test_what_free_cubes_alone_do_not_finish_is_not_proven():
+    """Pairs part into y and z, which take each other alone: no tank starves, but free cubes are no help to either."""
+    rules = [
+        Combination(rule=f"pair {own}", letter=own, partner=partners, face="f1", partner_face="f1", neighbours=[],
+                    becomes="b")
+        for own, partners in (("a", ["a", "b"]), ("y", ["z", "b"]), ("z", ["y", "b"]))
+    ]  # fmt: skip
+    parting = (
+        Dissociation(rule="y", letter="b", lost="b", becomes="y"),
+        Dissociation(rule="z", letter="b", lost="y", becomes="z"),
+    )
+    book = replace(pairs(), letters=("a", "b", "y", "z"), combine=tuple(rules), dissociate=parting)
+    report = check(book)
+    assert report.findings == ()
+    assert report.home == ("nothing", (2, 3, 4), "searched: tanks of 2 to 4 cubes, none of which starves")
+    assert not any(BruteTank(book, cubes).starves()[0] for cubes in (2, 3, 4, 5))
