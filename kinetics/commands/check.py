@@ -65,6 +65,7 @@ def check(
                 "structures": report.n_structures,
                 "events": report.n_events,
                 "coming_home": report.home._asdict(),
+                "slow_waves": report.waves,
                 "findings": [
                     {
                         "kind": finding.kind,

@@ -8,12 +8,13 @@ from dataclasses import replace
 from kinetics.assembly.checking.examined import Examined
 from kinetics.assembly.checking.findings import Finding, Report
 from kinetics.assembly.checking.tanks import in_tanks
-from kinetics.assembly.deriving.explore import MAX_SPECIES, explore
+from kinetics.assembly.deriving.explore import MAX_SPECIES, Exploration, explore
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
 MORE_IN_WAVES = 10  # times as many structures may be found in the middle of waves as at rest
 SLOW = "slow internal waves: "
+LEFT_OUT = "left out"
 
 
 def check(
@@ -29,29 +30,42 @@ def check(
     slow_waves : also let cubes collide while internal rules are still at work, each cube changing by itself; faults
         that occur only then are warnings
     """
-    fresh = replace(book)  # it has fired no rule yet
-    found = explore(fresh, max_cubes, max_species, progress=progress)
+    book = replace(book)  # it has fired no rule yet
+    found = explore(book, max_cubes, max_species, progress=progress)
     examined = Examined(found)
     findings = [*examined.closure(), *examined.shapes(), *examined.squeezes()]
     home, starving = in_tanks(examined)
     findings += starving
-    if found.is_closed:
-        findings += _idle(fresh, found.structures)
-    if slow_waves and book.internal and found.is_closed:
+    waves = _why_no_waves(found, slow_waves)
+    if not waves:
         most = MORE_IN_WAVES * max_species
-        apart = Examined(explore(book, max_cubes, most, progress=progress, slow_waves=True))
+        apart = explore(book, max_cubes, most, progress=progress, slow_waves=True)
         known = {finding.kind for finding in findings}
-        slow = (finding for finding in (*apart.closure(), *apart.shapes()) if finding.kind not in known)
+        examined = Examined(apart)
+        slow = (finding for finding in (*examined.closure(), *examined.shapes()) if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]
+        part = "" if apart.is_closed else " in part"
+        waves = f"explored{part}: {len(apart.structures)} structures, those in the middle of waves among them"
+    if found.is_closed:
+        findings += _idle(book, found.structures, " while waves come to rest at once" if waves == LEFT_OUT else "")
     findings.sort(key=lambda finding: not finding.is_error)
-    return Report(book, len(found.structures), len(found.events), tuple(findings), home)
+    return Report(book, len(found.structures), len(found.events), tuple(findings), home, waves)
 
 
-def _idle(book: RuleBook, structures: Iterable[Structure]) -> Iterable[Finding]:
-    """Rules that never act, letters that never occur."""
+def _why_no_waves(found: Exploration, slow_waves: bool) -> str:
+    """Why slow waves are not explored; "" where they are."""
+    if not found.book.internal:
+        return "none, as there are no internal rules"
+    if not slow_waves:
+        return LEFT_OUT
+    return "" if found.is_closed else "left out, as not even the settled structures are all known"
+
+
+def _idle(book: RuleBook, structures: Iterable[Structure], when: str) -> Iterable[Finding]:
+    """Rules that never act, or not while nothing else was explored; letters that never occur."""
     for rule in book.all_rules:
         if rule.rule not in book.fired:
-            text = f"rule {rule.rule} never acts; leave it out, or check what it asks"
+            text = f"rule {rule.rule} never acts{when}; leave it out, or check what it asks"
             yield Finding("unreachable rule", False, text)
     seen = {letter for structure in structures for letter in structure.letters}
     for letter in book.letters:

@@ -11,6 +11,7 @@ from kinetics.assembly.checking.home import lost_cubes
 from kinetics.assembly.deriving.derive import named
 from kinetics.assembly.deriving.explore import Exploration, StructureEvent
 from kinetics.assembly.deriving.history import Change, fits_into, shortest, way_to
+from kinetics.assembly.deriving.mirror import same_to_rules
 from kinetics.assembly.structure import Structure
 
 
@@ -23,12 +24,13 @@ class Examined:
         self.names = [names[structure] for structure in found.structures]
 
     @cached_property
-    def target(self) -> int | None:
-        """Index of the target; None where the book names none or never makes it."""
-        if self.book.target is None:
-            return None
-        canonical = self.book.target.canonical(self.book.scheme)
-        return self.found.structures.index(canonical) if canonical in self.found.structures else None
+    def targets(self) -> frozenset[int]:
+        """The target, and its mirror image in letters; empty where the book names none or never makes it."""
+        target, scheme = self.book.target, self.book.scheme
+        if target is None:
+            return frozenset()
+        made = enumerate(self.found.structures)
+        return frozenset(number for number, structure in made if same_to_rules(structure, target, scheme))
 
     def closure(self) -> Iterable[Finding]:
         """Structures without end, explorations without end, rules without rest."""
@@ -38,7 +40,9 @@ class Examined:
             known = {structure: index for index, structure in enumerate(found.structures)}
             steps, changes = self.as_steps(self.way(known[a], known[b]))
             last = f"{self.names[known[a]]} + {self.names[known[b]]} -> {len(made)} cubes: {made}"
-            text = f"structures grow beyond {found.max_cubes} cubes; the smallest join that does makes {len(made)}"
+            text = (
+                f"structures grow beyond {found.max_cubes} cubes; the smallest join found that does makes {len(made)}"
+            )
             yield Finding("not closed", True, text, (*steps, last), made, (*changes, Change((a, b), (made,))))
         if found.stopped:
             yield Finding("not proven", True, found.stopped)
@@ -55,10 +59,10 @@ class Examined:
             worst = min(off, key=lambda n: (self.costs[n], len(structures[n])))
             text = f"{len(off)} of {len(structures)} structures are no part of the target; the nearest"
             yield self.finding("off-target", True, text, worst)
-        if self.target is None:
+        if not self.targets:
             yield from self._missing(target)
             return
-        growing = [e for e in self.found.events if self.target in e.before and len(e.before) == 2]
+        growing = [e for e in self.found.events if not self.targets.isdisjoint(e.before) and len(e.before) == 2]
         if growing:
             text = f"the finished structure still bonds: {self.words(growing[0])}"
             yield self.at_event("target not final", True, text, growing[0])
@@ -93,7 +97,7 @@ class Examined:
     @cached_property
     def lost(self) -> list[Cube]:
         """The cubes that never come home; none where the book names no target or never makes it."""
-        return [] if self.target is None else lost_cubes(self.found, self.target)
+        return lost_cubes(self.found, self.targets) if self.targets else []
 
     def squeezes(self) -> Iterable[Finding]:
         """Joins that put a cube between two others."""

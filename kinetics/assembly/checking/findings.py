@@ -67,13 +67,17 @@ class Home(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """The findings about a book, errors first, how much was explored, and for which tanks."""
+    """The findings about a book, errors first, how much was explored, and for which tanks.
+
+    waves : whether collisions in the middle of slow internal waves were explored, or why not, in words
+    """
 
     book: RuleBook
     n_structures: int
     n_events: int
     findings: tuple[Finding, ...]
     home: Home
+    waves: str
 
     @property
     def is_correct(self) -> bool:
@@ -90,8 +94,9 @@ class Report:
         )
 
     def __str__(self) -> str:
-        """For people: the summary, for which tanks it holds, then each finding."""
-        return "\n".join([self.summary, f"coming home: {self.home.text}", *map(str, self.findings)])
+        """For people: the summary, for which tanks it holds, what was done about slow waves, then each finding."""
+        said = [self.summary, f"coming home: {self.home.text}", f"slow internal waves: {self.waves}"]
+        return "\n".join([*said, *map(str, self.findings)])
 
     def plot(self, ax: Any) -> Any:
         """Draw each finding with its counterexample, step by step; returns `ax`."""

@@ -16,13 +16,13 @@ from kinetics.assembly.deriving.explore import Exploration, StructureEvent
 Scope = Literal["any tank", "enough free cubes", "nothing"]
 
 
-def lost_cubes(found: Exploration, target: int) -> list[Cube]:
-    """The cubes that no chain of events leads into the target, whatever else the tank holds.
+def lost_cubes(found: Exploration, targets: Set[int]) -> list[Cube]:
+    """The cubes that no chain of events leads into a target, whatever else the tank holds.
 
     Each cube is followed by itself, and partners are taken to be there: one that is lost here is lost in every tank.
     """
     sources = sources_of_cubes(found)
-    home = leading_to([cube for cube in sources if cube.structure == target], sources)
+    home = leading_to([cube for cube in sources if cube.structure in targets], sources)
     return sorted(set(sources) - home)
 
 
@@ -37,13 +37,13 @@ def falling_apart(events: Iterable[StructureEvent], free: Iterable[int]) -> set[
         known |= more
 
 
-def finished(events: Iterable[StructureEvent], free: int, target: int) -> set[int]:
+def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> set[int]:
     """The structures that can become targets and free cubes with nothing but free cubes around, as many as it takes.
 
     Partners are made of free cubes, and whatever is left on the way must be finished too.
     """
     every = list(events)
-    made, home = {free}, {free, target}
+    made, home = {free}, {free, *targets}
     while True:
         more_made = {
             after
@@ -65,15 +65,15 @@ def finished(events: Iterable[StructureEvent], free: int, target: int) -> set[in
         home |= more_home
 
 
-def scope(found: Exploration, free: Set[int], target: int, is_makeable: bool) -> Scope:
+def scope(found: Exploration, free: Set[int], targets: Set[int], is_makeable: bool) -> Scope:
     """For which tanks it is proven that every cube can come home.
 
     free : the free cube, first, and the seed if there is one
     is_makeable : whether a target can be made of exactly its own number of free cubes
     """
     everything = set(range(len(found.structures)))
-    if is_makeable and falling_apart(found.events, {*free, target}) == everything:
+    if is_makeable and falling_apart(found.events, {*free, *targets}) == everything:
         return "any tank"
-    if finished(found.events, min(free), target) == everything:
+    if finished(found.events, min(free), targets) == everything:
         return "enough free cubes"
     return "nothing"

@@ -18,16 +18,16 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
 
     Tanks from one target's cubes to two targets' are searched where there is no proof for all of them.
     """
-    found, target, book = examined.found, examined.target, examined.book
-    if target is None or not found.is_closed:
+    found, targets, book = examined.found, examined.targets, examined.book
+    if not targets or not found.is_closed:
         return Home("nothing", (), "not examined, because there is no target, or no end to what can be assembled"), []
     if examined.lost:
         return Home("nothing", (), "no: some cubes never become part of a target"), []
-    size, seeded = len(found.structures[target]), book.seed_letter is not None
+    size, seeded = len(found.structures[min(targets)]), book.seed_letter is not None
     free = (0, 1) if seeded else (0,)
     first = compositions(_start(size, seeded), found.events)
-    is_makeable = first is not None and any(target in state for state in first)
-    proven = scope(found, set(free), target, is_makeable)
+    is_makeable = first is not None and any(not targets.isdisjoint(state) for state in first)
+    proven = scope(found, set(free), targets, is_makeable)
     if proven == "any tank":
         parts = "free cubes and the seed" if seeded else "free cubes"
         text = (
@@ -45,7 +45,7 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
             break
         tried.append(cubes)
         full = 1 if seeded else cubes // size
-        starving = _starving(examined, tank, start, target, full)
+        starving = _starving(examined, tank, start, full)
         if starving is not None:
             findings.append(starving)
             break
@@ -68,13 +68,17 @@ def _start(cubes: int, seeded: bool) -> Indices:
     return (*(0,) * (cubes - 1), 1) if seeded else (0,) * cubes
 
 
-def _starving(examined: Examined, tank: Tank, start: Indices, target: int, full: int) -> Finding | None:
+def _starving(examined: Examined, tank: Tank, start: Indices, full: int) -> Finding | None:
     """The nearest composition from which the tank no longer gets full: an error where it never does."""
+
+    def n_targets(state: Indices) -> int:
+        return sum(structure in examined.targets for structure in state)
+
     sources: dict[Indices, set[Indices]] = {state: set() for state in tank}
     for state, following in tank.items():
         for _, after in following:
             sources[after].add(state)
-    good = leading_to([state for state in tank if state.count(target) >= full], sources)
+    good = leading_to([state for state in tank if n_targets(state) >= full], sources)
     bad = [state for state in tank if state not in good]  # in the order of distance
     if not bad:
         return None
@@ -85,6 +89,6 @@ def _starving(examined: Examined, tank: Tank, start: Indices, target: int, full:
     if is_certain:
         text = f"{len(start)} cubes never make {full} target{'s' if full > 1 else ''}, whatever happens"
     else:
-        text = f"{len(start)} cubes can end as {contents}, {what}: {stuck.count(target)} targets instead of {full}"
+        text = f"{len(start)} cubes can end as {contents}, {what}: {n_targets(stuck)} targets instead of {full}"
     steps, changes = examined.as_steps(events_to(stuck, start, tank))
     return Finding("starvation", is_certain, text, steps, changes=changes)

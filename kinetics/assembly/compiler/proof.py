@@ -127,5 +127,5 @@ def proven(
         f"{len(joins)} joins, exactly those asked for; {len(breaks)} breaks"
     )
     warnings = ", ".join(finding.kind for finding in report.findings) or "no warnings"
-    waves = "slow internal waves included" if book.internal else "no internal rules, so no waves"
-    return book, (closure, f"check ({waves}): no errors; {warnings}", f"coming home: {report.home.text}")
+    waves = f"slow internal waves: {report.waves}"
+    return book, (closure, f"check: no errors; {warnings}", waves, f"coming home: {report.home.text}")

@@ -21,6 +21,7 @@ from kinetics.assembly.compiler.tables import FREE, rules_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.compiler.verifying import GROWTHS, MOST_STRUCTURES, exhausted, grown
 from kinetics.assembly.compiler.waves import facts_of
+from kinetics.assembly.deriving.order import stages_in_words
 from kinetics.assembly.rules.conditions import BookTarget, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
@@ -38,6 +39,7 @@ LADDER = (
     SIX,
 )  # tried in this order where the target names no senses; what of it is not needed is then left out
 HOLD = Semantics(bonds="hold")
+SLOW_WAVES = "slow internal waves: left out; each wave is taken to rest before the next cube docks"
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ def compile_seeded(
         *draft.verified,
         f"{found.runs} random growths, seeds {seed} to {seed + found.runs - 1}, all end in the target",
         f"{found.squeezed:.2g} cubes a growth come in between two opposite ones, on average",
+        SLOW_WAVES if draft.book.internal else "slow internal waves: none, as there are no internal rules",
     )
     weaker = tuple(f"weaker senses: {reason}" for reason in ruled)
     return Compiled(draft.book, draft.is_minimal, (), (*weaker, draft.searched), verified, None)
@@ -178,6 +181,7 @@ def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: 
     verified = (
         f"a spanning tree of {len(names)} different subtrees; from this seed it takes at least {bound}",
         "no rule reads what else is there, so what comes to a face does not depend on the order of growth",
+        "order: a cube may come as soon as the one that it hangs on in the tree is there; no other order is kept",
     )
     searched = (
         "kind of books: growth along a spanning tree of shortest paths from this seed, a letter for each subtree; "
@@ -234,13 +238,13 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, budget: Bu
         "kind of books: growth from this seed in one order of orbits, the first found without a clash; the fewest "
         f"letters, then rules, of {number} orders of merging; not proven the fewest"
     )
-    return _Draft(book, False, searched, (merged, _exhaustive(book, facts.states, budget, report)))
+    return _Draft(book, False, searched, (merged, *_exhaustive(book, facts.states, budget, report)))
 
 
-def _exhaustive(book: RuleBook, states: int, budget: Budget, report: Notify) -> str:
+def _exhaustive(book: RuleBook, states: int, budget: Budget, report: Notify) -> tuple[str, ...]:
     """What exploring every event of the book says; RuntimeError where the book is wrong."""
     if states > MOST_STRUCTURES:
-        return f"not explored again as a book: more than {MOST_STRUCTURES} structures"
+        return (f"not explored again as a book: more than {MOST_STRUCTURES} structures",)
 
     def following(n: int, every: int) -> None:
         report(f"explored {n} of {every} structures found")
@@ -250,10 +254,13 @@ def _exhaustive(book: RuleBook, states: int, budget: Budget, report: Notify) -> 
     if found.fault:
         raise RuntimeError(f"the book compiled for {book.name!r} is wrong, please report it: {found.fault}")
     if found.stopped:
-        return f"explored again as a book only in part: {found.stopped}"
+        return (f"explored again as a book only in part: {found.stopped}",)
     return (
-        f"every event of the book explored: {found.structures} structures up to rotation, all of which become the "
-        "target and no more, none by squeezing a cube in"
+        (
+            f"every event of the book explored: {found.structures} structures up to rotation, all of which become the "
+            "target and no more, none by squeezing a cube in"
+        ),
+        stages_in_words(found.stages),
     )
 
 

@@ -10,8 +10,11 @@ from dataclasses import dataclass
 
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.deriving.history import random_growth
+from kinetics.assembly.deriving.mirror import same_to_rules
+from kinetics.assembly.deriving.order import stages
 from kinetics.assembly.deriving.ways import squeezes
 from kinetics.assembly.rules.rule_book import RuleBook
+from kinetics.assembly.structure import Structure
 
 MOST_STRUCTURES = 4000
 GROWTHS = 500
@@ -24,20 +27,24 @@ class Exhausted:
     fault : what is wrong, in words; "" for nothing
     structures : how many there are, up to rotation
     stopped : why it is no proof; "" where it is one
+    stages : where the stages of the growth end; empty where there is a fault or no proof
     """
 
     fault: str
     structures: int
     stopped: str
+    stages: tuple[Structure, ...] = ()
 
 
 def exhausted(
     book: RuleBook, most: int = MOST_STRUCTURES, progress: Callable[[int, int], None] | None = None
 ) -> Exhausted:
-    """Try every event of a seeded book: all growth must end in the target, and no cube be squeezed in."""
+    """Try every event of a seeded book: all growth must end in the target, and no cube be squeezed in.
+
+    A mirror image in letters alone, of which the rules see nothing, is the target as well.
+    """
     assert book.target is not None  # noqa: S101  the compiler's books have one
     found = explore(book, len(book.target), most, first_beyond=True, progress=progress)
-    target = book.target.canonical(book.scheme)
     fault = ""
     if found.beyond is not None:
         fault = f"a structure of {len(found.beyond.made)} cubes is made: {found.beyond.made}"
@@ -49,12 +56,14 @@ def exhausted(
         growing = {number for event in found.events for number in event.before}
         free = book.monomer().canonical(book.scheme)
         ends = [s for n, s in enumerate(found.structures) if n not in growing and s != free]
-        wrong = [structure for structure in ends if structure != target]
+        wrong = [structure for structure in ends if not same_to_rules(structure, book.target, book.scheme)]
         if wrong:
             fault = f"growth ends with {wrong[0]}"
         elif not ends:
             fault = "growth has no end"
-    return Exhausted(fault, len(found.structures), found.stopped)
+    is_proof = not fault and not found.stopped
+    ends_of_stages = stages(found.structures, found.events, book.scheme) if is_proof else ()
+    return Exhausted(fault, len(found.structures), found.stopped, ends_of_stages)
 
 
 @dataclass(frozen=True)
@@ -77,12 +86,11 @@ def grown(book: RuleBook, runs: int, seed: int, progress: Callable[[int, int], N
     Ctrl-C after the first growth ends it; `runs` tells how many there were.
     """
     assert book.target is not None  # noqa: S101
-    target = book.target.canonical(book.scheme)
     done, tight = 0, 0
     try:
         for run in range(runs):
-            frames = random_growth(book, seed + run, len(target) + 1)
-            if frames[-1].canonical(book.scheme) != target:
+            frames = random_growth(book, seed + run, len(book.target) + 1)
+            if not same_to_rules(frames[-1], book.target, book.scheme):
                 return Grown(f"growth {seed + run} ends with {len(frames[-1])} cubes: {frames[-1]}", run + 1, 0.0)
             tight += sum(squeezes(frame, len(frame) - 1) for frame in frames[1:])
             done += 1

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from kinetics.assembly import RuleBook, Structure, check
+from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
 from kinetics.assembly.checking import home
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.rules.conditions import Combination, Dissociation
@@ -23,7 +23,7 @@ def compared(book):
     if not found.is_closed or target not in found.structures:
         return ["no end or no target"]
     said = []
-    lost = home.lost_cubes(found, found.structures.index(target))
+    lost = home.lost_cubes(found, {found.structures.index(target)})
     claimed = {marked(found.structures[c.structure], c.number).canonical(book.scheme) for c in lost}
     starving = [finding for finding in report.findings if finding.kind == "starvation"]
     for cubes in (len(target), len(target) + 1):
@@ -82,8 +82,8 @@ class Everything(set):
     "mutant",
     [
         {"falling_apart": lambda events, free: Everything()},
-        {"lost_cubes": lambda found, target: home.sources_of_cubes(found).keys() - {(target, 0)}},
-        {"lost_cubes": lambda found, target: [], "falling_apart": lambda events, free: Everything()},
+        {"lost_cubes": lambda found, targets: home.sources_of_cubes(found).keys() - {(min(targets), 0)}},
+        {"lost_cubes": lambda found, targets: [], "falling_apart": lambda events, free: Everything()},
     ],
     ids=["all fall apart", "all are lost", "none are lost"],
 )
@@ -130,7 +130,7 @@ def test_endless_pairing_is_an_error():
     assert "x" in finding.structure.letters
     assert report.home.proven == "nothing"
     found = explore(trapping())
-    lost = home.lost_cubes(found, found.structures.index(trapping().target.canonical("two")))
+    lost = home.lost_cubes(found, {found.structures.index(trapping().target.canonical("two"))})
     assert [found.structures[cube.structure].letters[cube.number] for cube in lost] == ["x", "x", "x"]
 
 
@@ -144,6 +144,63 @@ def test_a_target_that_takes_more_cubes_than_it_has_starves_for_certain():
     assert finding.text == "3 cubes never make 1 target, whatever happens"
 
 
+def pairs(*left):
+    """Pairs of free cubes, and what becomes of the cubes of a pair that breaks; x takes free cubes alone."""
+    rules = [
+        Combination(rule=f"pair {own}", letter=own, partner=partners, face="f1", partner_face="f1", neighbours=[],
+                    becomes="b")
+        for own, partners in (("a", ["a", "b", "x"]), ("x", ["a", "b"]))
+    ]  # fmt: skip
+    pair = Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("b", "b"))
+    return RuleBook("pairs", ("a", "b", "x"), "a", Senses(faces="two"), pair, combine=tuple(rules), dissociate=left,
+                    semantics=Semantics(update="sequential"))  # fmt: skip
+
+
+def test_tanks_are_searched_up_to_two_targets():
+    """One cube of a pair that breaks stays behind as x: four cubes, not fewer, can end with two that wait."""
+    stay = Dissociation(rule="stay", letter="b", lost="b", becomes="x")
+    book = pairs(stay, Dissociation(rule="go", letter="b", lost="x", becomes="a"))
+    report = check(book)
+    assert [finding.kind for finding in report.findings] == ["starvation"]
+    assert report.home.searched == (2, 3, 4)
+    assert report.findings[0].text.startswith("4 cubes can end as")
+    assert [BruteTank(book, cubes).starves() for cubes in (2, 3, 4)] == [(False, False)] * 2 + [(True, False)]
+
+
+def test_one_lost_structure_is_enough():
+    """A pair leaves two cubes that wait for free ones; with none that bonds to x, this single structure is lost."""
+    book = pairs(Dissociation(rule="stay", letter="b", becomes="x"))
+    barren = replace(book, combine=tuple(r.model_copy(update={"partner": ("a", "b")}) for r in book.combine[:1]))
+    report = check(barren)
+    (finding,) = (f for f in report.findings if f.kind == "dead end")
+    assert finding.text == "1 structures can neither grow nor break; the nearest"
+    assert finding.structure.letters == ("x",)
+    assert finding.steps == ("monomer.a + monomer.a -> dimer: b(0,0,0) b(0,0,1)", "dimer -> monomer.b + monomer.b")
+    assert not report.is_correct
+
+
 def test_what_is_proven_is_said():
     assert check(RuleBook.load("line4")).home.proven == "any tank"
     assert check(RuleBook.load("t5")).home.proven == "any tank"
+    stay = Dissociation(rule="stay", letter="b", becomes="x")
+    report = check(pairs(stay))  # two x wait for two free cubes
+    assert report.home.proven == "enough free cubes"
+    assert report.home.text.endswith("proven for every structure that has free cubes enough around it")
+
+
+def test_what_free_cubes_alone_do_not_finish_is_not_proven():
+    """Pairs part into y and z, which take each other alone: no tank starves, but free cubes are no help to either."""
+    rules = [
+        Combination(rule=f"pair {own}", letter=own, partner=partners, face="f1", partner_face="f1", neighbours=[],
+                    becomes="b")
+        for own, partners in (("a", ["a", "b"]), ("y", ["z", "b"]), ("z", ["y", "b"]))
+    ]  # fmt: skip
+    parting = (
+        Dissociation(rule="y", letter="b", lost="b", becomes="y"),
+        Dissociation(rule="z", letter="b", lost="y", becomes="z"),
+    )
+    book = replace(pairs(), letters=("a", "b", "y", "z"), combine=tuple(rules), dissociate=parting)
+    report = check(book)
+    assert report.findings == ()
+    assert report.home == ("nothing", (2, 3, 4), "searched: tanks of 2 to 4 cubes, none of which starves")
+    assert not any(BruteTank(book, cubes).starves()[0] for cubes in (2, 3, 4, 5))

@@ -43,7 +43,9 @@ def test_a_plate_with_two_face_types():
     assert made.book.seed_letter == "b"
     assert len(made.book.target) == 9
     assert any("every event of the book explored" in sentence for sentence in made.verified)
-    assert "0 cubes a growth come in between" in made.verified[-1]
+    assert "0 cubes a growth come in between" in made.verified[-2]
+    assert made.verified[-1].startswith("slow internal waves: left out") == bool(made.book.internal)
+    assert any(sentence.startswith("order: ") for sentence in made.verified)
     assert quick(target(PLATE, senses=COOP)).book.fingerprint == made.book.fingerprint
 
 
@@ -180,7 +182,7 @@ def test_ctrl_c_keeps_the_best_book(at):
 
     made = quick(target(PLATE, senses=COOP), progress=stop)
     assert exhausted(made.book).fault == ""
-    assert ("3 random growths" if "3" in at else "10 random growths") in made.verified[-2]
+    assert ("3 random growths" if "3" in at else "10 random growths") in made.verified[-3]
 
 
 def test_mistakes_in_what_is_asked():

@@ -162,7 +162,7 @@ def test_rate_classes_say_which_constants_are_shared(line4):
 def test_pyramid_is_closed_and_grows_by_single_cubes():
     made = derived("pyramid45")
     assert made.is_closed
-    assert len(made.structures) == 838
+    assert len(made.structures) == 809
     assert list(made.structures)[:2] == ["monomer", "seed"]
     assert made.network.conserved["cubes"].max() == 45
     assert all(0 in event.before and len(event.after) == 1 for event in made.events)
