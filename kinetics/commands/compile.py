@@ -114,7 +114,7 @@ def compile_(
     if certificate is not None:
         if made.certificate is None:
             raise click.UsageError("a book that grows from a seed has no certificate; leave out --certificate")
-        Path(certificate).write_text(json.dumps(made.certificate.as_json(), indent=1) + "\n", encoding="utf-8")
+        write_whole(certificate, json.dumps(made.certificate.as_json(), indent=1) + "\n")
     if out is not None:
         write_whole(out, text)
     if as_json:
