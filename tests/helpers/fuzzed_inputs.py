@@ -16,6 +16,7 @@ DECLARED = ["latin-1", "UTF-16", "bogus", "", "IBM037"]
 MATHS = {"plus": 2, "times": 3, "minus": 2, "divide": 2, "power": 2, "exp": 1, "ln": 1, "sin": 1, "floor": 1, "max": 2}
 ODD_MATHS = {"root": 1, "abs": 1, "and": 2, "not": 1, "lt": 3, "eq": 2, "quotient": 2, "rem": 2, "log": 1, "minus": 0}
 MANY = [2, 10, 300, 3000]
+LONGEST_PART = 100_000  # characters
 
 
 class Inputs:
@@ -58,7 +59,7 @@ class Inputs:
         kind = self.rng.integers(12) if depth else 0
         if kind <= 1:
             return self.number_text() if self.chance(0.5) else self.usual(NAMES, ODD_NAMES)
-        inner = self.formula(depth - 1)
+        inner = self.formula(depth - 1)[:LONGEST_PART]
         if kind <= 4:
             return f"{inner}{self.usual(SIGNS, ODD_SIGNS)}{self.formula(depth - 1)}"
         if kind <= 6:
@@ -73,7 +74,7 @@ class Inputs:
             return f"(-{inner})" if self.chance(0.9) else f"{self.one(['+', ' not ', '!'])}{inner}"
         many = self.one(MANY)
         if self.chance(0.5):  # long
-            return self.usual(SIGNS, ODD_SIGNS).join([self.formula(1)] * many)
+            return self.usual(SIGNS, ODD_SIGNS).join([self.formula(1)[:100]] * many)
         before, after = self.one([("(", ")"), ("exp(", ")"), ("(1<", "<3)"), ("-", ""), ("(1+", ")"), ("(A**", ")")])
         return before * many + self.formula(1) + after * many
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from kinetics.network.laws.graph import TRUTHS, Code, Graph, Node
-from kinetics.network.laws.reading import RESERVED, TIME, node_of, shortened
+from kinetics.network.laws.reading import RESERVED, TIME, check_length, node_of, shortened
 from kinetics.network.laws.writing import quoted, text_of
 
 
@@ -33,6 +33,7 @@ class Expression:
     def __post_init__(self) -> None:
         if not isinstance(self.text, str) or not self.text.strip():
             raise ValueError(f"{self.text!r} is no expression; expected text such as 'k * A * B'")
+        check_length(self.text)
         object.__setattr__(self, "text", " ".join(self.text.split()))
         parameters = {}
         for name, value in self.parameters.items():

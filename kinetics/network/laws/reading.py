@@ -92,8 +92,7 @@ class Token(NamedTuple):
 
 def tokens_of(text: str) -> Iterator[Token]:
     """The pieces of a text; a ValueError where it is too long, or holds what no formula does."""
-    if len(text) > LONGEST:
-        raise ValueError(f"a formula of {len(text)} characters; at most {LONGEST} are read")
+    check_length(text)
     place, end = 0, len(text.rstrip())
     while place < end:
         found = TOKEN.match(text, place)
@@ -104,6 +103,12 @@ def tokens_of(text: str) -> Iterator[Token]:
         kind = str(found.lastgroup)
         yield Token(kind, found[kind], found.start(kind))
         place = found.end()
+
+
+def check_length(text: str) -> None:
+    """A ValueError for a text that is too long."""
+    if len(text) > LONGEST:
+        raise ValueError(f"a formula of {len(text)} characters; at most {LONGEST} are read")
 
 
 def unreadable(text: str, place: int, why: str) -> ValueError:
