@@ -23,13 +23,13 @@ class MixedEvidence:
     at_events : (n, P) parts at the events, per unit of the coefficient, events with equal parts once
     copies : (n,) how many events have these
     exposure : (R', P) integrals of the parts over the time that each channel was open
-    events : (R',) firings of each channel
+    events : (R',) firings of each channel; parts of one where it is shared out
     """
 
     at_events: Floats
     copies: Ints
     exposure: Floats
-    events: Ints
+    events: Ints | Floats
 
     @classmethod
     def of(cls, at_events: Sequence[Floats], exposures: Sequence[Floats]) -> MixedEvidence:

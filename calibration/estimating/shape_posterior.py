@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 
 from calibration.estimating.break_rates import BreakRates
 from calibration.estimating.rate_fit import RateFit
+from kinetics.breaks import ShapeParameter
 from kinetics.rates import ShapePosterior
 from kinetics.support.arrays import Floats
 
@@ -40,6 +41,21 @@ def shape_posterior(fit: RateFit) -> ShapePosterior | None:
     if not isinstance(model, BreakRates) or mixed is None:
         return None
     free = [parameter for parameter in model.shape if parameter.name not in fit.fixed]
+
+    def log_density(shapes: list[dict[str, float]]) -> Floats:
+        return mixed.highest(np.concatenate([model.with_shape(shape).mixture() for shape in shapes]))
+
+    return posterior_of(free, model.shape_values, log_density)
+
+
+def posterior_of(
+    free: Sequence[ShapeParameter], best: Mapping[str, float], log_density: Callable[[list[dict[str, float]]], Floats]
+) -> ShapePosterior | None:
+    """The posterior of the free shape parameters, the others as in `best`; None where all are held.
+
+    best : all shape parameters at the largest likelihood
+    log_density : profile log-likelihood (G,) at each of some shapes
+    """
     if not free:
         return None
 
@@ -47,12 +63,12 @@ def shape_posterior(fit: RateFit) -> ShapePosterior | None:
         values = np.array([p.value(u) for p, u in zip(free, units.T, strict=True)]).T
         return [dict(zip((p.name for p in free), row, strict=True)) for row in values.tolist()]
 
-    def log_density(units: Floats) -> Floats:
-        return mixed.highest(np.concatenate([model.with_shape(shape).mixture() for shape in shapes(units)]))
+    def density(units: Floats) -> Floats:
+        return log_density(shapes(units))
 
-    at_best = np.array([p.unit(model.shape_values[p.name]) for p in free])
-    units, weights = _narrowed(log_density, len(free)) if len(free) in FINE else _walked(log_density, at_best)
-    table = [[float(f"{value:.6g}") for value in (model.shape_values | shape).values()] for shape in shapes(units)]
+    at_best = np.array([p.unit(best[p.name]) for p in free])
+    units, weights = _narrowed(density, len(free)) if len(free) in FINE else _walked(density, at_best)
+    table = [[float(f"{value:.6g}") for value in (dict(best) | shape).values()] for shape in shapes(units)]
     return ShapePosterior(points=tuple(map(tuple, table)), weights=tuple(weights.tolist()))
 
 

@@ -1,6 +1,6 @@
 """How bonds break: models by name, and the networks that they make of a rule book's."""
 
-from kinetics.breaks.base import ALONE, WALL, BreakModel, ShapeParameter
+from kinetics.breaks.base import ALONE, WALL, BreakModel, ShapeParameter, SizeWeights
 from kinetics.breaks.expansion import Expansion, base_channel, is_break, pairs
 from kinetics.breaks.models import BREAK_MODELS, break_model
 
@@ -11,6 +11,7 @@ __all__ = [
     "BreakModel",
     "Expansion",
     "ShapeParameter",
+    "SizeWeights",
     "base_channel",
     "break_model",
     "is_break",

@@ -45,6 +45,14 @@ class ShapeParameter(NamedTuple):
         return value / (value + self.start) * (self.high + self.start) / self.high
 
 
+class SizeWeights(NamedTuple):
+    """Weights of partners by nothing but their size: bodies (n,) of n sizes, the wall, and the structure alone."""
+
+    bodies: Floats
+    wall: float = 0.0
+    alone: float = 0.0
+
+
 class BreakModel(ABC):
     """A model of breaks: the partners that break a structure X, and the weight of each.
 
@@ -58,7 +66,8 @@ class BreakModel(ABC):
 
     To add a model:
     1. write a class with a `name`, whose docstring states its assumption and its source;
-    2. give `partners`, `parameters` if it has any, and `weights`;
+    2. give `partners`, `parameters` if it has any, and `weights`; where these depend on sizes alone, `by_size`, so
+        that class rates and network-free runs can use it;
     3. import it in `kinetics.breaks.models`: command lines, estimation, prediction and tests/contracts/test_breaks.py
        read the tuple made there.
     """
@@ -77,6 +86,21 @@ class BreakModel(ABC):
     @abstractmethod
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
         """Weights (P,) >= 0 of the partners at these values of the shape parameters."""
+
+    @property
+    def size_parameters(self) -> tuple[ShapeParameter, ...]:
+        """The shape parameters of `by_size`; none by default."""
+        return ()
+
+    def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:  # noqa: ARG002
+        """The weights of bodies of these sizes (n,), whatever network they belong to.
+
+        ValueError: weights of this model are not given by sizes.
+        """
+        raise ValueError(
+            f"break model {self.name!r} weights partners by species, which books do not share: use one that weights "
+            "them by size, such as 'collision'"
+        )
 
 
 def body_sizes(network: Network) -> Floats:

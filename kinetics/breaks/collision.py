@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kinetics.breaks.base import BreakModel, ShapeParameter, body_sizes
+import numpy as np
+
+from kinetics.breaks.base import BreakModel, ShapeParameter, SizeWeights, body_sizes
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
@@ -26,8 +28,17 @@ class Collision(BreakModel):
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
         """The exponent alpha."""
-        return (EXPONENT,)
+        return self.size_parameters
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
         """The sizes to the power of alpha; 1 for a single part."""
-        return body_sizes(network) ** shape["alpha"]
+        return self.by_size(body_sizes(network), shape).bodies
+
+    @property
+    def size_parameters(self) -> tuple[ShapeParameter, ...]:
+        """The exponent alpha."""
+        return (EXPONENT,)
+
+    def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:
+        """The sizes to the power of alpha."""
+        return SizeWeights(np.asarray(sizes, dtype=float) ** shape["alpha"])

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinetics.breaks.base import WALL, BreakModel, ShapeParameter, body_sizes
+from kinetics.breaks.base import WALL, BreakModel, ShapeParameter, SizeWeights, body_sizes
 from kinetics.breaks.collision import EXPONENT
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
@@ -28,8 +28,18 @@ class CollisionWall(BreakModel):
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
         """The exponent alpha and the weight of the walls."""
-        return (EXPONENT, ShapeParameter("wall", 0.0, 1e4, 30.0, is_weight=True))
+        return self.size_parameters
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
         """The sizes to the power of alpha, then the weight of the walls."""
-        return np.append(body_sizes(network) ** shape["alpha"], shape["wall"])
+        bodies, wall, _ = self.by_size(body_sizes(network), shape)
+        return np.append(bodies, wall)
+
+    @property
+    def size_parameters(self) -> tuple[ShapeParameter, ...]:
+        """The exponent alpha and the weight of the walls."""
+        return (EXPONENT, ShapeParameter("wall", 0.0, 1e4, 30.0, is_weight=True))
+
+    def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:
+        """The sizes to the power of alpha, and the weight of the walls."""
+        return SizeWeights(np.asarray(sizes, dtype=float) ** shape["alpha"], wall=shape["wall"])

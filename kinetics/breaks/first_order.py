@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinetics.breaks.base import ALONE, BreakModel
+from kinetics.breaks.base import ALONE, BreakModel, SizeWeights
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
@@ -23,3 +23,7 @@ class FirstOrder(BreakModel):
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:  # noqa: ARG002
         """One."""
         return np.ones(1)
+
+    def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:  # noqa: ARG002
+        """Bodies do not matter."""
+        return SizeWeights(np.zeros(np.shape(sizes)), alone=1.0)

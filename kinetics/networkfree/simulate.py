@@ -4,7 +4,8 @@ The tank holds structures, those that look alike counted together. Faces are gro
 of their structure. A pair of groups that the book may let bond has one rate constant k, so that the rate of all joins
 is at most the sum of k x pairs of faces. Events come at that rate; each draws a pair of faces and one of the four
 twists, and nothing happens where both lie on one structure, cubes would overlap or the book refuses. Thinned so, each
-join goes at k / 4 a pair of faces and twist, as in the derived network. Bonds outside loops break at their constants.
+join goes at k / 4 a pair of faces and twist, as in the derived network. Bonds outside loops break at their constants,
+or at these times the weights of all other bodies and of the walls, where the break model weights bodies by size.
 
 Rejection of such null events is what NFsim and DYNSTOC do for rules without space: Yang, Monine, Faeder & Hlavacek,
 Phys. Rev. E 78, 031910 (2008); Sneddon, Faeder & Emonet, Nat. Methods 8, 177 (2011).
@@ -20,7 +21,7 @@ import numpy as np
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
-from kinetics.networkfree.tank import GrowingTank, Known, Rate, TankEvent
+from kinetics.networkfree.tank import ALONE, Breakers, GrowingTank, Known, Rate, TankEvent
 from kinetics.rates import ClassRates
 from kinetics.sampling.base import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
@@ -37,6 +38,7 @@ def grow(
     runs: int = 1,
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
+    draws: int = 0,
 ) -> Growths:
     """Simulate assembly by the rules of a book, `runs` times, from time 0 until `end`, tu.
 
@@ -44,18 +46,26 @@ def grow(
         s (s - 1) / 2
     initial : the number of free cubes, to which the seed is added where the book needs one; or copies of structures
     progress : called with the number of runs finished and the time reached in the current one, tu
+    draws : over how many draws of the class rates from their evidence the runs are spread, by turns; 0: over none, all
+        runs are under the rates as they are
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
     finished are returned, if any.
     """
     horizon = float(rising_times([end])[0])
     start = _checked(book, initial) if isinstance(initial, Mapping) else free_cubes(book, initial)
-    known = Known(book, _rate_of(rates, book))
+    known = [Known(book, *_rate_of(rates, book))]
+    if draws:
+        if not isinstance(rates, ClassRates):
+            raise ValueError(f"draws = {draws} of rates that have no evidence; give ClassRates, or leave draws out")
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 1)))
+        drawn = rates.draws(rng, min(whole_number("draws", draws, 1), whole_number("runs", runs, 1)))
+        known = [known[0].under(*_rate_of(some, book)) for some in drawn]
     finished: list[Growth] = []
     interrupted = False
     try:
         for run in range(whole_number("runs", runs, 1)):
-            grown = _run(known, start, horizon, seed, run, progress)
+            grown = _run(known[run % len(known)], start, horizon, seed, run, progress)
             finished.append(grown)
     except KeyboardInterrupt:
         if not finished:
@@ -71,28 +81,25 @@ def free_cubes(book: RuleBook, cubes: int) -> dict[Structure, int]:
     return start if seed is None else start | {seed: 1}
 
 
-def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> Rate:
-    """The constant of a class, from rates that are made for this way of counting and these faces."""
+def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> tuple[Rate, Breakers]:
+    """The constant of a class, from rates that are made for this way of counting and these faces; what breaks bonds."""
     if not isinstance(rates, ClassRates):
         if not callable(rates):
             raise ValueError(f"rates = {rates!r}; expected ClassRates, or a function of a rate class")
-        return rates
+        return rates, ALONE
     if rates.convention.combinations != "distinct":
         raise ValueError(
             f"these class rates count pairs as {rates.convention.combinations!r}; without a network they must be for "
             '"distinct" pairs, s (s - 1) / 2 of like structures'
-        )
-    if rates.breaks.model != "first-order":
-        raise ValueError(
-            f"these class rates break bonds by {rates.breaks.model!r}; without a network breaks are of first order: "
-            "derive the network and use `wellmixed predict`, or give rates of break model 'first-order'"
         )
     if rates.faces not in (None, book.scheme):
         raise ValueError(
             f"these class rates are for faces = {rates.faces!r}; book {book.name!r} has {book.scheme!r}, whose face "
             "types mean something else"
         )
-    return rates.rate
+    breaks = rates.breaks
+    _, wall, alone = breaks.by_size([1.0])
+    return rates.rate, Breakers(lambda size: float(breaks.by_size([size]).bodies[0]), wall + alone)
 
 
 def _checked(book: RuleBook, initial: Mapping[Structure, int]) -> dict[Structure, int]:

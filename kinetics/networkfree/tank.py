@@ -1,7 +1,8 @@
 """The state of a network-free run: structures, the faces that may bond, and the bonds that may break.
 
 Structures that look alike are counted together, and faces are grouped by what they show and by the size of their
-structure, so that all pairs of faces from two groups have one rate constant.
+structure, so that all pairs of faces from two groups have one rate constant. A bond breaks at its constant times the
+weights of all that can break it: every other body by its size, the wall, and the structure itself.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from itertools import accumulate
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,46 +26,84 @@ FaceGroup = tuple[int, View]  # cubes of the structure, what its face shows
 MAX_REMEMBERED = 50_000  # outcomes, and structures, kept for when they come again
 
 
-class StructureKind:
-    """Structures that look alike: the faces they show, group by group, and the bonds that may break."""
+class Breakers(NamedTuple):
+    """What breaks a bond. of_size : weight of a body of so many cubes; fixed : of the wall and the structure alone"""
 
-    __slots__ = ("bond_rates", "bonds", "break_rate", "faces", "structure")
+    of_size: Callable[[int], float]
+    fixed: float
+
+
+ALONE = Breakers(lambda _: 0.0, 1.0)  # breaks of first order
+
+
+class StructureKind:
+    """Structures that look alike: the faces they show, group by group, and the bonds that may break, with classes."""
+
+    __slots__ = ("bond_classes", "bonds", "faces", "structure")
 
     def __init__(self, known: Known, structure: Structure):
         self.structure = structure
         self.faces: dict[FaceGroup, list[tuple[int, int]]] = {}  # (cube, face) that show it
         self.bonds: list[tuple[int, int]] = []
+        self.bond_classes: list[RateClass] = []
         book, size = known.book, len(structure)
         for cube, face in structure.open_faces():
             view = book.view(structure, cube, face)
             if view is not None:
                 self.faces.setdefault((size, view), []).append((cube, face))
-        rates = []
         if book.semantics.bonds == "break":
             for bond, (near, far) in bridges(structure):
                 faces = [structure.face_towards(c, structure.positions[d]) for c, d in (bond, bond[::-1])]
-                constant = known.constant("break", (near, known.types[faces[0]]), (far, known.types[faces[1]]))
-                if constant:
-                    self.bonds.append(bond)
-                    rates.append(constant)
-        self.bond_rates = list(accumulate(rates))
-        self.break_rate = self.bond_rates[-1] if rates else 0.0
+                self.bonds.append(bond)
+                self.bond_classes.append(
+                    class_between("break", (near, known.types[faces[0]]), (far, known.types[faces[1]]))
+                )
+
+
+class BondRates(NamedTuple):
+    """Constants of a kind's bonds, 1/tu. sums : added up one by one; total : of all; weight : its own as a partner"""
+
+    sums: list[float]
+    total: float
+    weight: float
 
 
 TankEvent = tuple[tuple[StructureKind, ...], tuple[StructureKind, ...]]  # taken, made
 
 
+def class_between(event: str, first: tuple[int, str], second: tuple[int, str]) -> RateClass:
+    """The class of an event of two sides, each its number of cubes and its face type."""
+    (n, face), (m, other) = sorted((first, second))
+    return RateClass(event, (n, m), (face, other))
+
+
 class Known:
     """What has come up so far: kinds, rate constants, outcomes of joins. Runs share it without seeing each other."""
 
-    def __init__(self, book: RuleBook, rate: Rate):
-        self.book, self.rate = book, rate
+    def __init__(self, book: RuleBook, rate: Rate, breakers: Breakers = ALONE):
+        self.book, self.rate, self.breakers = book, rate, breakers
         self.types = scheme_of(book.scheme).types
         self.kinds: dict[Structure, StructureKind] = {}
         self.joins: dict[object, StructureKind | None] = {}
         self.breaks: dict[object, tuple[StructureKind, StructureKind]] = {}
         self.constants: dict[RateClass, float] = {}
         self.strengths: dict[tuple[FaceGroup, FaceGroup], float] = {}
+        self.bonds: dict[StructureKind, BondRates] = {}
+
+    def under(self, rate: Rate, breakers: Breakers) -> Known:
+        """The same kinds and outcomes, under other rates."""
+        other = Known(self.book, rate, breakers)
+        other.kinds, other.joins, other.breaks = self.kinds, self.joins, self.breaks
+        return other
+
+    def bond_rates(self, kind: StructureKind) -> BondRates:
+        """The constants of a kind's bonds, added up one by one, and the weight by which it breaks others."""
+        found = self.bonds.get(kind)
+        if found is None:
+            sums = list(accumulate(map(self.constant, kind.bond_classes)))
+            weight = float(self.breakers.of_size(len(kind.structure)))
+            found = self.bonds[kind] = BondRates(sums, sums[-1] if sums else 0.0, weight)
+        return found
 
     def kind(self, structure: Structure) -> StructureKind:
         """The kind of a structure."""
@@ -73,10 +113,8 @@ class Known:
             found = self.kinds[canonical] = StructureKind(self, canonical)
         return found
 
-    def constant(self, event: str, first: tuple[int, str], second: tuple[int, str]) -> float:
-        """Rate constant, 1/tu, of an event of two sides, each its number of cubes and its face type."""
-        (n, face), (m, other) = sorted((first, second))
-        rate_class = RateClass(event, (n, m), (face, other))
+    def constant(self, rate_class: RateClass) -> float:
+        """Rate constant of a class, 1/tu."""
         if rate_class not in self.constants:
             value = self.rate(rate_class)
             if not (isinstance(value, int | float | np.number) and isfinite(value) and value >= 0):
@@ -90,7 +128,7 @@ class Known:
         if found is None:
             (n, view), (m, other) = a, b
             allowed = self.book.allows(view, other)
-            found = self.constant("join", (n, view.face), (m, other.face)) if allowed else 0.0
+            found = self.constant(class_between("join", (n, view.face), (m, other.face))) if allowed else 0.0
             self.strengths[a, b] = self.strengths[b, a] = found
         return found
 
@@ -119,7 +157,9 @@ class Known:
             self.joins.clear()
             self.breaks.clear()
             self.strengths.clear()
-            self.kinds = {kind.structure: kind for kind in all_but}
+            self.bonds.clear()
+            self.kinds.clear()  # in place, because others may share it
+            self.kinds.update((kind.structure, kind) for kind in all_but)
 
 
 class GrowingTank:
@@ -190,7 +230,15 @@ class GrowingTank:
     def rates(self) -> tuple[Floats, float]:
         """Rates at which pairs of faces are drawn, summed up slot by slot, each pair in both orders; and of breaks."""
         drawn = np.cumsum(self.n * (self.strengths @ self.n))
-        return drawn, sum(copies * kind.break_rate for kind, copies in self.counts.items())
+        return drawn, sum(self.breaking().values())
+
+    def breaking(self) -> dict[StructureKind, float]:
+        """Rate at which a bond of each kind of structure breaks, 1/tu; no structure is its own partner."""
+        rated = [(kind, copies, self.known.bond_rates(kind)) for kind, copies in self.counts.items()]
+        around = self.known.breakers.fixed + sum(copies * rates.weight for _, copies, rates in rated)
+        return {
+            kind: copies * rates.total * max(around - rates.weight, 0.0) for kind, copies, rates in rated if rates.total
+        }
 
     def face(self, slot: int, uniform: float) -> tuple[StructureKind, int, int, int]:
         """One of a slot's faces, all as likely: kind, number of the copy, cube, face."""
@@ -222,14 +270,15 @@ class GrowingTank:
     def part(self, draw: Callable[[], float], total: float) -> TankEvent:
         """Draw a bond that breaks: kinds before and after."""
         left = draw() * total
-        breaking = [kind for kind in self.counts if kind.break_rate]
-        kind = breaking[-1]  # where rounding leaves none
-        for candidate in breaking:
-            left -= self.counts[candidate] * candidate.break_rate
+        breaking = {kind: rate for kind, rate in self.breaking().items() if rate}
+        kind = next(reversed(breaking))  # where rounding leaves none
+        for candidate, rate in breaking.items():
+            left -= rate
             if left < 0:
                 kind = candidate
                 break
-        bond = kind.bonds[bisect_right(kind.bond_rates, draw() * kind.break_rate)]
+        sums = self.known.bond_rates(kind).sums
+        bond = kind.bonds[bisect_right(sums, draw() * sums[-1])]
         if self.known.book.semantics.update == "sequential" and draw() < 0.5:  # either cube may write first
             bond = bond[::-1]
         return (kind,), self.known.parted(kind, *bond)

@@ -1,8 +1,20 @@
 """Rate constants with their intervals, by channel and by rate class."""
 
 from kinetics.rates.break_terms import BreakTerms, ShapePosterior
-from kinetics.rates.by_class import ClassRates
+from kinetics.rates.by_class import ClassRate, ClassRates, class_keys, measured_class, over_classes
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 
-__all__ = ["BreakTerms", "ChannelRate", "ClassRates", "Convention", "Rates", "RatesPosterior", "ShapePosterior"]
+__all__ = [
+    "BreakTerms",
+    "ChannelRate",
+    "ClassRate",
+    "ClassRates",
+    "Convention",
+    "Rates",
+    "RatesPosterior",
+    "ShapePosterior",
+    "class_keys",
+    "measured_class",
+    "over_classes",
+]

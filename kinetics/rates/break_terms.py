@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from kinetics.breaks import BreakModel, break_model
+from kinetics.breaks import BreakModel, ShapeParameter, SizeWeights, break_model
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.config import Settings
@@ -65,6 +67,10 @@ class BreakTerms(Settings):
     def check(self, network: Network) -> None:
         """ValueError where the shape parameters are not those of the model in this network."""
         wanted = {parameter.name: parameter for parameter in self.break_model.parameters(network)}
+        self._check_shape(wanted)
+
+    def _check_shape(self, wanted: Mapping[str, ShapeParameter]) -> None:
+        """ValueError where the shape parameters are not these, or out of their ranges."""
         if list(self.shape) != list(wanted):
             raise ValueError(
                 f"break model {self.model!r} has the shape parameters {', '.join(wanted) or 'none'}; "
@@ -78,6 +84,18 @@ class BreakTerms(Settings):
     def weights(self, network: Network) -> Floats:
         """Weights (P,) of the partners at the largest likelihood."""
         return self.break_model.weights(network, self.shape)
+
+    def by_size(self, sizes: ArrayLike) -> SizeWeights:
+        """Weights of bodies of these sizes (n,), of the wall and of the structure alone, at the largest likelihood.
+
+        ValueError: the model weights partners by more than their size, or the shape is not that of the model.
+        """
+        of = np.asarray(sizes, dtype=float)
+        model = self.break_model
+        wanted = {parameter.name: parameter for parameter in model.size_parameters}
+        if wanted or not self.shape:
+            self._check_shape(wanted)
+        return model.by_size(of, self.shape)
 
     def at_shapes(self, network: Network) -> Floats | None:
         """Weights (G, P) at each point of the posterior of the shape; None where there is no posterior."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -136,20 +136,20 @@ class ClassRates(Settings):
         by_class = {c: _pooled(alone.get(c) or shared[c]) for c in derivation.rate_classes}
         general: dict[str, list[ClassRate]] = defaultdict(list)
         for rate_class, entry in by_class.items():
-            general[_keys(rate_class)[1]].append(entry)
+            general[class_keys(rate_class)[1]].append(entry)
         return cls(
             convention=rates.convention,
             faces=derivation.book.scheme,
             tank=rates.tank,
             breaks=rates.breaks,
             classes={str(c): entry for c, entry in by_class.items()}
-            | {key: _over_sizes(entries) for key, entries in general.items()},
+            | {key: over_classes(entries) for key, entries in general.items()},
             evidence=rates.evidence,
         )
 
     def key(self, rate_class: RateClass) -> str:
         """The key of the entry from which a class takes its constant; a ValueError names a class without one."""
-        keys = _keys(rate_class)
+        keys = class_keys(rate_class)
         for key in keys:
             if key in self.classes:
                 return key
@@ -243,43 +243,69 @@ def _pooled(shares: list[_Share]) -> ClassRate:
         return entries[0]
     if all(entry.exposure is not None for entry in entries):
         events, exposure = _sums(entries)
-        return _measured(events / exposure, events, exposure, _by_shape(entries, 1.0))
+        return measured_class(events / exposure, events, exposure, _by_shape(entries, 1.0))
     weights = [ways for ways, _ in shares]
     return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
 
 
-def _sums(entries: list[ClassRate]) -> tuple[float, float]:
+def _sums(entries: Sequence[ClassRate]) -> tuple[float, float]:
     """All events and all exposure."""
     return sum(entry.events or 0.0 for entry in entries), sum(entry.exposure or 0.0 for entry in entries)
 
 
-def _over_sizes(entries: list[ClassRate]) -> ClassRate:
-    """One entry for several sizes, its evidence cut down to what their scatter leaves of it."""
-    rates = np.array([entry.rate for entry in entries])
+def over_classes(entries: Sequence[ClassRate]) -> ClassRate:
+    """One entry for several classes: their mean, with the evidence that their scatter leaves of it.
+
+    Draws from it are those of the rate of a class that was not measured: of the classes' mean, and of the variance
+    between them beyond that of counting (by moments, as DerSimonian & Laird 1986, doi:10.1016/0197-2456(86)90046-2).
+    """
     if any(entry.exposure is None for entry in entries):
-        return ClassRate(rate=float(rates.mean()))
+        return ClassRate(rate=float(np.mean([entry.rate for entry in entries])))
     events, exposure = _sums(entries)
-    rate, measured = events / exposure, exposure
-    scatter = float(rates.var(ddof=1)) if len(entries) > 1 else 0.0
-    if scatter > 0 and rate**2 / scatter < events:
-        events, exposure = rate**2 / scatter, rate / scatter
-    return _measured(rate, events, exposure, _by_shape(entries, exposure / measured))
+    rate = events / exposure
+    between = _variance_between(entries)
+    if between == 0 or rate == 0:
+        return measured_class(rate, events, exposure, _by_shape(entries, 1.0))
+    worth = rate**2 / (between + rate / exposure)  # events of a gamma distribution as wide
+    kept = max(worth - 0.5, 0.0)  # Jeffreys' prior adds the half
+    part = (kept + 0.5) / events
+    return measured_class(rate, kept, part * exposure, _by_shape(entries, part))
 
 
-def _by_shape(entries: list[ClassRate], part: float) -> tuple[float, ...] | None:
+def _variance_between(entries: Sequence[ClassRate]) -> float:
+    """Variance of the rates of several classes beyond what counting gives, 0 or more."""
+    n = np.array([entry.events for entry in entries], dtype=float)
+    exposure = np.array([entry.exposure for entry in entries], dtype=float)
+    total = exposure.sum()
+    rate = n.sum() / total
+    seen = float(((n - exposure * rate) ** 2).sum())
+    second, third = float((exposure**2).sum()), float((exposure**3).sum())
+    by_counting = rate * (total - second / total)
+    weight = second - 2 * third / total + (second / total) ** 2
+    return max(seen - by_counting, 0.0) / weight if weight > 0 else 0.0
+
+
+def _by_shape(entries: Sequence[ClassRate], part: float) -> tuple[float, ...] | None:
     """Part of all exposure at each point of the posterior of the shape; None where there is none."""
     known = [entry.exposure_by_shape for entry in entries if entry.exposure_by_shape is not None]
     return tuple((part * np.sum(known, axis=0)).tolist()) if len(known) == len(entries) else None
 
 
-def _measured(rate: float, events: float, exposure: float, by_shape: tuple[float, ...] | None) -> ClassRate:
-    """With the exact interval (Garwood 1936)."""
+def measured_class(rate: float, events: float, exposure: float, by_shape: tuple[float, ...] | None = None) -> ClassRate:
+    """With the exact interval (Garwood 1936), which for an entry of several classes is stretched to hold their mean."""
     low, high = map(float, exact_limits(events, exposure))
-    return ClassRate(rate=rate, low=low, high=high, events=events, exposure=exposure, exposure_by_shape=by_shape)
+    return ClassRate(
+        rate=rate,
+        low=min(low, rate),
+        high=max(high, rate),
+        events=events,
+        exposure=exposure,
+        exposure_by_shape=by_shape,
+    )
 
 
-def _keys(rate_class: RateClass) -> tuple[str, str, str]:
-    """Keys of a class from the particular to the general."""
+def class_keys(rate_class: RateClass) -> tuple[str, str, str]:
+    """Keys of a class from the particular to the general: with sizes and faces, with faces, the event alone."""
     return str(rate_class), f"{rate_class.event} {' + '.join(sorted(rate_class.faces))}", rate_class.event
 
 

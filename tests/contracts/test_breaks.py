@@ -95,6 +95,20 @@ def test_propensities_are_those_of_pairs_of_bodies(law, combinations):
         assert_allclose(counted, expected, rtol=1e-12, atol=0)
 
 
+def test_weights_by_size_are_those_of_any_network(law):
+    for shape in shapes(law):
+        sizes = LINE.conserved["cubes"] if "cubes" in LINE.conserved else np.arange(1, 5)
+        if law.name == "collision-species":
+            with pytest.raises(ValueError, match="by species, which books do not share"):
+                law.by_size(sizes, shape)
+            return
+        bodies, wall, alone = law.by_size(sizes, shape)
+        expected = dict(zip(law.partners(LINE), law.weights(LINE, shape), strict=True))
+        assert_allclose(bodies, [expected.get(name, 0.0) for name in LINE.species])
+        assert (wall, alone) == (expected.get(WALL, 0.0), expected.get(ALONE, 0.0))
+        assert law.size_parameters == law.parameters(LINE)
+
+
 def test_a_wrong_count_of_pairs_is_seen(law):
     """Control: pairs x y, where a body can break itself, are not those of bodies."""
     if law.partners(LINE) == (ALONE,):

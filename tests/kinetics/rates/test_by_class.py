@@ -10,7 +10,7 @@ from scipy.stats import gamma
 
 from kinetics.assembly import Derivation, RateClass, RuleBook, derive
 from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
-from kinetics.rates.by_class import ClassRate
+from kinetics.rates.by_class import ClassRate, measured_class, over_classes
 
 LINE, T5 = derive(RuleBook.load("line4")), derive(RuleBook.load("t5"))
 FILE = """
@@ -109,14 +109,33 @@ def test_ways_of_the_file_are_put_into_evidence_too():
 def test_an_entry_over_sizes_is_worth_what_their_scatter_leaves():
     alike = ClassRates.of_rates(LINE, rates_of(LINE)).classes["join f1 + f1"]
     assert (alike.rate, alike.events) == (1e-5, 40)
-    apart = {"1+1->2": ChannelRate(rate=4e-3, ways=4, events=4000, exposure=1e6)}
+    apart = {"1+1->2": ChannelRate(rate=1e-4, ways=4, events=100, exposure=1e6)}
     entry = ClassRates.of_rates(LINE, rates_of(LINE, **apart)).classes["join f1 + f1"]
-    rate = 4030 / 4e6
+    rate = 130 / 4e6
+    between = (np.var([100, 10, 10, 10], ddof=1) - 130 / 4) / 1e12  # beyond what counting gives
     assert entry.rate == pytest.approx(rate)
-    assert entry.events == pytest.approx(rate**2 / np.var([4e-3, 1e-5, 1e-5, 1e-5], ddof=1))
+    assert entry.events == pytest.approx(rate**2 / (between + rate / 4e6) - 0.5)
+    assert (entry.events + 0.5) / entry.exposure == pytest.approx(rate)
     assert entry.low < 1e-5
-    assert entry.high > 4e-3
+    assert entry.high > 1e-4
     assert ClassRates.of_rates(LINE, Rates.load("table3")).classes["join f1 + f1"].exposure is None
+
+
+def test_an_entry_over_classes_predicts_the_rate_of_one_that_was_not_measured():
+    """Rates of 20 classes from a gamma distribution: draws have its mean and spread, those of all pooled do not."""
+    rng = np.random.default_rng(2)
+    means, spreads, pooled = [], [], []
+    for _ in range(200):
+        true = rng.gamma(4.0, 0.25, size=20)
+        entries = [measured_class(n / 15, n, 15.0) for n in rng.poisson(15 * true).tolist()]
+        entry = over_classes(entries)
+        drawn = rng.gamma(entry.events + 0.5, 1 / entry.exposure, size=2000)
+        means.append(drawn.mean())
+        spreads.append(drawn.std())
+        pooled.append(np.sqrt(sum(e.events for e in entries)) / 300)
+    assert np.mean(means) == pytest.approx(1.0, abs=0.04)
+    assert np.mean(spreads) == pytest.approx(0.5, abs=0.06)
+    assert np.mean(pooled) < 0.1  # control: without the scatter
 
 
 def test_draws_follow_the_posterior_and_shared_channels_move_together():

@@ -1,0 +1,234 @@
+"""Constants by rate class, fitted to the joins or to the breaks of runs of any books.
+
+The propensity of an event is (sum over classes of ways x constant) x (sum over partners of weight x pairs); of joins
+the second factor is the pairs themselves. Classes may share a constant: all sizes at a pair of faces, or all ways of an
+event. A channel with ways of one class gives it its events; where the ways are of several, each class takes its
+expected part (EM: Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which converges to the largest likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from calibration.estimating.class_evidence import ClassEvidence
+from calibration.estimating.mixed_evidence import MixedEvidence
+from calibration.estimating.rate_fit import ImpossibleEventError
+from calibration.estimating.shape_posterior import posterior_of
+from calibration.estimating.shape_search import least
+from kinetics.breaks import BreakModel, ShapeParameter
+from kinetics.rates import BreakTerms, ClassRate, ShapePosterior, class_keys, measured_class, over_classes
+from kinetics.support.arrays import Floats
+
+Grouping = Literal["event", "faces", "sizes"]
+GROUPINGS: tuple[Grouping, ...] = ("event", "faces", "sizes")  # what classes must have in common to share a constant
+CLOSE = 2.0  # of AIC: within it of the smallest, the fit with the fewest parameters is taken
+ROUNDS = 1000  # of EM, at most
+EXACT = 1e-9  # of all events: what EM may still move
+SCATTERED = 128  # shapes tried at first
+
+
+class _Shares(NamedTuple):
+    """What EM came to. constants : (G,) 1/tu; events : (G,) with channels of several groups shared out"""
+
+    constants: Floats
+    events: Floats
+    shape: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ClassFit:
+    """Constants of the classes of one kind of event, by maximum likelihood.
+
+    breaks : the break model; None for joins
+    by_partner : whether the likelihood is that of who broke what, where the runs name it
+    """
+
+    evidence: ClassEvidence
+    grouping: Grouping
+    breaks: BreakModel | None = None
+    by_partner: bool = False
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """The groups, as keys of a class rates file, of which the runs had the ways."""
+        measured = self.evidence.exposure.sum(axis=1) > 0
+        keys = [self._key(place) for place in np.flatnonzero(measured).tolist()]
+        return tuple(dict.fromkeys(keys))
+
+    def _key(self, place: int) -> str:
+        return class_keys(self.evidence.classes[place])[2 - GROUPINGS.index(self.grouping)]
+
+    @cached_property
+    def _groups(self) -> Floats:
+        """Which group (K, G) each class belongs to; one without exposure to none."""
+        places = {key: g for g, key in enumerate(self.keys)}
+        table = np.zeros((len(self.evidence.classes), len(places)))
+        for k in range(len(table)):
+            if self._key(k) in places:
+                table[k, places[self._key(k)]] = 1.0
+        return table
+
+    @cached_property
+    def exposure(self) -> Floats:
+        """Exposure (G, C) of each group to each partner, tu."""
+        return self._groups.T @ self.evidence.exposure
+
+    @cached_property
+    def _ways(self) -> Floats:
+        """Ways (L, G) of each sort of channel by group."""
+        return self.evidence.ways @ self._groups
+
+    @cached_property
+    def _rows(self) -> Floats:
+        known = self.evidence
+        if not self.by_partner or known.named is None:
+            return known.at_events
+        return np.where(known.named, known.at_events, 0.0)
+
+    @cached_property
+    def parameters(self) -> tuple[ShapeParameter, ...]:
+        """The shape parameters of the break model."""
+        return () if self.breaks is None else self.breaks.size_parameters
+
+    def weights(self, shape: Mapping[str, float]) -> Floats:
+        """Weights (C,) of the partners."""
+        if self.breaks is None:
+            return np.ones(1)
+        bodies, wall, alone = self.breaks.by_size(self.evidence.sizes, shape)
+        return np.append(bodies, [wall, alone])
+
+    @cached_property
+    def _found(self) -> _Shares:
+        counts = np.bincount(self.evidence.sorts, minlength=len(self._ways)).astype(float)
+        shape = {parameter.name: parameter.start for parameter in self.parameters}
+        events = self._shared_out(counts, np.ones(len(self.keys)))
+        for number in range(ROUNDS):
+            before = events
+            shape = self._shape(events, shape, scattered=number == 0)
+            whole = self.exposure @ self.weights(shape)
+            for _ in range(ROUNDS):
+                constants = np.divide(events, whole, out=np.zeros(whole.size), where=whole > 0)
+                last, events = events, self._shared_out(counts, constants)
+                if np.abs(events - last).max(initial=0.0) <= EXACT * counts.sum():
+                    break
+            if np.abs(events - before).max(initial=0.0) <= EXACT * counts.sum():
+                break
+        return _Shares(constants, events, shape)
+
+    def _shared_out(self, counts: Floats, constants: Floats) -> Floats:
+        """Events (G,) that each group expects of these counts (L,), at these constants."""
+        expected = self._ways * constants
+        total = expected.sum(axis=1, keepdims=True)
+        return counts @ np.divide(expected, total, out=np.zeros_like(expected), where=total > 0)
+
+    def _mixed(self, events: Floats) -> MixedEvidence:
+        each, copies = np.unique(self._rows, axis=0, return_counts=True)
+        return MixedEvidence(each, copies, self.exposure, events)
+
+    def _shape(self, events: Floats, start: Mapping[str, float], scattered: bool) -> dict[str, float]:
+        """The shape of largest likelihood, given the events of each group."""
+        if not self.parameters or not self.evidence.sorts.size:
+            return dict(start)
+        mixed, names = self._mixed(events), [parameter.name for parameter in self.parameters]
+
+        def costs(table: Floats) -> Floats:
+            shapes = (dict(zip(names, row, strict=True)) for row in table.tolist())
+            return -mixed.highest(np.array([self.weights(shape) for shape in shapes]))
+
+        best = least(self.parameters, [start[name] for name in names], costs, SCATTERED if scattered else 0)
+        return dict(zip(names, best, strict=True))
+
+    @property
+    def shape(self) -> dict[str, float]:
+        """The shape parameters by name."""
+        return self._found.shape
+
+    @property
+    def constants(self) -> Floats:
+        """Constants (G,), 1/tu: of a join per way and pair, of a break per way and partner of weight 1."""
+        return self._found.constants
+
+    @cached_property
+    def log_likelihood(self) -> float:
+        """Natural logarithm of the likelihood of all events, with densities in events per tu."""
+        weights = self.weights(self.shape)
+        sorts, used = np.unique(self.evidence.sorts, return_counts=True)
+        with np.errstate(divide="ignore"):
+            by_sort = np.log(self._ways[sorts] @ self.constants) @ used
+            value = by_sort + np.log(self._rows @ weights).sum() - self.constants @ (self.exposure @ weights)
+        return float(value)
+
+    @property
+    def free_parameters(self) -> int:
+        """Constants and shape parameters."""
+        return len(self.keys) + len(self.parameters)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion (1974, doi:10.1109/TAC.1974.1100705); the smaller is the better."""
+        return 2 * self.free_parameters - 2 * self.log_likelihood
+
+    @cached_property
+    def posterior(self) -> ShapePosterior | None:
+        """What the events leave open of the shape, as `shape_posterior` has it for single channels."""
+        if not self.evidence.sorts.size:
+            return None
+        mixed = self._mixed(self._found.events)
+        return posterior_of(
+            self.parameters, self.shape, lambda shapes: mixed.highest(np.array([self.weights(s) for s in shapes]))
+        )
+
+    @property
+    def terms(self) -> BreakTerms:
+        """The break model as a class rates file states it; ValueError for joins."""
+        if self.breaks is None:
+            raise ValueError("joins have no break model")
+        return BreakTerms(model=self.breaks.name, shape=self.shape, posterior=self.posterior)
+
+    @cached_property
+    def entries(self) -> dict[str, ClassRate]:
+        """Key -> constant with events, exposure and 95 % interval, then the more general keys.
+
+        Intervals are those of a count in a known exposure (Garwood 1936), given the shape and the way in which events
+        of several classes were shared out. The evidence of a more general key is cut down to what the scatter between
+        its members leaves of it, so that it covers classes that no run had.
+        """
+        weights, at_shapes = self.weights(self.shape), None
+        if self.posterior is not None:
+            shapes = [dict(zip(self.shape, point, strict=True)) for point in self.posterior.points]
+            at_shapes = np.array([self.weights(shape) for shape in shapes])
+        found: dict[str, ClassRate] = {}
+        for key, events, exposure in zip(self.keys, self._found.events.tolist(), self.exposure, strict=True):
+            whole = float(exposure @ weights)
+            if whole > 0:
+                by_shape = None if at_shapes is None else tuple((at_shapes @ exposure).tolist())
+                found[key] = measured_class(events / whole, events, whole, by_shape)
+        general: dict[str, list[ClassRate]] = {}
+        for key, entry in found.items():
+            for other in _more_general(key):
+                general.setdefault(other, []).append(entry)
+        return found | {key: over_classes(each) for key, each in general.items()}
+
+
+def _more_general(key: str) -> list[str]:
+    """The keys that stand for a key where it has no entry: `join 1 f1 + 2 f2` -> `join f1 + f2`, `join`."""
+    event, *sides = key.split()
+    faces = sorted(word for word in sides if word != "+" and not word.isdigit())
+    return [other for other in (f"{event} {' + '.join(faces)}" if faces else event, event) if other != key]
+
+
+def simplest(fits: Sequence[ClassFit]) -> ClassFit:
+    """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC.
+
+    ImpossibleEventError: every fit calls something impossible that was seen.
+    """
+    possible = [fit for fit in fits if np.isfinite(fit.aic)]
+    if not possible:
+        raise ImpossibleEventError("an event happened that every break model calls impossible; take another one")
+    least_aic = min(fit.aic for fit in possible)
+    return min((f for f in possible if f.aic <= least_aic + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
