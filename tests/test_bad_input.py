@@ -195,7 +195,10 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*CALIBRATE, "--cubes", "4000"], "4000 cubes of edge 0.15 take 13.5; the tank holds 12"),
         ([*CALIBRATE, "--cubes", "60", "0"], "0 is not in the range x>=1"),
         ([*CALIBRATE, "--cubes", "2", "3"], "cubes = [2, 3]: too few for the reactants of 1+3->4, 2+2->4, 4->1+3, 4->"),
-        (["calibrate", "pyramid45", *CALIBRATE[2:]], "grows from a seed: a tank holds one growing structure, so its"),
+        (
+            ["calibrate", "pyramid45", *CALIBRATE[2:], "--by", "channel"],
+            "grows from a seed: a tank holds one growing structure, so its",
+        ),
         ([*VALIDATE, "--rates", "norates"], "unknown rates 'norates'; shipped are table3"),
         ([*VALIDATE, "--rates", "norates.toml"], "rates file norates.toml does not exist"),
         ([*VALIDATE, "--cubes", "60", "4000"], "4000 cubes of edge 0.15 take 13.5; the tank holds 12"),

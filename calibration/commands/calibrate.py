@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from calibration.commands.by_class import calibrate_by_class, is_seeded
 from calibration.commands.from_events import events_options, study_of_events
 from calibration.commands.shared import (
     breaks_table,
@@ -63,6 +64,18 @@ if TYPE_CHECKING:
     help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
     "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
 )
+@click.option(
+    "--by",
+    type=click.Choice(["channel", "class"]),
+    help="Rates of channels, for the network of this book, or of rate classes, for any book.  [default: class for a "
+    "book that grows from a seed, else channel]",
+)
+@click.option(
+    "--also",
+    multiple=True,
+    metavar="SCENE|PLAN",
+    help="For rates by class: one more scene or plan whose runs are pooled; may be repeated.",
+)
 @events_options
 @report_option
 @run_options
@@ -75,6 +88,8 @@ def calibrate(
     runs: int,
     duration: float,
     breaks: str | None,
+    by: str | None,
+    also: tuple[str, ...],
     events: str | None,
     run_table: str | None,
     tank: tuple[float, float, float] | None,
@@ -93,6 +108,10 @@ def calibrate(
     are used. A channel without events is named: the runs give it no more than an upper limit. Exit code 4: some runs
     were stopped by the guard or given up; the rates come from the others.
 
+    Rates by class (--by class) belong to pairs of faces and sizes, as far as the runs tell them apart, and serve
+    `rules grow`, `rules rank`, `predict` and `validate` for any book. Books that grow from a seed have no others: see
+    docs/class_rates.md.
+
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself.
 
     With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
@@ -100,13 +119,28 @@ def calibrate(
     each species after a change. The word start in the column channel marks the start of a run, with the copies of each
     species; end marks its end, and restart that it was put back to its start. See docs/watched_events.md.
     """
+    from calibration.pipeline.plan import is_plan
+
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
+    if events is not None and (also or by == "class"):
+        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --also")
+    if also and by == "channel":
+        raise ValueError("--also pools books, whose channels differ; leave it out, or ask for --by class")
+    if events is None and (also or by == "class" or (by is None and is_seeded(scene))):
+        if report:
+            raise ValueError("--report shows rates by channel; for rates by class use --json")
+        if is_plan(scene):
+            refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
+        calibrate_by_class(
+            (scene, *also), target, cubes, runs, duration, breaks, runs_folder, workers, part, progress, seed, as_json
+        )
+        return
     study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
         from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
-        from calibration.pipeline.plan import StudyPlan, is_plan
+        from calibration.pipeline.plan import StudyPlan
         from calibration.pipeline.study_runs import assembly_specs
         from kinetics.breaks import break_model
         from mechsim.scene import Scene

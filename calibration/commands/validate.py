@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from calibration.commands.by_class import validate_by_class
 from calibration.commands.shared import (
     comparison_table,
     leave,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     "rates_name",
     required=True,
     metavar="NAME|FILE",
-    help="Rate constants: a shipped table such as table3, or a .toml file.",
+    help="Rate constants: a shipped table such as table3, or a .toml file, by channel or by class.",
 )
 @click.option(
     "--cubes",
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     "csv_file",
     metavar="FILE",
     callback=in_a_folder,
-    help="Write the events seen and expected to this CSV file.",
+    help="Write the events seen and expected to this CSV file; for rates by class the curves.",
 )
 @report_option
 @run_options
@@ -89,6 +90,9 @@ def validate(
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself, and the
     rules by which its verdict falls; the report says which of them hold.
 
+    Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
+    size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
+
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
     rates; those of events, scatter, mean counts and single runs are exact. Coverage is the share of times and species
@@ -99,7 +103,7 @@ def validate(
     from calibration.pipeline.held_out_study import check_held_out, run_planned_validation, run_validation
     from calibration.pipeline.plan import StudyPlan, is_plan
     from calibration.pipeline.study_runs import assembly_specs
-    from kinetics.rates import Rates
+    from kinetics.rates import Rates, are_by_class
     from mechsim.scene import Scene
 
     plan = StudyPlan.load(scene) if is_plan(scene) else None
@@ -108,7 +112,17 @@ def validate(
         seed = plan.held_out.seed
     elif control_name:
         raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
-    described, rates = Scene.load(plan.scene if plan else scene), Rates.load(rates_name)
+    described = Scene.load(plan.scene if plan else scene)
+    if are_by_class(rates_name):
+        if report or control_name:
+            raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
+        specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
+        if part is not None:
+            part.make(specs, runs_folder, workers, progress, as_json)
+        else:
+            validate_by_class(specs, rates_name, csv_file, runs_folder, workers, progress, as_json)
+        return
+    rates = Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:
         specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)

@@ -21,7 +21,7 @@ from calibration.estimating.rate_fit import ImpossibleEventError
 from calibration.estimating.shape_posterior import posterior_of
 from calibration.estimating.shape_search import least
 from kinetics.breaks import BreakModel, ShapeParameter
-from kinetics.rates import BreakTerms, ClassRate, ShapePosterior, class_keys, measured_class, over_classes
+from kinetics.rates import BreakTerms, ClassRate, ShapePosterior, class_keys, measured_class, over_classes, with_prior
 from kinetics.support.arrays import Floats
 
 Grouping = Literal["event", "faces", "sizes"]
@@ -29,6 +29,7 @@ GROUPINGS: tuple[Grouping, ...] = ("event", "faces", "sizes")  # what classes mu
 CLOSE = 2.0  # of AIC: within it of the smallest, the fit with the fewest parameters is taken
 ROUNDS = 1000  # of EM, at most
 EXACT = 1e-9  # of all events: what EM may still move
+SEVERAL = 3  # classes, from which on their scatter says something
 SCATTERED = 128  # shapes tried at first
 
 
@@ -196,7 +197,9 @@ class ClassFit:
 
         Intervals are those of a count in a known exposure (Garwood 1936), given the shape and the way in which events
         of several classes were shared out. The evidence of a more general key is cut down to what the scatter between
-        its members leaves of it, so that it covers classes that no run had.
+        its members leaves of it, so that it covers classes that no run had. Where constants go by sizes, that evidence
+        is added to each member's own (empirical Bayes: Efron & Morris 1973, doi:10.1080/01621459.1973.10481350):
+        classes are many and their events few, and half an event for each, by Jeffreys' prior, would be too many.
         """
         weights, at_shapes = self.weights(self.shape), None
         if self.posterior is not None:
@@ -212,7 +215,13 @@ class ClassFit:
         for key, entry in found.items():
             for other in _more_general(key):
                 general.setdefault(other, []).append(entry)
-        return found | {key: over_classes(each) for key, each in general.items()}
+        wider = {key: over_classes(each) for key, each in general.items()}
+        if self.grouping == "sizes":
+            known = {key for key, each in general.items() if len(each) >= SEVERAL and wider[key].rate > 0}
+            for key, entry in found.items():
+                prior = next((wider[other] for other in _more_general(key) if other in known), None)
+                found[key] = entry if prior is None else with_prior(entry, prior)
+        return found | wider
 
 
 def _more_general(key: str) -> list[str]:

@@ -132,7 +132,7 @@ def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
     if book.seed() is not None:
         raise ValueError(
             f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its {len(network.channels)} "
-            "channels are not measured one by one; simulate its growth instead"
+            "channels are not measured one by one; calibrate --by class"
         )
     for kind in dict.fromkeys(kinds(derivation)):
         if not scene.openers(kind):

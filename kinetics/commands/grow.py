@@ -24,6 +24,7 @@ from kinetics.support.cli.options import (
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
+    from kinetics.assembly import RuleBook, Structure
     from kinetics.networkfree import Growths
     from kinetics.rates import ClassRates
 
@@ -44,7 +45,19 @@ INTERRUPTED = 130  # exit code
     required=True,
     help="Number of free cubes at time 0, not counting the seed.",
 )
+@click.option(
+    "--seeds",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]",
+)
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
+@click.option(
+    "--draws",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
+)
 @click.option(
     "--join",
     metavar="K",
@@ -76,7 +89,9 @@ INTERRUPTED = 130  # exit code
 def grow(
     book: str,
     cubes: int,
+    seeds: int | None,
     rates_file: str | None,
+    draws: int | None,
     join: float | None,
     break_: float | None,
     duration: float | None,
@@ -91,7 +106,8 @@ def grow(
     """Simulate assembly event by event, directly from the rules of BOOK, without deriving its reaction network.
 
     The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
-    of structures. It reports mean and standard deviation over the runs. Ctrl-C keeps the runs that are finished.
+    of structures. Rates by class come from `calibrate` and are described in docs/class_rates.md. It reports mean and
+    standard deviation over the runs. Ctrl-C keeps the runs that are finished.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make
@@ -100,7 +116,12 @@ def grow(
     rules = RuleBook.load(book)
     rates = _rates(rates_file, join, break_)
     grid = time_grid(duration, times)
-    made = make(rules, rates, cubes, float(np.max(grid)), runs, seed, _progress(runs, float(np.max(grid))))
+    if draws is not None and rates_file is None:
+        raise ValueError(
+            f"--draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
+        )
+    end = float(np.max(grid))
+    made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, _progress(runs, end), draws or 0)
     if sys.stderr.isatty():
         click.echo("\r\033[K", err=True, nl=False)
     cpu_seconds = time.process_time() - began
@@ -117,7 +138,8 @@ def grow(
         captions = [f"{moment:.4g} tu" for moment in moments]
         strip_of(made.runs[0].frames(moments), captions, rules.scheme).save(strip)
     if as_json:
-        echo_json({"book": book, "cubes": cubes, "seed": seed} | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})
+        asked = {"book": book, "cubes": cubes, "seeds": seeds, "seed": seed, "draws_of_rates": draws}
+        echo_json(asked | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})
     else:
         click.echo(_table(made, grid))
         click.echo("\n".join(_notes(made, cpu_seconds)))
@@ -126,6 +148,16 @@ def grow(
             f"Interrupted: {len(made.runs)} of {runs} runs were finished, and only these are reported.", err=True
         )
         raise SystemExit(INTERRUPTED)
+
+
+def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structure, int]:
+    """What the tank holds at time 0."""
+    if seeds is None:
+        return cubes
+    seed = rules.seed()
+    if seed is None:
+        raise ValueError(f"--seeds {seeds}: book {rules.name!r} grows without a seed; leave it out")
+    return {rules.monomer(): cubes, seed: seeds}
 
 
 def _rates(rates_file: str | None, join: float | None, break_: float | None) -> ClassRates:

@@ -122,12 +122,14 @@ def start(
         raise ValueError(
             f"--copies-per-unit {copies_per_unit:g} is the scale of a network file; {source} is a rule book"
         )
-    from kinetics.rates import Rates
+    from kinetics.rates import Rates, are_by_class
 
     if rates_name is None:
         raise ValueError("a rule book has no rates; name some, as in --rates table3")
     if (cubes is None) == (initial is None):
         raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
+    if are_by_class(rates_name):
+        return _by_class(source, rates_name, cubes, initial, edges)
     rates = Rates.load(rates_name)
     network, monomer = network_of_book(source)
     counts = {monomer: cubes} if cubes is not None else counts_of(initial or "")
@@ -135,6 +137,30 @@ def start(
     if tank is not None and rates.tank is None:
         raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
     return Start(network, network.state(counts), rates, tank=tank)
+
+
+def _by_class(
+    source: str, rates_name: str, cubes: int | None, initial: str | None, edges: tuple[float, float, float] | None
+) -> Start:
+    """A book's network under rates by class, which are taken as known."""
+    from kinetics.assembly import RuleBook, derive
+    from kinetics.rates import ClassRates
+
+    if edges is not None:
+        raise ValueError(f"rates by class hold in their own tank; leave out --tank, or calibrate in {Tank(edges)}")
+    rates, derivation = ClassRates.load(rates_name), derive(RuleBook.load(source))
+    network = rates.apply(derivation)
+    book = derivation.book
+    if cubes is None:
+        counts = counts_of(initial or "")
+    else:
+        counts = {network.species[derivation.species_of(book.monomer())]: cubes}
+        seed = book.seed()
+        if seed is not None:
+            counts[network.species[derivation.species_of(seed)]] = 1
+    note = "rates by class are taken as known here; `wellmixed rules grow --draws` spreads runs over draws of them"
+    breaks = f"breaks: {rates.breaks.model}" + "".join(f", {k} = {v:.3g}" for k, v in rates.breaks.shape.items())
+    return Start(network, network.state(counts), notes=(breaks, note))
 
 
 def network_of_book(name: str) -> tuple[Network, str]:

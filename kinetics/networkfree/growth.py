@@ -245,9 +245,12 @@ class Growths:
         order = sorted(totals, key=lambda s: (-totals[s] * len(s), len(s), str(s)))
         return {structure: totals[structure] / len(self.runs) for structure in order}
 
-    def classes(self) -> list[tuple[int, int]]:
-        """Classes of sizes, (smallest, largest): single sizes where they are few, else ranges that grow by a factor."""
-        most = self.most
+    def classes(self, most: int | None = None) -> list[tuple[int, int]]:
+        """Classes of sizes, (smallest, largest): single sizes where they are few, else ranges that grow by a factor.
+
+        most : the largest size, as it may be in other runs too; None: that of these runs
+        """
+        most = most or self.most
         if most <= FEW_SIZES:
             return [(size, size) for size in range(1, most + 1)]
         factor = 2
@@ -256,10 +259,13 @@ class Growths:
         edges = [factor**power for power in range(MOST_CLASSES) if factor**power <= most]
         return [(low, min(factor * low - 1, most)) for low in edges]
 
-    def series(self, times: ArrayLike) -> dict[str, Ints]:
-        """Copies (runs, T) by class of sizes, copies of the target, and the cubes of the largest structure."""
+    def series(self, times: ArrayLike, most: int | None = None) -> dict[str, Ints]:
+        """Copies (runs, T) by class of sizes, copies of the target, and the cubes of the largest structure.
+
+        most : as in `classes`
+        """
         table = self.by_size(times)
-        found = {_class_name(*ends): table[:, :, ends[0] : ends[1] + 1].sum(axis=2) for ends in self.classes()}
+        found = {_class_name(*ends): table[:, :, ends[0] : ends[1] + 1].sum(axis=2) for ends in self.classes(most)}
         if self.target is not None:
             found["target"] = self.count(self.target, times)
         return found | {"largest": self.largest(times)}

@@ -22,7 +22,7 @@ from kinetics.assembly.structure import Structure, placements
 from kinetics.support.arrays import Floats
 
 Rate = Callable[[RateClass], float]  # rate constant of a class, 1/tu
-FaceGroup = tuple[int, View]  # cubes of the structure, what its face shows
+FaceGroup = int  # number of: cubes of the structure, what its face shows
 MAX_REMEMBERED = 50_000  # outcomes, and structures, kept for when they come again
 
 
@@ -50,7 +50,7 @@ class StructureKind:
         for cube, face in structure.open_faces():
             view = book.view(structure, cube, face)
             if view is not None:
-                self.faces.setdefault((size, view), []).append((cube, face))
+                self.faces.setdefault(known.group(size, view), []).append((cube, face))
         if book.semantics.bonds == "break":
             for bond, (near, far) in bridges(structure):
                 faces = [structure.face_towards(c, structure.positions[d]) for c, d in (bond, bond[::-1])]
@@ -87,6 +87,9 @@ class Known:
         self.joins: dict[object, StructureKind | None] = {}
         self.breaks: dict[object, tuple[StructureKind, StructureKind]] = {}
         self.constants: dict[RateClass, float] = {}
+        self.groups: dict[tuple[int, View], FaceGroup] = {}
+        self.shown: list[tuple[int, View]] = []
+        self.classes: dict[tuple[FaceGroup, FaceGroup], RateClass | None] = {}  # of pairs; None: they never bond
         self.strengths: dict[tuple[FaceGroup, FaceGroup], float] = {}
         self.bonds: dict[StructureKind, BondRates] = {}
 
@@ -94,6 +97,7 @@ class Known:
         """The same kinds and outcomes, under other rates."""
         other = Known(self.book, rate, breakers)
         other.kinds, other.joins, other.breaks = self.kinds, self.joins, self.breaks
+        other.groups, other.shown, other.classes = self.groups, self.shown, self.classes
         return other
 
     def bond_rates(self, kind: StructureKind) -> BondRates:
@@ -122,13 +126,23 @@ class Known:
             self.constants[rate_class] = float(value)
         return self.constants[rate_class]
 
+    def group(self, size: int, view: View) -> FaceGroup:
+        """The number of a group of faces."""
+        number = self.groups.setdefault((size, view), len(self.shown))
+        if number == len(self.shown):
+            self.shown.append((size, view))
+        return number
+
     def strength(self, a: FaceGroup, b: FaceGroup) -> float:
         """Rate constant, 1/tu, of a pair of faces; 0 where the book lets them bond at no twist and place."""
         found = self.strengths.get((a, b))
         if found is None:
-            (n, view), (m, other) = a, b
-            allowed = self.book.allows(view, other)
-            found = self.constant(class_between("join", (n, view.face), (m, other.face))) if allowed else 0.0
+            if (a, b) not in self.classes:
+                (n, view), (m, other) = self.shown[a], self.shown[b]
+                allowed = self.book.allows(view, other)
+                self.classes[a, b] = class_between("join", (n, view.face), (m, other.face)) if allowed else None
+            rate_class = self.classes[a, b]
+            found = 0.0 if rate_class is None else self.constant(rate_class)
             self.strengths[a, b] = self.strengths[b, a] = found
         return found
 
@@ -157,6 +171,7 @@ class Known:
             self.joins.clear()
             self.breaks.clear()
             self.strengths.clear()
+            self.classes.clear()
             self.bonds.clear()
             self.kinds.clear()  # in place, because others may share it
             self.kinds.update((kind.structure, kind) for kind in all_but)

@@ -1,7 +1,15 @@
 """Rate constants with their intervals, by channel and by rate class."""
 
 from kinetics.rates.break_terms import BreakTerms, ShapePosterior
-from kinetics.rates.by_class import ClassRate, ClassRates, class_keys, measured_class, over_classes
+from kinetics.rates.by_class import (
+    ClassRate,
+    ClassRates,
+    are_by_class,
+    class_keys,
+    measured_class,
+    over_classes,
+    with_prior,
+)
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 
@@ -14,7 +22,9 @@ __all__ = [
     "Rates",
     "RatesPosterior",
     "ShapePosterior",
+    "are_by_class",
     "class_keys",
     "measured_class",
     "over_classes",
+    "with_prior",
 ]

@@ -88,9 +88,8 @@ class ClassRates(Settings):
 
         derivations : candidates for that network; they are made one by one until one fits
         """
-        path = Path(name_or_path)
-        if path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path):
-            return cls.load(path)
+        if are_by_class(name_or_path):
+            return cls.load(name_or_path)
         rates = Rates.load(name_or_path)
         tried = []
         for derivation in derivations:
@@ -212,6 +211,12 @@ class ClassRates(Settings):
         return [key for key in used if self.classes[key].exposure is None]
 
 
+def are_by_class(name_or_path: str | Path) -> bool:
+    """Whether this is a file of rates by class."""
+    path = Path(name_or_path)
+    return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)
+
+
 class _Share(NamedTuple):
     """The evidence of one channel for one class, its ways counted by geometry."""
 
@@ -270,6 +275,17 @@ def over_classes(entries: Sequence[ClassRate]) -> ClassRate:
     kept = max(worth - 0.5, 0.0)  # Jeffreys' prior adds the half
     part = (kept + 0.5) / events
     return measured_class(rate, kept, part * exposure, _by_shape(entries, part))
+
+
+def with_prior(entry: ClassRate, prior: ClassRate) -> ClassRate:
+    """The evidence of a class, and that of an entry over classes like it: the sum of events and of exposures.
+
+    A draw is then Gamma(events of its own + a, exposure of its own + b), where Gamma(a, b) is that of the prior.
+    """
+    if entry.events is None or entry.exposure is None or prior.events is None or prior.exposure is None:
+        return entry
+    events, exposure = entry.events + prior.events, entry.exposure + prior.exposure
+    return measured_class((events + 0.5) / exposure, events, exposure, _by_shape([entry, prior], 1.0))
 
 
 def _variance_between(entries: Sequence[ClassRate]) -> float:

@@ -153,6 +153,18 @@ def test_what_classes_share_is_found():
     assert rates.classes["join f1 + f1"].events < 5
 
 
+def test_many_classes_with_few_events_expect_as_many_events_as_there_were():
+    """Half an event a class, by Jeffreys' prior alone, would expect a tenth too many."""
+    _, breaks = class_evidence([BookRuns(JACK, grown("first-order", runs=30, seed=2))])
+    fit = ClassFit(breaks, "sizes", break_model("first-order"))
+    own = fit.exposure @ fit.weights({})
+    entries = [fit.entries[key] for key in fit.keys]
+    expected = sum(e * (entry.events + 0.5) / entry.exposure for e, entry in zip(own, entries, strict=True))
+    assert len(entries) > 20
+    assert expected == pytest.approx(breaks.sorts.size, rel=0.03)
+    assert breaks.sorts.size + len(entries) / 2 > 1.05 * breaks.sorts.size
+
+
 def test_books_add_up():
     """Line and T in one calibration: events and exposures of shared classes are summed; a wrong scheme is refused."""
     line, t5 = grown("first-order", 10, 1, "line4"), grown("first-order", 10, 1, "t5")

@@ -81,3 +81,38 @@ def test_models_by_species_are_refused():
     known = rates("collision").model_copy(update={"breaks": rates("collision").breaks.model_copy(update={"shape": {}})})
     with pytest.raises(ValueError, match="has the shape parameters alpha; none came"):
         grow(LINE.book, known, 4, 1.0)
+
+
+def test_predict_reads_rates_by_class(wellmixed_here, tmp_path):
+    """The seed of a seeded book is there; means are those of the network under these rates."""
+    known = ClassRates.model_validate(
+        {
+            "classes": {"join": {"rate": 2e-4}, "break": {"rate": 1e-5}},
+            "breaks": {"model": "collision", "shape": SHAPES["collision"]},
+        }
+    )
+    known.save(tmp_path / "classes.toml")
+    command = ["predict", "line4", "--rates", "classes.toml", "--times", "50", "--method", "exact", "--json"]
+    made = wellmixed_here(*command, "--cubes", "8", cwd=tmp_path).json
+    exact = solve(known.apply(LINE), Transient(), [8, 0, 0, 0], [50.0])
+    assert made["mean"][0] == pytest.approx(exact.mean()[0].tolist())
+    assert made["interval"] is None
+    assert "breaks: collision, alpha = 1.4" in made["notes"]
+    command = [
+        "predict",
+        "jack13",
+        "--rates",
+        "classes.toml",
+        "--times",
+        "1",
+        "--runs",
+        "10",
+        "--show",
+        "seed",
+        "--json",
+    ]
+    made = wellmixed_here(*command, "--cubes", "30", cwd=tmp_path).json
+    assert made["initial"]["seed"] == 1
+    failed = wellmixed_here(*command, "--cubes", "30", "--tank", "2", "2", "2", cwd=tmp_path)
+    assert failed.code == 2
+    assert "leave out --tank" in failed.err

@@ -1,0 +1,282 @@
+"""Held-out growth beside its prediction by network-free runs: curves of what the tank holds, joins and breaks.
+
+As in `crossvalidation`, the measure is the posterior predictive distribution of the experiment itself: groups of as
+many runs as were held out, each group under its own draw of the class rates. The prediction needs no network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibration.validating.predictive import DOUBTFUL, least_p, predictive_p, shown_p
+from calibration.validating.scores import central_band, mean_misfit
+from calibration.validating.verdict import ConsistencyCheck, Verdict, judged
+from kinetics.networkfree import Growth, Growths, grow
+from kinetics.networkfree.growth import NOTHING
+from kinetics.rates import ClassRates
+from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.tables import text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GROUPS = 199
+MOST_GROUPS = 1999  # where a p-value is small: with eight checks .00125 is asked for
+SECOND = 1_000_003  # added to the seed where more groups are asked for
+KINDS = ("joins", "breaks")
+
+
+@dataclass(frozen=True)
+class GrowthEvents:
+    """Joins or breaks of all held-out runs: seen, expected, and the middle 95 % of predicted groups, with a p-value."""
+
+    kind: str
+    seen: int
+    expected: float
+    low: float
+    high: float
+    p: float
+
+
+@dataclass(frozen=True, eq=False)
+class GrowthComparison:
+    """Held-out runs from one initial state beside their prediction. Arrays (T, V) over times (tu) and V curves.
+
+    curves : structures by class of sizes, copies of the target, cubes of the largest structure
+    observed, predicted : means of a run
+    low, high : predicted band of the mean of as many runs, from their noise and the uncertainty of the rates
+    misfit, p_misfit : (V,) mean squared z of a curve among predicted groups, about 1; share of groups with as much
+    coverage : (V,) share of times after 0 at which the observed mean lies inside the band
+    """
+
+    label: str
+    times: Floats
+    runs: int
+    groups: int
+    curves: tuple[str, ...]
+    observed: Floats
+    predicted: Floats
+    low: Floats
+    high: Floats
+    misfit: Floats
+    p_misfit: Floats
+    coverage: Floats
+    events: tuple[GrowthEvents, ...]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Joins, breaks and every curve together."""
+        least = 1 / (self.groups + 1)
+        checks = [
+            ConsistencyCheck(
+                f"{e.kind} {self.label} {e.seen} seen, {e.expected:.3g} ({e.low:.3g}-{e.high:.3g}) expected",
+                e.p,
+                least_p(self.groups),
+            )
+            for e in self.events
+        ]
+        checks += [
+            ConsistencyCheck(
+                f"curve of {name} {self.label} with a misfit of {misfit:.2g} (1 expected)", float(p), least
+            )
+            for name, misfit, p in zip(self.curves, self.misfit, self.p_misfit, strict=True)
+        ]
+        return judged(checks)
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether no check failed at 1 %, corrected for their number."""
+        return self.verdict.is_consistent
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether no p-value asks for more groups."""
+        return bool(min([*self.p_misfit, *(e.p for e in self.events)]) >= DOUBTFUL)
+
+    def with_clear_ones_of(self, first: GrowthComparison) -> GrowthComparison:
+        """The same with the p-values of a first comparison that were clear: valid at every level, see `staged_p`."""
+        known = {e.kind: e for e in first.events if e.p >= DOUBTFUL}
+        places = {name: v for v, name in enumerate(first.curves) if first.p_misfit[v] >= DOUBTFUL}
+        p = [
+            first.p_misfit[places[name]] if name in places else own
+            for name, own in zip(self.curves, self.p_misfit, strict=True)
+        ]
+        events = tuple(replace(e, p=known[e.kind].p) if e.kind in known else e for e in self.events)
+        return replace(self, p_misfit=np.array(p), events=events)
+
+    def table(self) -> str:
+        """Events and curves, for people."""
+        events = [
+            (e.kind, str(e.seen), f"{e.expected:.1f} ({e.low:.0f}-{e.high:.0f})", shown_p(e.p, least_p(self.groups)))
+            for e in self.events
+        ]
+        curves = [
+            (
+                name,
+                f"{self.observed[-1, v]:.3g}",
+                f"{self.predicted[-1, v]:.3g} ({self.low[-1, v]:.3g}-{self.high[-1, v]:.3g})",
+                f"{self.coverage[v]:.0%}",
+                f"{self.misfit[v]:.2g}",
+                shown_p(float(self.p_misfit[v]), 1 / (self.groups + 1)),
+            )
+            for v, name in enumerate(self.curves)
+        ]
+        return "\n".join(
+            [
+                f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many",
+                text_table(("events", "seen", "expected (95 %)", ""), events),
+                text_table(
+                    (f"mean at {self.times[-1]:g} tu", "seen", "predicted (95 %)", "times inside", "misfit", ""), curves
+                ),
+            ]
+        )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row a time and curve."""
+        import pandas as pd
+
+        columns = {"observed": self.observed, "predicted": self.predicted, "low": self.low, "high": self.high}
+        keys = {
+            "label": self.label,
+            "time": np.repeat(self.times, len(self.curves)),
+            "curve": list(self.curves) * self.times.size,
+        }
+        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        return {
+            "label": self.label,
+            "runs": self.runs,
+            "groups": self.groups,
+            "is_consistent": self.is_consistent,
+            "verdict": self.verdict.sentence,
+            "events": [vars(e) for e in self.events],
+            "times": self.times.tolist(),
+            "curves": {
+                name: {
+                    "observed": self.observed[:, v].tolist(),
+                    "predicted": self.predicted[:, v].tolist(),
+                    "low": self.low[:, v].tolist(),
+                    "high": self.high[:, v].tolist(),
+                    "misfit": float(self.misfit[v]),
+                    "p_misfit": float(self.p_misfit[v]),
+                    "coverage": float(self.coverage[v]),
+                }
+                for v, name in enumerate(self.curves)
+            },
+        }
+
+    def plot(self, ax: Any) -> Any:
+        """Predicted means with their bands, and the observed means as points; returns `ax`."""
+        from kinetics.support import plots
+
+        plots.bands(ax, self.times, self.predicted, self.low, self.high, list(self.curves))
+        for v in range(len(self.curves)):
+            ax.plot(self.times, self.observed[:, v], ".", color=plots.colour(v), markersize=4)
+        ax.set_ylabel(f"mean of {self.runs} runs (points), predicted band (95 %)")
+        return ax
+
+
+def compare_growth(
+    rates: ClassRates,
+    observed: Sequence[Growth],
+    times: ArrayLike,
+    label: str = "",
+    groups: int = GROUPS,
+    most_groups: int = MOST_GROUPS,
+    seed: int = 0,
+    progress: Callable[[int, float], None] | None = None,
+) -> GrowthComparison:
+    """Compare held-out growth (one book, one initial state) with network-free runs under draws of class rates.
+
+    times : (T,) tu, rising, none after the end of a run
+    groups, most_groups : number of draws of the rates, each with as many runs as there are held-out ones; where a
+        p-value is below 0.05, so many other ones decide
+    progress : called with the number of predicted runs finished and the time reached in the current one, tu
+
+    Events are those until the last of the times. Rates without evidence are taken as exact.
+    Cost: groups x runs network-free runs, or ten times as many.
+    """
+    if len(observed) < 2:
+        raise ValueError(f"{len(observed)} held-out runs; a mean with a scatter needs at least 2")
+    grid = rising_times(times)
+    book = observed[0].book
+    start = observed[0].at(0.0)
+    for run in observed:
+        if run.book.fingerprint != book.fingerprint or run.at(0.0) != start:
+            raise ValueError("the held-out runs are of several books or initial states; compare one at a time")
+    end, n = float(grid[-1]), len(observed)
+    seen = Growths(tuple(observed))
+
+    def predicted(number: int, own_seed: int) -> GrowthComparison:
+        made = grow(book, rates, start, end, n * number, own_seed, progress, draws=number)
+        if made.interrupted:
+            raise KeyboardInterrupt
+        return _beside(seen, made, grid, label, number, seed)
+
+    first = predicted(groups, seed)
+    return first if first.is_clear else predicted(most_groups, seed + SECOND).with_clear_ones_of(first)
+
+
+def _beside(seen: Growths, made: Growths, grid: Floats, label: str, groups: int, seed: int) -> GrowthComparison:
+    """The comparison with these predicted runs: run i of group g is number i * groups + g, because draws take turns."""
+    most = max(seen.most, made.most)
+    own, simulated = _curves(seen, grid, most), _curves(made, grid, most)
+    means = simulated.reshape(-1, groups, *simulated.shape[1:]).mean(axis=0)
+    low, high = central_band(means)
+    mean = own.mean(axis=0)
+    names = tuple(seen.series(grid[:1], most))
+    fits = [mean_misfit(mean[:, v : v + 1], means[:, :, v : v + 1]) for v in range(len(names))]
+    after = grid > 0
+    inside = (low <= mean) & (mean <= high)
+    return GrowthComparison(
+        label,
+        grid,
+        len(seen.runs),
+        groups,
+        names,
+        mean,
+        means.mean(axis=0),
+        low,
+        high,
+        np.array([misfit for misfit, _ in fits]),
+        np.array([p for _, p in fits]),
+        inside[after].mean(axis=0),
+        _events(seen, made, float(grid[-1]), groups, np.random.default_rng(seed)),
+    )
+
+
+def _curves(growths: Growths, grid: Floats, most: int) -> Floats:
+    """Curves (runs, T, V) of every run."""
+    return np.stack(list(growths.series(grid, most).values()), axis=2).astype(float)
+
+
+def _counted(growths: Growths, end: float) -> Ints:
+    """Joins and breaks (runs, 2) until a time."""
+    table = np.zeros((len(growths.runs), 2), dtype=np.int64)
+    for row, run in zip(table, growths.runs, strict=True):
+        joins = run.before[run.times <= end, 1] != NOTHING
+        row[:] = joins.sum(), (~joins).sum()
+    return table
+
+
+def _events(
+    seen: Growths, made: Growths, end: float, groups: int, rng: np.random.Generator
+) -> tuple[GrowthEvents, ...]:
+    """Joins and breaks of all runs among those of the groups."""
+    own = _counted(seen, end).sum(axis=0)
+    others = _counted(made, end).reshape(-1, groups, 2).sum(axis=0).astype(float)
+    low, high = central_band(others)
+    p = predictive_p(own.astype(float), others, rng)
+    return tuple(
+        GrowthEvents(kind, int(own[k]), float(others[:, k].mean()), float(low[k]), float(high[k]), float(p[k]))
+        for k, kind in enumerate(KINDS)
+        if own[k] or others[:, k].any()
+    )
