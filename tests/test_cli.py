@@ -296,7 +296,7 @@ def test_derive(wellmixed, tmp_path):
 def test_a_mistake_is_one_line_and_exit_code_2(wellmixed, tmp_path):
     done = wellmixed("derive", "nobook", cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("Error: unknown rule book 'nobook'; shipped are line4")
+    assert done.err.startswith("Error: unknown rule book 'nobook'; shipped are jack13, line4")
     assert done.err.count("\n") == 1
 
 

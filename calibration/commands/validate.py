@@ -100,6 +100,9 @@ def validate(
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
     size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
 
+    Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
+    size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
+
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
     rates; those of events, scatter, mean counts and single runs are exact. Coverage is the share of times and species

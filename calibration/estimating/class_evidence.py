@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calibration.estimating.exposure import count, sojourns
 from kinetics.assembly import Derivation, RateClass
 from kinetics.network import Tank
-from kinetics.runs import BY_UNKNOWN, BY_WALL, RESTART, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 
@@ -158,7 +158,7 @@ def _breaks(groups: Sequence[BookRuns], tank: Tank | None) -> ClassEvidence:
             there[np.arange(rows.size), of - 1] -= 1
             at_events.append(factors * there)
             if is_watched and path.partners is not None:
-                named.append(_named(path.partners[rows], sizes, columns))
+                named.append(_named(path.partners[rows], sizes, there))
     return ClassEvidence(
         "break",
         sorts.classes,
@@ -187,11 +187,15 @@ def _wholes(path: JumpPath, rows: NDArray[np.intp], whole: Ints, broken: NDArray
     return of_channel[path.channels[rows]]
 
 
-def _named(partners: Ints, sizes: Ints, columns: int) -> NDArray[np.bool_]:
-    """The columns (n, C) that each event's partner allows."""
-    named = np.zeros((partners.size, columns), dtype=bool)
-    named[partners <= BY_UNKNOWN] = True
-    named[partners == BY_WALL, columns - 2] = True
+def _named(partners: Ints, sizes: Ints, there: Floats) -> NDArray[np.bool_]:
+    """The columns (n, C) that each event's partner allows, of the pairs that were there.
+
+    All of them where the partner is gone: of two breaks at one blow the second comes after the first has changed the
+    state.
+    """
+    named = np.zeros(there.shape, dtype=bool)
+    named[partners == BY_WALL, -2] = True
     bodies = np.flatnonzero(partners >= 0)
     named[bodies, sizes[partners[bodies]] - 1] = True
+    named[(partners == BY_SEVERAL) | (partners == BY_UNKNOWN) | ~(named & (there > 0)).any(axis=1)] = True
     return named

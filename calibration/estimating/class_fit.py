@@ -201,16 +201,14 @@ class ClassFit:
         is added to each member's own (empirical Bayes: Efron & Morris 1973, doi:10.1080/01621459.1973.10481350):
         classes are many and their events few, and half an event for each, by Jeffreys' prior, would be too many.
         """
-        weights, at_shapes = self.weights(self.shape), None
-        if self.posterior is not None:
-            shapes = [dict(zip(self.shape, point, strict=True)) for point in self.posterior.points]
-            at_shapes = np.array([self.weights(shape) for shape in shapes])
+        weights = self.weights(self.shape)
         found: dict[str, ClassRate] = {}
         for key, events, exposure in zip(self.keys, self._found.events.tolist(), self.exposure, strict=True):
             whole = float(exposure @ weights)
             if whole > 0:
-                by_shape = None if at_shapes is None else tuple((at_shapes @ exposure).tolist())
-                found[key] = measured_class(events / whole, events, whole, by_shape)
+                shown = tuple(float(f"{value:.6g}") for value in exposure.tolist())
+                parts = {"exposures": shown} if self.parameters else {}
+                found[key] = measured_class(events / whole, events, whole, **parts)
         general: dict[str, list[ClassRate]] = {}
         for key, entry in found.items():
             for other in _more_general(key):

@@ -38,10 +38,12 @@ class ClassRate(MeasuredRate):
     """Rate constant of one class.
 
     events : not whole where classes that differ were pooled: what the evidence is then worth
-    exposure_by_shape : of a break whose model has a shape that is not known, the exposure at each point of the shape's
-        posterior
+    exposures : of a break whose model has a shape that is not known, the exposure to bodies of 1, 2, ... cubes, to the
+        wall and to nobody; `exposure` is their sum, weighted as the model weights them
+    exposure_by_shape : the same as exposure at each point of the shape's posterior, where partners are species
     """
 
+    exposures: tuple[float, ...] | None = None
     exposure_by_shape: tuple[float, ...] | None = None
 
 
@@ -193,8 +195,9 @@ class ClassRates(Settings):
         table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
         points, drawn = self.breaks.shape_draws(rng, n)
         for column, entry in enumerate(known):
-            if entry.exposure_by_shape is not None and entry.exposure is not None:
-                table[:, column] *= entry.exposure / np.array(entry.exposure_by_shape)[points]
+            by_shape = self._by_shape(entry)
+            if by_shape is not None and entry.exposure is not None:
+                table[:, column] *= entry.exposure / by_shape[points]
         return [
             self.model_copy(
                 update={
@@ -204,6 +207,15 @@ class ClassRates(Settings):
             )
             for row, breaks in zip(table.tolist(), drawn, strict=True)
         ]
+
+    def _by_shape(self, entry: ClassRate) -> Floats | None:
+        """Exposure (G,) of an entry at each point of the shape's posterior; None where it does not depend on it."""
+        if entry.exposures is None or self.breaks.posterior is None:
+            return None if entry.exposure_by_shape is None else np.array(entry.exposure_by_shape)
+        sizes = np.arange(1.0, len(entry.exposures) - 1)
+        shapes = [dict(zip(self.breaks.shape, point, strict=True)) for point in self.breaks.posterior.points]
+        weights = (self.breaks.break_model.by_size(sizes, shape) for shape in shapes)
+        return np.array([np.append(bodies, fixed) for bodies, *fixed in weights]) @ np.array(entry.exposures)
 
     def without_evidence(self, classes: Iterable[RateClass]) -> list[str]:
         """The keys used by these classes whose rates have no events and exposure."""
@@ -248,7 +260,7 @@ def _pooled(shares: list[_Share]) -> ClassRate:
         return entries[0]
     if all(entry.exposure is not None for entry in entries):
         events, exposure = _sums(entries)
-        return measured_class(events / exposure, events, exposure, _by_shape(entries, 1.0))
+        return measured_class(events / exposure, events, exposure, **_parts(entries, 1.0))
     weights = [ways for ways, _ in shares]
     return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
 
@@ -270,11 +282,11 @@ def over_classes(entries: Sequence[ClassRate]) -> ClassRate:
     rate = events / exposure
     between = _variance_between(entries)
     if between == 0 or rate == 0:
-        return measured_class(rate, events, exposure, _by_shape(entries, 1.0))
+        return measured_class(rate, events, exposure, **_parts(entries, 1.0))
     worth = rate**2 / (between + rate / exposure)  # events of a gamma distribution as wide
     kept = max(worth - 0.5, 0.0)  # Jeffreys' prior adds the half
     part = (kept + 0.5) / events
-    return measured_class(rate, kept, part * exposure, _by_shape(entries, part))
+    return measured_class(rate, kept, part * exposure, **_parts(entries, part))
 
 
 def with_prior(entry: ClassRate, prior: ClassRate) -> ClassRate:
@@ -285,7 +297,7 @@ def with_prior(entry: ClassRate, prior: ClassRate) -> ClassRate:
     if entry.events is None or entry.exposure is None or prior.events is None or prior.exposure is None:
         return entry
     events, exposure = entry.events + prior.events, entry.exposure + prior.exposure
-    return measured_class((events + 0.5) / exposure, events, exposure, _by_shape([entry, prior], 1.0))
+    return measured_class((events + 0.5) / exposure, events, exposure, **_parts([entry, prior], 1.0))
 
 
 def _variance_between(entries: Sequence[ClassRate]) -> float:
@@ -301,23 +313,24 @@ def _variance_between(entries: Sequence[ClassRate]) -> float:
     return max(seen - by_counting, 0.0) / weight if weight > 0 else 0.0
 
 
-def _by_shape(entries: Sequence[ClassRate], part: float) -> tuple[float, ...] | None:
-    """Part of all exposure at each point of the posterior of the shape; None where there is none."""
-    known = [entry.exposure_by_shape for entry in entries if entry.exposure_by_shape is not None]
-    return tuple((part * np.sum(known, axis=0)).tolist()) if len(known) == len(entries) else None
+def _parts(entries: Sequence[ClassRate], part: float) -> dict[str, tuple[float, ...]]:
+    """Part of all exposure, partner by partner and at each point of the shape's posterior, as far as all have it."""
+    found: dict[str, tuple[float, ...]] = {}
+    for name in ("exposures", "exposure_by_shape"):
+        known = [value for entry in entries if (value := getattr(entry, name)) is not None]
+        if len(known) == len(entries):
+            found[name] = tuple(float(f"{value:.6g}") for value in part * np.sum(known, axis=0))
+    return found
 
 
-def measured_class(rate: float, events: float, exposure: float, by_shape: tuple[float, ...] | None = None) -> ClassRate:
-    """With the exact interval (Garwood 1936), which for an entry of several classes is stretched to hold their mean."""
+def measured_class(rate: float, events: float, exposure: float, **parts: tuple[float, ...]) -> ClassRate:
+    """With the exact interval (Garwood 1936), which for an entry of several classes is stretched to hold their mean.
+
+    parts : `exposures` or `exposure_by_shape`, where there are any
+    """
     low, high = map(float, exact_limits(events, exposure))
-    return ClassRate(
-        rate=rate,
-        low=min(low, rate),
-        high=max(high, rate),
-        events=events,
-        exposure=exposure,
-        exposure_by_shape=by_shape,
-    )
+    limits = {"low": min(low, rate), "high": max(high, rate)}
+    return ClassRate.model_validate({"rate": rate, "events": events, "exposure": exposure} | limits | parts)
 
 
 def class_keys(rate_class: RateClass) -> tuple[str, str, str]:

@@ -1,5 +1,6 @@
 """Constants by rate class: closed forms, network-free runs of known class rates, the choice of what classes share."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -100,6 +101,9 @@ def test_events_and_exposures_by_hand():
     assert breaks.named is not None
     assert np.flatnonzero(breaks.named[0]).tolist() == [len(breaks.sizes)]
     assert not breaks.exposure[np.arange(len(breaks.classes)) != of].any()
+    # broken by another arm that broke at the same blow, so that it is there no more: by anyone
+    by_dimer = replace(path, partners=np.array([NO_BREAK, species.index(dimer)]))
+    assert class_evidence([BookRuns(JACK, (by_dimer,))])[1].named.all()
     # the same in a tank of twice the volume, for constants of the first
     larger = JumpPath(JACK.network, initial, path.times, path.channels, 9.0, tank=Tank((4.0, 2.0, 2.0)))
     both, _ = class_evidence([BookRuns(JACK, (path, larger))])

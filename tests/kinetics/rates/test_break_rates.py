@@ -67,11 +67,11 @@ def test_books_are_ranked_under_any_break_model(model):
     assert len(book.drawn) == 2
 
 
-def test_growth_without_a_network_is_of_first_order():
-    rates = ClassRates.of_rates(LINE, rates_file("collision"))
-    with pytest.raises(ValueError, match=r"by 'collision'; without a network breaks are of first order: derive"):
-        grow(LINE.book, rates, 10, 1.0)
-    grow(LINE.book, ClassRates.of_rates(LINE, rates_file("first-order")), 10, 1.0)
+def test_growth_without_a_network_takes_models_that_weight_partners_by_size():
+    for name in ("first-order", "collision", "collision-wall"):
+        grow(LINE.book, ClassRates.of_rates(LINE, rates_file(name)), 10, 1.0)
+    with pytest.raises(ValueError, match=r"break model 'collision-species' weights partners by species"):
+        grow(LINE.book, ClassRates.of_rates(LINE, rates_file("collision-species")), 10, 1.0)
 
 
 @pytest.mark.parametrize("suffix", [".net", ".xml"])
