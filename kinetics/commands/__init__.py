@@ -8,6 +8,11 @@ from kinetics.support.cli.lazy_commands import mount
 
 COMMANDS = {
     "check": ("kinetics.commands.check", "check", "Verify a rule book by exhausting everything it can assemble."),
+    "certify": (
+        "kinetics.commands.certify",
+        "certify",
+        "Verify the certificate of a compiled rule book.",
+    ),
     "compile": (
         "kinetics.commands.compile",
         "compile_",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
 @click.option(
     "--joins",
     metavar="JOIN,...",
-    help="Joins to allow, such as 1+1,1+2 or 2.a+1->3.b.  [default: as many as cubes can distinguish]",
+    help="Joins of the book, such as 1+1,1+2 or 2.a+1->3.b.  [default: those with the fewest letters and rules]",
 )
 @click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
 @click.option(
@@ -36,9 +37,15 @@ from kinetics.support.cli.options import echo_json, in_a_folder, json_option, se
     "--time-limit",
     metavar="SECONDS",
     type=click.FloatRange(min=0, min_open=True),
-    default=120,
+    default=600,
     show_default=True,
-    help="Wall time allowed for the search, s.",
+    help="Wall time after which the command ends, s; a book found before does not depend on it.",
+)
+@click.option(
+    "--certificate",
+    metavar="FILE",
+    callback=in_a_folder,
+    help="Write what is claimed of the book to this JSON file, for `wellmixed rules certify`.",
 )
 @seed_option
 @json_option
@@ -53,13 +60,18 @@ def compile_(
     breaks: bool | None,
     max_letters: int | None,
     time_limit: float,
+    certificate: str | None,
     seed: int,
     as_json: bool,
 ) -> None:
     """Synthesise a rule book that builds TARGET (a shipped target or a .toml file) and nothing else.
 
-    The book is verified before it is printed. If neither the options nor the target name the cubes' senses, the weakest
-    sufficient ones are chosen. --seed matters only for structures that grow from a seed cube.
+    A target file draws the cubes in `layers` (# a cube, a dot for none; x, y or z a cube whose top looks along that
+    axis) or lists their places as `cubes`; it may set `seed`, `senses`, `joins`, `breaks` and `max_letters`.
+
+    The book is verified before it is printed, with what was searched: the weakest senses that do, unless the options or
+    the target name them, then the fewest letters, then few rules. --seed matters only for structures that grow from a
+    seed cube.
     """
     from kinetics.assembly import Senses
     from kinetics.assembly.compiler import Target, compile_book
@@ -89,15 +101,20 @@ def compile_(
         if shows:
             click.echo("\r\033[K", err=True, nl=False)
     book = made.book
-    fewest = ", the fewest for these joins" if made.minimal else ""
+    fewest = ", the fewest of their kind" if made.minimal else ""
     counts = f"{len(book.combine)} + {len(book.dissociate)} + {len(book.internal)}"
     summary = [
         f"{book.name}: {made.letters} letters{fewest}; {counts} rules for joins, breaks, and what follows",
         f"cubes sense: {made.capability}",
         *([f"joins: {', '.join(made.joins)}"] if made.joins else []),
+        *made.searched,
         *made.verified,
     ]
     text = written(book, "\n".join(summary))
+    if certificate is not None:
+        if made.certificate is None:
+            raise click.UsageError("a book that grows from a seed has no certificate; leave out --certificate")
+        Path(certificate).write_text(json.dumps(made.certificate.as_json(), indent=1) + "\n", encoding="utf-8")
     if out is not None:
         Path(out).write_text(text, encoding="utf-8")
     if as_json:
@@ -116,12 +133,13 @@ def compile_(
                 },
                 "senses": book.senses.model_dump(),
                 "joins": made.joins,
+                "searched": made.searched,
                 "verified": made.verified,
-                "seconds": made.seconds,
+                "certificate": certificate,
                 "seed": seed,
             }
         )
     elif out is None:
         click.echo(text)
     else:
-        click.echo("\n".join([*summary, f"written to {out}, in {made.seconds:.1f} s"]))
+        click.echo("\n".join([*summary, f"written to {out}"]))

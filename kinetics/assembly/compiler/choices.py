@@ -80,6 +80,7 @@ class Choices:
         self.group_of = {channel: group for group in self.groups for channel in group.joins}
 
     def _group(self, joins: tuple[Channel, ...]) -> _Group:
+        self.tick()
         sizes = range(len(joins), -1, -1) if len(joins) <= MOST_IN_GROUP else (len(joins), 1, 0)
         subsets = [frozenset(subset) for size in sizes for subset in combinations(joins, size)]
         return _Group(joins, tuple(subset for subset in subsets if next(self.clashes(subset), None) is None))
@@ -93,6 +94,13 @@ class Choices:
     def is_small(self) -> bool:
         """Whether all choices can be gone through."""
         return self.is_complete and prod(len(group.options) for group in self.groups) <= MOST_CHOICES
+
+    @property
+    def possible(self) -> frozenset[Channel]:
+        """The joins that are in any choice."""
+        if not self.is_complete:
+            return frozenset(self.plan.joins)
+        return frozenset[Channel]().union(*(option for group in self.groups for option in group.options))
 
     def clashes(self, joins: Iterable[Channel]) -> Iterator[Clash]:
         """Meetings that a choice of joins cannot keep apart from its joins."""
@@ -110,30 +118,13 @@ class Choices:
                     yield Clash(meeting, made, same)
 
     def sensible(self, joins: Iterable[Channel]) -> frozenset[Channel]:
-        """The joins left when those are dropped that cannot happen, or make what never becomes the target; none are
-        left where they do not lead to the target.
-        """
-        kept, plan = frozenset(joins), self.plan
-        while True:
-            reached = plan.reached(kept, self.breaks)
-            home = plan.leading_home(kept, self.breaks, reached)
-            bad = reached - home
-            falls = [broken for broken in plan.breaks if self.breaks and broken.c in reached]
-            for broken in sorted(
-                falls, key=lambda channel: channel.c
-            ):  # from the smallest up: what falls into lost parts must not be made either
-                if not bad.isdisjoint(broken[:2]):
-                    bad.add(broken.c)
-            good = frozenset(c for c in kept if c.a in reached and c.b in reached and c.c not in bad)
-            if good == kept:
-                return kept if len(plan.parts) - 1 in reached and not bad else frozenset()
-            kept = good
+        """See `sensible`."""
+        return sensible(self.plan, joins, self.breaks)
 
     def largest(self) -> Iterator[frozenset[Channel]]:
         """The choices to which no join can be added; without any, the target cannot be reached."""
         seen: set[frozenset[Channel]] = {frozenset()}
-        possible = frozenset[Channel]().union(*(option for group in self.groups for option in group.options))
-        if not self.sensible(possible):  # nor is any choice among them
+        if not self.sensible(self.possible):  # nor is any choice among them
             return
         for options in product(*(group.largest for group in self.groups)):
             self.tick()
@@ -195,6 +186,23 @@ class Choices:
             found.append(clashes[0])
             left -= clashes[0].blamed
         return found
+
+
+def sensible(plan: Plan, joins: Iterable[Channel], breaks: bool) -> frozenset[Channel]:
+    """The joins left when those are dropped that cannot happen, or make what never becomes the target; none are
+    left where they do not lead to the target.
+    """
+    kept = frozenset(joins)
+    while True:
+        reached = plan.reached(kept, breaks)
+        bad = reached - plan.leading_home(kept, breaks, reached)
+        for part in sorted(reached) if breaks else ():  # what falls into lost parts must not be made either
+            if not bad.isdisjoint(plan.pieces[part]):
+                bad.add(part)
+        good = frozenset(c for c in kept if c.a in reached and c.b in reached and c.c not in bad)
+        if good == kept:
+            return kept if len(plan.parts) - 1 in reached and not bad else frozenset()
+        kept = good
 
 
 def asked_joins(plan: Plan, joins: Iterable[str]) -> tuple[Channel, ...]:

@@ -1,32 +1,34 @@
-"""The compilation of small targets: weakest senses, most joins, fewest letters, each verified."""
+"""The compilation of targets: the weakest senses that do, then the fewest letters, rules, and the largest yield."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import chain, islice, product
-from math import prod
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 from kinetics.assembly.compiler import reasons
+from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.choices import Choices, asked_joins
+from kinetics.assembly.compiler.fewest import SET_STEPS, Best, NoBookError, fewest
 from kinetics.assembly.compiler.orientation import turnings
-from kinetics.assembly.compiler.plan import MOST, Channel, Plan, planned
-from kinetics.assembly.compiler.proof import proven
-from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, UndecidedError, sensing
-from kinetics.assembly.compiler.search import MOST_LETTERS, Problem, Solution, solutions
+from kinetics.assembly.compiler.plan import MOST, Plan, planned
+from kinetics.assembly.compiler.result import (
+    Certificate,
+    Compiled,
+    InfeasibleError,
+    Notify,
+    Ruled,
+    UndecidedError,
+    sensing,
+)
+from kinetics.assembly.compiler.search import MOST_LETTERS
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.rules.conditions import Senses
 
 MAX_LETTERS = 8
-TIME_LIMIT = 120.0  # s
-# Steps of one search, a second or so for 100,000. Counted, not timed: the same target gives the same book anywhere.
-DIRECT_STEPS = 400_000
-DEFERRED_STEPS = 100_000
-HURRY = 10  # so many times fewer steps where one search of many is made
-# Choices of joins that are tried one after another where the compiler chooses: the largest, paths, then all if few.
-MOST_LARGEST, MOST_PATHS, FEW_CHOICES = 4, 20, 4096
+TIME_LIMIT = 600.0  # s
+# Steps for one kind of senses, and for one of those that are tried to say what would be enough.
+RUNG_STEPS, REMEDY_STEPS = 3_000_000, 300_000
 
 # What is tried in this order where the target does not say what its cubes sense.
 LADDER = tuple(
@@ -45,41 +47,47 @@ def compile_book(
     time_limit: float = TIME_LIMIT,
     seed: int = 0,
     progress: Notify | None = None,
+    clock: Callable[[], float] | None = None,
 ) -> Compiled:
-    """A rule book that builds the target and nothing else, with as few letters as its joins allow.
+    """A rule book that builds the target and nothing else: of the weakest senses, then of the fewest letters, then of
+    the fewest rules that were found, then of the largest yield.
 
     joins : those to allow, no others, by sizes (`1+2`) or names (`2.a+1->3.b`); None: what the target asks for, or else
-        as many as cubes with these senses can tell from mistakes
+        any
     breaks : whether bonds break; what is left must grow again. None: what the target says
     max_letters : most letters; None: what the target says, or 8
-    time_limit : s of wall time
+    time_limit : s of wall time for all of it; what is found does not depend on it unless it ends the work
     seed : of what is drawn by chance; only growth from a seed does
     progress : called with what is being tried
-    Where the target names no senses, the weakest that are enough are taken. Targets of more than eight cubes, and
-    those with a seed, are grown from a seed (see `seeded`).
-    InfeasibleError: there is no such book, and why. UndecidedError: none was found in time, nor a proof.
+    clock : in s; time.monotonic but in tests
+    `Compiled.searched` says what was tried, and within which kind of books. Targets of more than eight cubes, and those
+    with a seed, are grown from a seed (see `seeded`).
+    InfeasibleError: there is no such book, and why. UndecidedError: none was found in the steps allowed, or in time.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress)
+    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, clock)
     if target.seed is not None or len(target) > MOST:
         from kinetics.assembly.compiler.seeded import compile_seeded
 
         if asked.joins is not None:
             raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave joins out")
         held = replace(target, breaks=asked.breaks)
-        return compile_seeded(held, max_letters=max_letters, time_limit=time_limit, seed=seed, progress=progress)
-    failures: dict[str, _Failure] = {}
-    for senses in [target.senses] if target.senses is not None else LADDER:
-        outcome = asked.attempt(senses)
-        if isinstance(outcome, Compiled):
-            return outcome
-        failures[sensing(senses)] = outcome
-        if asked.is_late:
-            break
-    if all(failure.is_proof for failure in failures.values()):
-        first = next(iter(failures.values()))
-        last = asked.remedy() if target.senses is not None else f"nor is there one with {'; '.join(list(failures)[1:])}"
-        raise InfeasibleError(f"{first.text}\n{last}")
-    raise UndecidedError(_undecided(target, failures, time_limit))
+        return compile_seeded(
+            held, max_letters=max_letters, time_limit=time_limit, seed=seed, progress=progress, budget=asked.budget
+        )
+    ruled: list[Ruled] = []
+    rungs = [target.senses] if target.senses is not None else list(LADDER)
+    try:
+        for senses in rungs:
+            outcome = asked.rung(senses, RUNG_STEPS)
+            if isinstance(outcome, Compiled):
+                return asked.explained(outcome, ruled)
+            ruled.append(outcome)
+        if all(each.is_proof for each in ruled):
+            raise InfeasibleError(asked.why_not(ruled))
+    except TimeoutError:
+        following = rungs[len(ruled) :]
+        raise UndecidedError(asked.too_late(ruled, following)) from None
+    raise UndecidedError(asked.why_not(ruled))
 
 
 def all_books(
@@ -96,56 +104,41 @@ def all_books(
     Choices for which no book is found are left out; it ends after time_limit. The senses are the target's, or the
     weakest that are enough for any choice. Other arguments as of `compile_book`.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress)
+    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, None)
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:
-            plan = planned(target, senses, asked.tick)
+            plan = planned(target, senses, asked.budget.check)
             among = frozenset(plan.joins if asked.joins is None else asked_joins(plan, asked.joins))
-            for choice in Choices(plan, asked.breaks, asked.tick).every():
+            choices = Choices(plan, asked.breaks, asked.budget.step)
+            for choice in choices.every():
                 if not choice <= among:
                     continue
-                made = asked.book(plan, choice, HURRY)
-                if isinstance(made, Compiled):
-                    found = True
-                    yield made
+                try:
+                    best = fewest(
+                        choices, choice, asked.max_letters, asked.budget, asked.report, (SET_STEPS, SET_STEPS)
+                    )
+                except NoBookError:
+                    continue
+                found = True
+                yield asked.compiled(best, plan, choice)
         except TimeoutError:
             return
         if found:
             return
 
 
-def _undecided(target: Target, failures: Mapping[str, _Failure], time_limit: float) -> str:
-    """What was ruled out, and what was not decided."""
-    open_ = [senses for senses, failure in failures.items() if not failure.is_proof]
-    out = [senses for senses, failure in failures.items() if failure.is_proof]
-    ruled = f"; infeasible with {'; with '.join(out)}" if out else ""
-    return (
-        f"target {target.name!r} with {'; with '.join(open_)}: not decided within {time_limit:g} s and the steps "
-        f"allowed for a search{ruled}. Allow more time, ask for fewer joins, or name stronger senses"
-    )
-
-
-class _Failure(NamedTuple):
-    """Why no book came of it; is_proof: there is none."""
-
-    text: str
-    is_proof: bool
-
-
-@dataclass
+@dataclass(frozen=True)
 class _Asked:
-    """What is asked for, and how much time and how many steps are left."""
+    """What is asked for, and how much it may take."""
 
     target: Target
     joins: tuple[str, ...] | None
     breaks: bool
     max_letters: int
     time_limit: float
-    progress: Notify
-    start: float = field(default_factory=time.monotonic)
-    steps: int = 0
-    hurry: int = 1
+    report: Notify
+    budget: Budget
 
     @classmethod
     def of(
@@ -156,6 +149,7 @@ class _Asked:
         max_letters: int | None,
         time_limit: float,
         progress: Notify | None,
+        clock: Callable[[], float] | None,
     ) -> _Asked:
         if not time_limit > 0:
             raise ValueError(f"time_limit = {time_limit} s; it must be more than 0")
@@ -172,140 +166,152 @@ class _Asked:
             max_letters,
             time_limit,
             progress or (lambda _: None),
+            Budget(time_limit) if clock is None else Budget(time_limit, clock),
         )
 
-    @property
-    def is_late(self) -> bool:
-        """Whether time is up."""
-        return time.monotonic() - self.start > self.time_limit
-
-    def tick(self) -> None:
-        """TimeoutError when time is up."""
-        if self.is_late:
-            raise TimeoutError
-
-    def attempt(self, senses: Senses) -> Compiled | _Failure:
+    def rung(self, senses: Senses, steps: int) -> Compiled | Ruled:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
-        try:
-            if self.target.tops is not None or senses.faces != "two":
-                return self.turned(self.target, senses)
-            failures = []
-            for tops in turnings(self.target.positions):
-                made = self.turned(replace(self.target, tops=tops), senses)
-                if isinstance(made, Compiled):
-                    return made
-                failures.append(made)
-        except TimeoutError:
-            return _Failure(
-                f"{self.target.name!r} with {sensing(senses)}: not decided within {self.time_limit:g} s", False
-            )
-        is_proof = all(failure.is_proof for failure in failures)
-        also = "\nwith all cubes turned alike, it is no better" if is_proof else ""
-        return _Failure(failures[0].text + also, is_proof)
+        ruled: list[Ruled] = []
+        turned = [self.target]
+        if self.target.tops is None and senses.faces == "two":
+            turned = [replace(self.target, tops=tops) for tops in turnings(self.target.positions)]
+        with self.budget.at_most(steps):
+            for number, target in enumerate(turned, 1):
+                self.report(f"{sensing(senses)}, turn {number} of {len(turned)}")
+                try:
+                    outcome = self.turned(target, senses)
+                except OutOfStepsError:
+                    text = f"target {target.name!r} with {sensing(senses)}: not decided in the steps allowed"
+                    outcome = Ruled(senses, text, False, (), ())
+                if isinstance(outcome, Compiled):
+                    return outcome
+                ruled.append(outcome)
+        is_proof = all(each.is_proof for each in ruled)
+        also = "\nwith all cubes turned alike, it is no better" if is_proof and len(ruled) > 1 else ""
+        situations = tuple(each for one in ruled for each in one.situations)
+        return replace(ruled[0], text=ruled[0].text + also, is_proof=is_proof, situations=situations)
 
-    def turned(self, target: Target, senses: Senses) -> Compiled | _Failure:
+    def turned(self, target: Target, senses: Senses) -> Compiled | Ruled:
         """The same for a target whose cubes are turned."""
         head = f"target {target.name!r} is infeasible with this sensing ({sensing(senses)})"
-        plan = planned(target, senses, self.tick)
-        choices = Choices(plan, self.breaks, self.tick)
+        open_ = f"target {target.name!r} with {sensing(senses)}: not decided"
+        plan = planned(target, senses, self.budget.check)
+        choices = Choices(plan, self.breaks, self.budget.step)
+        joins = None
         if self.joins is not None:
-            return self.exactly(choices, asked_joins(plan, self.joins), head)
-        failures = []
-        for number, joins in enumerate(_worth_trying(choices)):
-            made = self.book(plan, joins, 1 if number == 0 else HURRY)
-            if isinstance(made, Compiled):
-                return made
-            failures.append(made)
-        if failures:
-            is_proof = _tries_all(choices) and all(failure.is_proof for failure in failures)
-            what = head if is_proof else f"target {target.name!r} with {sensing(senses)}: not decided,"
-            return _Failure(f"{what} because {failures[0].text}", is_proof)
-        clashes = reasons.in_words(plan, choices.obstacles(plan.joins))
-        if not choices.is_complete:
-            return _Failure(f"target {target.name!r} with {sensing(senses)}: not decided, because of\n{clashes}", False)
-        return _Failure(f"{head}, whatever joins are chosen, because\n{clashes}", True)
-
-    def exactly(self, choices: Choices, joins: tuple[Channel, ...], head: str) -> Compiled | _Failure:
-        """A book with these joins."""
-        plan = choices.plan
-        if choices.sensible(joins) != frozenset(joins):
-            raise InfeasibleError(
-                f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), whatever "
-                "cubes sense: not all of them can happen, or they make what never becomes the target"
-            )
-        clashes = choices.obstacles(joins)
+            joins = asked_joins(plan, self.joins)
+            if choices.sensible(joins) != frozenset(joins):
+                raise InfeasibleError(
+                    f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), "
+                    "whatever cubes sense: not all of them can happen, or they make what never becomes the target"
+                )
+            clashes = choices.obstacles(joins)[-1:]
+            because = f"{head} and these joins because\n{reasons.in_words(plan, clashes)}"
+        elif next(choices.largest(), None) is None:
+            clashes = choices.obstacles(plan.joins)
+            because = f"{head}, whatever joins are chosen, because\n{reasons.in_words(plan, clashes)}"
+            if not choices.is_complete:
+                return Ruled(senses, f"{open_}, because of\n{reasons.in_words(plan, clashes)}", False, (), ())
+        else:
+            clashes = []
         if clashes:
-            return _Failure(f"{head} and these joins because\n{reasons.in_words(plan, clashes[-1:])}", True)
-        made = self.book(plan, joins)
-        if isinstance(made, Compiled):
-            return made
-        return made._replace(text=f"{head} because {made.text}") if made.is_proof else made
-
-    def book(self, plan: Plan, joins: Iterable[Channel], hurry: int = 1) -> Compiled | _Failure:
-        """A book with the fewest letters for these joins; in a hurry, with so many times fewer steps."""
-        start = time.monotonic()
-        problem = Problem.of(plan, joins, self.breaks)
-        exhausted = True
-        for n_letters in range(2, self.max_letters + 1):
-            for deferred in (False, True):
-                self.progress(f"{sensing(plan.senses)}: {len(problem.joins)} joins, {n_letters} letters")
-                found, complete = self.search(problem, n_letters, deferred, hurry)
-                if found is not None:
-                    book, verified = proven(problem, found)
-                    names = tuple(map(plan.name, problem.joins))
-                    return Compiled(book, exhausted, names, time.monotonic() - start, verified)
-            exhausted &= complete
-        listed = reasons.choice(plan, problem.joins)
-        if exhausted:
-            return _Failure(f"the joins {listed} take more than {self.max_letters} letters: all were tried", True)
-        return _Failure(f"the joins {listed}: not decided within the steps allowed for the search", False)
-
-    def search(self, problem: Problem, n_letters: int, deferred: bool, hurry: int) -> tuple[Solution | None, bool]:
-        """A solution, and whether all were tried."""
-        self.steps = (DEFERRED_STEPS if deferred else DIRECT_STEPS) // max(hurry, self.hurry)
-
-        def tick() -> None:
-            self.steps -= 1
-            if self.steps % 256 == 0:
-                self.tick()
-            if self.steps == 0:
-                raise _OutOfStepsError
-
+            return Ruled(senses, because, True, (reasons.situations(plan, choices, joins),), ())
         try:
-            return next(solutions(problem, n_letters, deferred, tick), None), True
-        except _OutOfStepsError:
-            return None, False
+            best = fewest(choices, joins, self.max_letters, self.budget, self.report)
+        except NoBookError as error:
+            text = f"{head} because {error}" if error.is_proof else f"{open_}: {error}"
+            return Ruled(senses, text, error.is_proof, (reasons.situations(plan, None, joins),), error.exhausted)
+        return self.compiled(best, plan, joins)
+
+    def compiled(self, best: Best, plan: Plan, joins: object) -> Compiled:
+        """The result, with what was searched."""
+        n = len(best.book.letters)
+        kind = (
+            "kind of books: both cubes need a rule to bond and read before either writes; all structures of one shape "
+            "have the same letters, and so have places that symmetry exchanges; a join happens in all its ways or not "
+            "at all; cubes turned as in the book's target"
+        )
+        sets = "these joins" if joins is not None else "any joins"
+        few = [
+            f"{_letters(each.letters)}, {sets}: none does, all were tried ({each.steps} steps)"
+            for each in best.exhausted
+        ]
+        few += [f"{_letters(number)}, {sets}: not decided in the steps allowed" for number in best.undecided]
+        rules = (
+            f"{_letters(n)}: of {best.compared} books the one with the fewest rules, then the largest yield: the first "
+            f"found with any joins, and with each of {best.sets} sets of joins; not all books were compared"
+            if joins is None
+            else f"{_letters(n)}, these joins: the first book found"
+        )
+        certificate = Certificate(
+            plan.target.name,
+            best.book.fingerprint,
+            n,
+            best.is_fewest,
+            joins is None,
+            best.joins,
+            best.exhausted,
+            (),
+        )
+        return Compiled(best.book, best.is_fewest, best.joins, (kind, *few, rules), best.verified, certificate)
+
+    def explained(self, made: Compiled, ruled: list[Ruled]) -> Compiled:
+        """The result with what is known of weaker senses."""
+        said = [f"{sensing(each.senses)}: {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
+        turned = ", cubes turned in the ways tried" if self.target.tops is None else ""
+        weaker = (f"weaker senses{turned}: {'; '.join(said)}",) if said else ()
+        assert made.certificate is not None  # noqa: S101  books that are not grown from a seed have one
+        certificate = replace(made.certificate, weaker=tuple(each for each in ruled if each.is_proof))
+        return replace(made, searched=(*weaker, *made.searched), certificate=certificate)
+
+    def why_not(self, ruled: list[Ruled]) -> str:
+        """Why there is no book, or none was found; and what would be enough."""
+        proofs = [sensing(each.senses) for each in ruled if each.is_proof]
+        if len(proofs) == len(ruled):
+            others = f"nor is there one with {'; '.join(proofs[1:])}"
+            return f"{ruled[0].text}\n{self.remedy() if self.target.senses is not None else others}"
+        open_ = "\n".join(each.text for each in ruled if not each.is_proof)
+        out = f"\ninfeasible with {'; '.join(proofs)}" if proofs else ""
+        return f"{open_}{out}\n{self.remedy()}"
+
+    def too_late(self, ruled: list[Ruled], following: list[Senses]) -> str:
+        """What was decided before time was up, and what comes next."""
+        said = [f"{sensing(each.senses)} {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
+        rest = f"; next: {'; '.join(map(sensing, following[1:]))}" if following[1:] else ""
+        return (
+            f"target {self.target.name!r}: not decided within {self.time_limit:g} s\nso far: "
+            f"{'; '.join(said) or 'nothing'}\nat work: {sensing(following[0])}{rest}. Allow more time, or name senses"
+        )
 
     def remedy(self) -> str:
-        """Which stronger senses are enough, in words; "" where none were found in time."""
+        """What would be enough, in words: stronger senses, or bonds that hold."""
         own = self.target.senses
-        if own is None:
-            return ""
-        self.hurry = HURRY
         for senses in LADDER:
-            if senses != own and _is_stronger(senses, own):
-                made = self.attempt(senses)
+            if own is not None and senses != own and _is_stronger(senses, own):
+                made = self._quick(senses)
                 if isinstance(made, Compiled):
                     return f"{sensing(senses)} are enough: a book of {made.letters} letters does it"
-        return "no stronger sensing was found to be enough in time"
+        if self.breaks and self.joins is None:
+            for senses in LADDER if own is None else (own,):
+                made = replace(self, breaks=False)._quick(senses)
+                if isinstance(made, Compiled):
+                    return (
+                        f"if bonds hold (breaks = false), {sensing(senses)} are enough: a book of {made.letters} "
+                        "letters does it"
+                    )
+        tried = "no stronger sensing was" if own is not None else "nothing was"
+        return f"{tried} found to be enough in the steps allowed"
+
+    def _quick(self, senses: Senses) -> Compiled | Ruled | None:
+        """An attempt with fewer steps; None where it is out of question."""
+        try:
+            return self.rung(senses, REMEDY_STEPS)
+        except InfeasibleError:
+            return None
 
 
-def _tries_all(choices: Choices) -> bool:
-    return choices.is_small and prod(len(group.options) for group in choices.groups) <= FEW_CHOICES
-
-
-def _worth_trying(choices: Choices) -> Iterator[frozenset[Channel]]:
-    """Choices of joins, each once."""
-    rest = choices.every() if _tries_all(choices) else ()
-    seen: set[frozenset[Channel]] = set()
-    for joins in chain(islice(choices.largest(), MOST_LARGEST), islice(choices.paths(), MOST_PATHS), rest):
-        if joins not in seen:
-            seen.add(joins)
-            yield joins
-
-
-class _OutOfStepsError(Exception):
-    """The search has used up its steps."""
+def _letters(number: int) -> str:
+    return f"{number} letter{'' if number == 1 else 's'}"
 
 
 def _is_stronger(senses: Senses, than: Senses) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
+from kinetics.assembly.compiler.budget import OutOfStepsError
 from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
@@ -20,7 +21,7 @@ SEEDS = 4  # places tried for the seed where the target names none
 def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> tuple[Course, Position]:
     """An order of growth, and where the seed is.
 
-    tick : called again and again; its TimeoutError ends the search
+    tick : called again and again; its OutOfStepsError ends the search
     InfeasibleError: there is none for cubes with these senses; UndecidedError: none was found.
     """
     head = f"with this sensing ({sensing(senses)})"
@@ -37,14 +38,16 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
         except NoCourseError as error:
             clashes.append(str(error))
             all_tried &= error.is_proof
-        except TimeoutError:
-            within = " within the time limit"
+        except OutOfStepsError:
+            within = " within the steps allowed"
             break
         else:
             tops = tuple([AXES[course.axes[minus(place, root)]] for place in target.positions])
-            if _is_its_mirror_image(target.positions, tops):
+            orbits = {place: orbit for stage in course.stages for place, orbit in stage.items()}
+            letters = tuple([str(orbits.get(minus(place, root))) for place in target.positions])
+            if _is_its_mirror_image(target.positions, tops, letters):
                 return course, root
-            clashes.append("cubes that are turned so cannot tell left from right")
+            clashes.append("cubes that come in this order cannot tell left from right, and finish in either way")
             all_tried = False  # there may be other orders
     if all_tried and target.seed is not None and not within:
         raise InfeasibleError(
@@ -55,10 +58,12 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
     raise UndecidedError(f"target {target.name!r}: not found{within} {head}{clash}")
 
 
-def _is_its_mirror_image(places: Sequence[Position], tops: tuple[Direction, ...] | None) -> bool:
-    """Whether cubes at these places, their tops along these axes, can be turned into their mirror image."""
+def _is_its_mirror_image(
+    places: Sequence[Position], tops: tuple[Direction, ...] | None, letters: tuple[str, ...] = ()
+) -> bool:
+    """Whether cubes at these places, with these tops and letters, can be turned into their mirror image."""
     scheme = "one" if tops is None else "two"
-    letters = ("",) * len(places)
+    letters = letters or ("",) * len(places)
     both = (
         BookTarget(cubes=tuple((sign * x, y, z) for x, y, z in places), letters=letters, tops=tops) for sign in (1, -1)
     )

@@ -173,12 +173,14 @@ def explore_stage(
     is_last: bool,
     follow: Follow | None = None,
     most: int = MOST_STATES,
+    tick: Callable[[], None] = lambda: None,
 ) -> tuple[Facts, Letters]:
     """Everything that may be read while a stage goes on, and the letters at its end.
 
     turns : those that leave the lone seed as it is
     is_last : also look at what may not dock to the complete stage (else its letters belong to the next)
     follow : the letter of a cube in the next round of internal rules; None: letters stay
+    tick : called at every state, and as it is read; it may raise to end the work
     States that a turn takes into each other are visited once. TooManyError: more than `most` of them.
     """
     facts = Facts()
@@ -198,6 +200,7 @@ def explore_stage(
     while waiting:
         come, letters = waiting.pop()
         facts.states += 1
+        tick()
         for place in places:
             extended = come | bit[place]
             if extended == come or (extended in seen and follow is None) or not _is_due(stage, place, letters):
@@ -216,6 +219,7 @@ def explore_stage(
                 unread.append((grown, changed))
             waiting.append((extended, grown))
     for state, fresh in unread:  # last, as it takes longer than to find out that there are too many
+        tick()
         if lopsided:
             _read(stage, state, state, stage.holds(same, state), facts)
         else:

@@ -6,6 +6,7 @@ where one is of a cube that must not dock, the merge is refused. What is left gr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -99,12 +100,13 @@ def _guest(view: GuestView, name: dict[int, int]) -> GuestView:
     return GuestView(own, name[letter], face, roll, _many(touched, name))
 
 
-def reduced(tables: ReadingTables, rng: np.random.Generator) -> ReadingTables:
-    """Merge letters, in a random order, until no two can be merged any more."""
+def reduced(tables: ReadingTables, rng: np.random.Generator, tick: Callable[[], None] = lambda: None) -> ReadingTables:
+    """Merge letters, in a random order, until no two can be merged any more; tick is called at every attempt."""
     refused: set[tuple[int, int]] = set()
     while True:
         pairs = [pair for pair in combinations(tables.letters, 2) if pair not in refused]
         for number in rng.permutation(len(pairs)).tolist():
+            tick()
             pair = pairs[number]
             fewer = tables.joined(*pair)
             if fewer is not None:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from itertools import product
 
 from kinetics.assembly.faces import Position
-from kinetics.assembly.rules.conditions import Direction
+from kinetics.assembly.rules.conditions import BookTarget, Direction
+from kinetics.assembly.structure import Structure
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")
 MOST = 8  # cubes; all turns are tried
@@ -40,5 +41,9 @@ def chosen_tops(positions: Sequence[Position]) -> tuple[Direction, ...]:
 
 def turnings(positions: Sequence[Position]) -> tuple[tuple[Direction, ...], ...]:
     """What is worth trying for cubes with two face types: the axes chosen above, then all cubes alike."""
-    alike = [(axis,) * len(positions) for axis in AXES]
-    return tuple(dict.fromkeys((chosen_tops(positions), *alike)))
+    found: dict[Structure, tuple[Direction, ...]] = {}
+    letters = ("#",) * len(positions)
+    for tops in (chosen_tops(positions), *((axis,) * len(positions) for axis in AXES)):
+        turned = BookTarget(cubes=tuple(positions), letters=letters, tops=tops).structure()
+        found.setdefault(turned.canonical("two"), tops)
+    return tuple(found.values())

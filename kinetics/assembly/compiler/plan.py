@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -106,7 +107,10 @@ class Plan:
 
     parts : smallest first; the first is a free cube, the last the target
     joins : the ways of each join of two parts into a part, by what the two cubes read
-    foreign : what two cubes read where their parts would make something else, with an example
+    foreign : what two cubes read where their parts would make something else, no larger than the target, with an
+        example
+    excess : the same for parts a >= b that are larger than the target together; found when first asked for, as that
+        costs the most
     breaks : for each break, the waves that follow in the pieces
     places : of the target's cubes as the user gave them, which of the last part they are
     """
@@ -118,6 +122,15 @@ class Plan:
     foreign: dict[Docking, Meeting]
     breaks: dict[Channel, tuple[Wave, ...]]
     places: tuple[int, ...]
+    excess: Callable[[int, int], dict[Docking, Meeting]]
+
+    @cached_property
+    def pieces(self) -> dict[int, frozenset[int]]:
+        """The parts that breaks leave of each part."""
+        found: dict[int, set[int]] = {part: set() for part in range(len(self.parts))}
+        for broken in self.breaks:
+            found[broken.c].update(broken[:2])
+        return {part: frozenset(left) for part, left in found.items()}
 
     @property
     def n_unknowns(self) -> int:
@@ -160,12 +173,12 @@ def planned(target: Target, senses: Senses, tick: Callable[[], None] = lambda: N
     """
     if len(target) > MOST:
         raise ValueError(f"target {target.name!r} has {len(target)} cubes; all its parts are tried up to {MOST} only")
-    return _Planner(target, senses).plan(tick)
+    return _Planner(target, senses, tick).plan()
 
 
 class _Planner:
-    def __init__(self, target: Target, senses: Senses):
-        self.target, self.senses = target, senses
+    def __init__(self, target: Target, senses: Senses, tick: Callable[[], None]):
+        self.target, self.senses, self.tick = target, senses, tick
         self.seen = scheme_of(senses.faces).reduced.tolist()
         self.reader = RuleBook("reader", (PLACEHOLDER,), PLACEHOLDER, senses)
         self.forms: dict[Form, tuple[int, tuple[int, ...]]] = {}  # of every part in every turn: part, its cubes
@@ -175,14 +188,15 @@ class _Planner:
         self.sites = [sites_of(self.reader, structure) for structure in self.read]
         # Without them, a cube reads the same at every twist.
         self.reads_twist = senses.roll or senses.touched
+        self.known_excess: dict[tuple[int, int], dict[Docking, Meeting]] = {}
 
-    def plan(self, tick: Callable[[], None]) -> Plan:
+    def plan(self) -> Plan:
         joins: dict[Channel, dict[Docking, dict[Wave, Meeting]]] = {}
         foreign: dict[Docking, Meeting] = {}
         for a in range(len(self.parts)):
             for b in range(a + 1):
-                tick()
-                self.dock(a, b, joins, foreign)
+                if len(self.parts[a]) + len(self.parts[b]) <= len(self.target):
+                    self.dock(a, b, joins, foreign)
         whole = self.target.structure(self.senses.faces)
         known = self.known(whole.positions, whole.rotations)
         assert known is not None  # noqa: S101  the target is a part of itself
@@ -197,7 +211,16 @@ class _Planner:
             foreign,
             self.breaks(),
             known[1],
+            self.excess,
         )
+
+    def excess(self, a: int, b: int) -> dict[Docking, Meeting]:
+        """See `Plan`."""
+        if (a, b) not in self.known_excess:
+            found: dict[Docking, Meeting] = {}
+            self.dock(a, b, {}, found)
+            self.known_excess[a, b] = found
+        return self.known_excess[a, b]
 
     def find_parts(self) -> list[Part]:
         """The connected pieces of the target, each once."""
@@ -205,6 +228,7 @@ class _Planner:
         subsets = {frozenset({cube}) for cube in range(len(whole))}
         fresh = subsets
         while fresh:
+            self.tick()
             fresh = {s | {n} for s in fresh for cube in s for n in whole.neighbours(cube) if n not in s} - subsets
             subsets |= fresh
         unique = {whole.part(sorted(subset)).canonical(self.senses.faces) for subset in subsets}
@@ -213,6 +237,7 @@ class _Planner:
         parts: list[Part] = []
         unknown = 0
         for number, (structure, name) in enumerate(zip(structures, names, strict=True)):
+            self.tick()
             symmetries = tuple(
                 tuple(structure.places[symmetry.of(place)] for place in structure.positions)
                 for symmetry in structure.symmetries(self.senses.faces)
@@ -257,6 +282,7 @@ class _Planner:
         first, second = self.read[a], self.read[b]
         fits = len(first) + len(second) <= len(self.target)
         for s, t in product(self.sites[a], self.sites[b]):
+            self.tick()
             ends = _reading(s.view, t.view), _reading(t.view, s.view)
             if not fits and not self.reads_twist and _sorted(*ends) in foreign:
                 continue
@@ -298,6 +324,7 @@ class _Planner:
         for number, part in enumerate(self.parts):
             structure = part.structure
             for i, j in structure.bonds:
+                self.tick()
                 sides = structure.sides(i, j)
                 if sides is None:
                     continue

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from string import ascii_lowercase
 from typing import Any
 
 from kinetics.assembly.checking.checker import check
 from kinetics.assembly.compiler.plan import Channel
-from kinetics.assembly.compiler.search import Problem, Solution
+from kinetics.assembly.compiler.problem import Problem
+from kinetics.assembly.compiler.search import Solution
 from kinetics.assembly.compiler.target import PLACEHOLDER
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal, Semantics
@@ -79,21 +80,32 @@ def _rules(names: tuple[str, ...], table: dict[tuple[Any, ...], str]) -> Iterabl
     return enumerate(rules, 1)
 
 
-def proven(problem: Problem, tables: Solution) -> tuple[RuleBook, tuple[str, ...]]:
-    """The book of a solution, with how it was proven; RuntimeError where it does not do what was asked.
+class NotProvenError(Exception):
+    """The book of a solution is not proven to do what was asked."""
 
+
+def proven(
+    problem: Problem, tables: Solution, tick: Callable[[], None] = lambda: None
+) -> tuple[RuleBook, tuple[str, ...]]:
+    """The book of a solution, with how it was proven; NotProvenError where it does not do what was asked.
+
+    tick : called again and again; it may raise to end the work
     Neither derivation nor checker know anything of the search: they read the rules alone.
     """
     plan, book = problem.plan, book_of(problem, tables)
-    derived = derive(book)
+
+    def progress(*_: int) -> None:
+        tick()
+
+    derived = derive(book, progress=progress)
     bare = {
         structure: structure.with_letters((PLACEHOLDER,) * len(structure)).canonical(book.scheme)
         for structure in derived.structures.values()
     }
-    part_of = {plan.parts[n].structure: n for n in problem.parts}
+    part_of = {plan.parts[n].structure: n for n in tables.parts}
     found = [part_of.get(shape) for shape in bare.values()]
-    if sorted(n for n in found if n is not None) != list(problem.parts) or None in found:
-        raise RuntimeError(f"{plan.target.name}: the book makes {[str(s) for s in bare]}, not the parts asked for")
+    if sorted(n for n in found if n is not None) != list(tables.parts) or None in found:
+        raise NotProvenError(f"{plan.target.name}: the book makes {[str(s) for s in bare]}, not the parts asked for")
     numbers: list[int] = [n for n in found if n is not None]
     joins, breaks = set(), set()
     for before, after in derived.events:
@@ -103,13 +115,13 @@ def proven(problem: Problem, tables: Solution) -> tuple[RuleBook, tuple[str, ...
         else:
             b, a = sorted(numbers[n] for n in after)
             breaks.add(Channel(a, b, numbers[before[0]]))
-    wanted = {broken for broken in plan.breaks if problem.breaks and broken.c in problem.parts}
-    if joins != set(problem.joins) or breaks != wanted:
-        odd = ", ".join(sorted(map(plan.name, (joins ^ set(problem.joins)) | (breaks ^ wanted))))
-        raise RuntimeError(f"{plan.target.name}: the book does not join and break as asked: {odd}")
-    report = check(book, max_species=max(len(derived.structures), FEW))
+    wanted = {broken for broken in plan.breaks if problem.breaks and broken.c in tables.parts}
+    if joins != set(tables.joins) or breaks != wanted:
+        odd = ", ".join(sorted(map(plan.name, (joins ^ set(tables.joins)) | (breaks ^ wanted))))
+        raise NotProvenError(f"{plan.target.name}: the book does not join and break as asked: {odd}")
+    report = check(book, max_species=max(len(derived.structures), FEW), progress=progress)
     if not report.is_correct:
-        raise RuntimeError(f"{plan.target.name}: the book is not correct: {report}")
+        raise NotProvenError(f"{plan.target.name}: the book is not correct: {report}")
     closure = (
         f"derivation: closed; {len(derived.structures)} structures, the target and parts of it, nothing else; "
         f"{len(joins)} joins, exactly those asked for; {len(breaks)} breaks"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
-from kinetics.assembly.compiler.choices import Clash
+from kinetics.assembly.compiler.choices import Choices, Clash
 from kinetics.assembly.compiler.plan import Channel, Meeting, Plan
 from kinetics.assembly.faces import roll, scheme_of
+from kinetics.assembly.structure import Structure
 
 TOPS = {4, 5}  # top and bottom
 SHOWN = 3
@@ -42,6 +44,29 @@ def in_words(plan: Plan, clashes: list[Clash]) -> str:
     """One clash after another, the first few."""
     text = "\nand without this join:\n".join(_situations(plan, clash) for clash in clashes[:SHOWN])
     return text + (f"\nand so on: {len(clashes) - SHOWN} more" if len(clashes) > SHOWN else "")
+
+
+def situations(plan: Plan, choices: Choices | None, joins: Iterable[Channel] | None) -> dict[str, Any]:
+    """The target as it is turned, and one clash for every set of joins that clash, as plain numbers for a certificate:
+    cubes (x, y, z, rotation) of two parts, and which two of them dock, where they must and where they must not.
+    """
+
+    def cubes(structure: Structure) -> list[list[int]]:
+        return [[*place, r] for place, r in zip(structure.positions, structure.rotations, strict=True)]
+
+    def plain(meeting: Meeting) -> dict[str, Any]:
+        a, b = plan.parts[meeting.a].structure, plan.parts[meeting.b].structure.moved(meeting.placement)
+        return {"parts": [cubes(a), cubes(b)], "docking": [meeting.i, meeting.j]}
+
+    clashes = () if choices is None else choices.clashes(plan.joins if joins is None else joins)
+    found = {clash.blamed: clash for clash in clashes if clash.made is None}
+    return {
+        "whole": cubes(plan.target.structure(plan.senses.faces)),
+        "pairs": [
+            {"must": [plain(example) for _, example in clash.joins], "must_not": plain(clash.meeting)}
+            for clash in found.values()
+        ],
+    }
 
 
 def choice(plan: Plan, joins: Iterable[Channel]) -> str:

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave
+from kinetics.assembly.compiler.choices import sensible
+from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Reading, Wave
+from kinetics.assembly.compiler.problem import Problem, shown_of
 
 MOST_LETTERS = 15
 BITS = 4  # a letter; in a multiset, the count of a letter takes three
@@ -27,75 +29,18 @@ _NOTHING = object()
 class Solution:
     """A solution, letters as numbers, 0 that of a free cube.
 
-    letters : of each unknown of the plan
+    joins : those that are open; parts : those that there are
+    letters : of each unknown of these parts
     joined, lost : what each reading makes of a cube
     followed : (letter, neighbours) -> letter
     """
 
+    joins: tuple[Channel, ...]
+    parts: tuple[int, ...]
     letters: dict[int, int]
     joined: dict[Reading, int]
     lost: dict[Loss, int]
     followed: dict[tuple[int, tuple[int, ...]], int]
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """A plan with a choice of joins: what has to hold, by the part whose letters decide it.
-
-    parts : those that are reached, in the order of the search
-    opened : readings that allow a join; closed : pairs of readings that must not both be open
-    stable : cubes at rest with their neighbours, as unknowns
-    """
-
-    plan: Plan
-    joins: tuple[Channel, ...]
-    breaks: bool
-    parts: tuple[int, ...]
-    opened: dict[int, tuple[Reading, ...]]
-    closed: dict[int, tuple[Docking, ...]]
-    stable: dict[int, tuple[tuple[int, tuple[int, ...]], ...]]
-    waves: dict[int, tuple[Wave, ...]]
-
-    @classmethod
-    def of(cls, plan: Plan, joins: Iterable[Channel], breaks: bool) -> Problem:
-        """What these joins, and no others, ask for."""
-        joins = tuple(sorted(joins))
-        reached = plan.reached(joins, breaks)
-        opened: dict[int, dict[Reading, None]] = {part: {} for part in reached}
-        closed: dict[int, dict[Docking, None]] = {part: {} for part in reached}
-        waves: dict[int, list[Wave]] = {part: [] for part in reached}
-        for channel in joins:
-            for docking, way in plan.joins[channel].items():
-                opened[channel.a].update(dict.fromkeys(docking))
-                waves[channel.c] += way.waves
-        shown = {_shown(reading) for readings in opened.values() for reading in readings}
-        shut = [(channel.a, channel.b, d) for channel, ways in plan.joins.items() if channel not in joins for d in ways]
-        shut += [(meeting.a, meeting.b, docking) for docking, meeting in plan.foreign.items()]
-        for a, b, docking in shut:
-            if a in reached and b in reached and all(_shown(reading) in shown for reading in docking):
-                closed[a][docking] = None
-        if breaks:
-            for channel, following in plan.breaks.items():
-                if channel.c in reached:
-                    waves[channel.c] += following
-        stable = {}
-        for part in reached:
-            structure, unknowns = plan.parts[part].structure, plan.parts[part].unknowns
-            cubes = {
-                (unknowns[cube], tuple(sorted(unknowns[n] for n in structure.neighbours(cube)))): None
-                for cube in range(len(structure))
-            }
-            stable[part] = tuple(cubes)
-        return cls(
-            plan,
-            joins,
-            breaks,
-            tuple(sorted(reached)),
-            {part: tuple(readings) for part, readings in opened.items()},
-            {part: tuple(dockings) for part, dockings in closed.items()},
-            stable,
-            {part: tuple(following) for part, following in waves.items()},
-        )
 
 
 def solutions(
@@ -105,9 +50,17 @@ def solutions(
 
     tick : called again and again; it may raise to end the search
     """
-    if not 2 <= n_letters <= MOST_LETTERS:
-        raise ValueError(f"{n_letters} letters; the search takes 2 to {MOST_LETTERS}")
+    if not 1 <= n_letters <= MOST_LETTERS:
+        raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
     return _LetterSearch(problem, n_letters, deferred, tick).run()
+
+
+class _Chosen(NamedTuple):
+    """The joins decided so far, and the parts that there are."""
+
+    joins: frozenset[Channel]
+    refused: frozenset[Channel]
+    parts: tuple[int, ...]
 
 
 class _LetterSearch:
@@ -125,39 +78,83 @@ class _LetterSearch:
         self.around = {
             p: [plan.parts[p].structure.neighbours(c) for c in range(len(plan.parts[p]))] for p in problem.parts
         }
-        shown = {_shown(r): None for readings in problem.opened.values() for r in readings}
-        self.kinds = {kind: number for number, kind in enumerate(shown)}
+        self.kinds = problem.shown
         self.known_terms: dict[Reading, _Terms] = {}
-        self.shut: dict[int, tuple[list[_Terms], list[tuple[int, int]]]] = {}  # meetings as pairs of terms
-        for part, dockings in problem.closed.items():
-            readings = {reading: n for n, reading in enumerate(dict.fromkeys(r for pair in dockings for r in pair))}
-            self.shut[part] = (
-                list(map(self.terms, readings)),
-                [(readings[first], readings[second]) for first, second in dockings],
-            )
+        self.known_shut: dict[object, tuple[list[_Terms], list[tuple[int, int]]]] = {}
+        self.left_by_breaks: frozenset[int] = (
+            frozenset().union(*plan.pieces.values()) if problem.breaks else frozenset()
+        )
 
     def run(self) -> Iterator[Solution]:
         """Search from the free cube on."""
         (free,) = self.problem.plan.parts[0].unknowns
         self.letters[free] = 0
-        return self.part(0, 0)
+        return self.part(0, 0, _Chosen(frozenset(), frozenset(), ()))
 
-    def part(self, level: int, highest: int) -> Iterator[Solution]:
+    def part(self, level: int, highest: int, chosen: _Chosen) -> Iterator[Solution]:
         """Solutions that go on from the parts before; letters up to `highest` are in use."""
-        if level == len(self.problem.parts):
-            yield self.tables()
+        problem = self.problem
+        if level == len(problem.parts):
+            if chosen.joins and sensible(problem.plan, chosen.joins, problem.breaks) == chosen.joins:
+                yield self.tables(chosen)
             return
-        number = self.problem.parts[level]
-        unknowns = sorted(set(self.problem.plan.parts[number].unknowns))
+        number = problem.parts[level]
+        is_made = number == 0 or any(join.c == number for join in chosen.joins)
+        if not is_made:
+            yield from self.without(level, highest, chosen)
+            if number not in self.left_by_breaks:
+                return
+        if problem.breaks and not problem.plan.pieces[number] <= {*chosen.parts}:
+            return
+        unknowns = sorted(set(problem.plan.parts[number].unknowns))
+        reached = chosen._replace(parts=(*chosen.parts, number))
+        following = [channel for b in reached.parts for channel in problem.joins_of(number, b)]
         for letters in [(0,)] if level == 0 else _namings(len(unknowns), highest, self.n_letters):
             self.tick()
             self.letters.update(zip(unknowns, letters, strict=True))
             mark = len(self.trail)
-            if self.rests(number) and self.opens(number) and self.shuts(number):
-                waves = self.problem.waves[number]
-                for _ in self.wave(waves, 0):
-                    yield from self.part(level + 1, max(highest, *letters))
+            if self.rests(number) and all(self.shuts((number, b), problem.foreign(number, b)) for b in reached.parts):
+                waves = self.waves(number, reached)
+                for decided in self.joins(following, 0, reached):
+                    for _ in self.wave(waves, 0):
+                        yield from self.part(level + 1, max(highest, *letters), decided)
             self.undo(mark)
+
+    def without(self, level: int, highest: int, chosen: _Chosen) -> Iterator[Solution]:
+        """The same, where there is no such part."""
+        problem, number = self.problem, self.problem.parts[level]
+        refused = chosen.refused | {channel for channel in problem.allowed if number in channel}
+        if problem.is_hopeful(chosen.joins, refused):
+            yield from self.part(level + 1, highest, chosen._replace(refused=refused))
+
+    def joins(self, channels: list[Channel], n: int, chosen: _Chosen) -> Iterator[_Chosen]:
+        """Every way to decide on joins of parts that there are, from the n-th on; fewest first."""
+        if n == len(channels):
+            yield chosen
+            return
+        channel, problem = channels[n], self.problem
+        dockings = problem.meetings[channel[:2]][channel]
+        mark = len(self.trail)
+        if channel not in problem.required:
+            self.tick()
+            refused = chosen.refused | {channel}
+            is_hopeful = channel not in problem.allowed or problem.is_hopeful(chosen.joins, refused)
+            if is_hopeful and self.shuts(channel, dockings):
+                yield from self.joins(channels, n + 1, chosen._replace(refused=refused))
+            self.undo(mark)
+        if channel in problem.allowed and channel not in chosen.refused:
+            self.tick()
+            if self.opens(dockings):
+                yield from self.joins(channels, n + 1, chosen._replace(joins=chosen.joins | {channel}))
+            self.undo(mark)
+
+    def waves(self, part: int, chosen: _Chosen) -> tuple[Wave, ...]:
+        """The waves that end in a part, or in the pieces that breaks leave of it."""
+        plan = self.problem.plan
+        made = [way.waves for join in sorted(chosen.joins) if join.c == part for way in plan.joins[join].values()]
+        if self.problem.breaks:
+            made += [following for broken, following in plan.breaks.items() if broken.c == part]
+        return tuple(wave for waves in made for wave in waves)
 
     def rests(self, part: int) -> bool:
         """No internal rule acts in the part."""
@@ -166,9 +163,9 @@ class _LetterSearch:
             for own, around in self.problem.stable[part]
         )
 
-    def opens(self, part: int) -> bool:
-        """The joins asked for are open, and that opens none that must not be."""
-        for reading in self.problem.opened[part]:
+    def opens(self, dockings: Iterable[Docking]) -> bool:
+        """A join is open, and that opens none that must not be."""
+        for reading in dict.fromkeys(reading for docking in dockings for reading in docking):
             key = self.docked(reading)
             if key in self.joined:
                 continue
@@ -177,11 +174,15 @@ class _LetterSearch:
             self.put(self.joined, key, None)
         return True
 
-    def shuts(self, part: int) -> bool:
-        """None of the joins is open that must not be."""
-        readings, dockings = self.shut[part]
+    def shuts(self, name: object, dockings: Iterable[Docking]) -> bool:
+        """None of the meetings is open that must not be; name : of this set of them."""
+        if name not in self.known_shut:
+            pairs = [pair for pair in dockings if all(shown_of(reading) in self.kinds for reading in pair)]
+            places = {reading: n for n, reading in enumerate(dict.fromkeys(r for pair in pairs for r in pair))}
+            self.known_shut[name] = list(map(self.terms, places)), [(places[a], places[b]) for a, b in pairs]
+        readings, met = self.known_shut[name]
         keys = [self.key(*terms) for terms in readings]
-        for first, second in {(keys[i], keys[j]) for i, j in dockings}:
+        for first, second in {(keys[i], keys[j]) for i, j in met}:
             if first in self.joined and second in self.joined:
                 return False
             for key, other in ((first, second), (second, first)):
@@ -296,7 +297,7 @@ class _LetterSearch:
     def terms(self, reading: Reading) -> _Terms:
         """What a reading's key is made of."""
         if reading not in self.known_terms:
-            kind = self.kinds[_shown(reading)]
+            kind = self.kinds[shown_of(reading)]
             plain = (
                 (reading.own, reading.partner) if reading.across < 0 else (reading.own, reading.partner, reading.across)
             )
@@ -316,10 +317,9 @@ class _LetterSearch:
             others += 1 << 3 * letters[unknown]
         return (key << 3 * MOST_LETTERS | others) << 3 * MOST_LETTERS | neighbours
 
-    def tables(self) -> Solution:
+    def tables(self, chosen: _Chosen) -> Solution:
         """What is settled, with the keys written out in full."""
-        problem = self.problem
-        waves = [wave for part in problem.parts for wave in problem.waves[part]]
+        waves = [wave for part in chosen.parts for wave in self.waves(part, chosen)]
         joined, lost = {}, {}
         for _, reading in (writer for wave in waves for writer in wave.writers):
             if isinstance(reading, Loss):
@@ -333,7 +333,9 @@ class _LetterSearch:
             own, around = key & (1 << BITS) - 1, key >> BITS
             if letter != own:
                 followed[own, tuple(n for n in range(MOST_LETTERS) for _ in range(around >> 3 * n & 7))] = letter
-        return Solution(dict(self.letters), joined, lost, followed)  # type: ignore[arg-type]  # all are settled
+        parts = self.problem.plan.parts
+        letters = {u: self.letters[u] for part in chosen.parts for u in parts[part].unknowns}
+        return Solution(tuple(sorted(chosen.joins)), chosen.parts, letters, joined, lost, followed)  # type: ignore[arg-type]  # all are settled
 
 
 def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:
@@ -344,15 +346,3 @@ def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:
     for letter in range(min(highest + 1, n_letters - 1) + 1):
         for rest in _namings(n - 1, max(highest, letter), n_letters):
             yield (letter, *rest)
-
-
-def _shown(reading: Reading) -> tuple[object, ...]:
-    """All of a reading but the letters."""
-    return (
-        reading.face,
-        reading.partner_face,
-        reading.roll,
-        len(reading.around),
-        reading.across < 0,
-        len(reading.touched or ()),
-    )

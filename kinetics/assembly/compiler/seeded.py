@@ -7,12 +7,12 @@ fits at one face and one twist alone, and may have to slip in between two others
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.courses import AXES, minus, planned_course
 from kinetics.assembly.compiler.merging import ReadingTables, letter_name, named, reduced
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, UndecidedError, sensing
@@ -25,7 +25,10 @@ from kinetics.assembly.rules.conditions import BookTarget, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
-TIME_LIMIT = 120.0  # s
+TIME_LIMIT = 600.0  # s
+SEARCHING = 0.7  # of the time may go into the search, the rest is for the checks
+# Steps for one kind of senses: orbits tried, states explored, merges tried, cubes hung elsewhere.
+RUNG_STEPS = 1_000_000
 TRIES = 300  # orders of merging
 MOVES = 5000  # from each start of the search for a tree
 SIX = Senses(faces="six", roll=True)
@@ -39,10 +42,11 @@ HOLD = Semantics(bonds="hold")
 
 @dataclass(frozen=True)
 class _Draft:
-    """A book before its last check; is_minimal and verified as in Compiled."""
+    """A book before its last check; is_minimal, searched and verified as in Compiled."""
 
     book: RuleBook
     is_minimal: bool
+    searched: str
     verified: tuple[str, ...]
 
 
@@ -55,15 +59,17 @@ def compile_seeded(
     tries: int = TRIES,
     growths: int = GROWTHS,
     progress: Notify | None = None,
+    budget: Budget | None = None,
 ) -> Compiled:
     """A rule book that grows the target from a seed; bonds hold, free cubes come one at a time.
 
     max_letters : most letters; None: what the target says, or any number
-    time_limit : s of wall time for the search; the checks of the book come on top
+    time_limit : s of wall time for all of it; after seven tenths, the best book so far is checked
     seed : of the search and of the random growths; the same seed gives the same book, if time does not run out
     tries : orders in which letters are merged (two face types)
     growths : random ones that the book has to pass
     progress : called with what is being done
+    budget : where the work has begun already; None: time counts from now
     Where the target names no senses, those of LADDER are tried, and what is not needed is left out.
     Ctrl-C ends the search for fewer letters; the best book so far is still checked. Another one ends the checks, too,
     once they have found it right a first time; `verified` says how far they came.
@@ -78,17 +84,25 @@ def compile_seeded(
         raise ValueError(f"target {target.name!r}: from a seed, cubes come one at a time; leave out joins")
     if not time_limit > 0 or tries < 1 or growths < 1:
         raise ValueError(f"time_limit = {time_limit} s, tries = {tries}, growths = {growths}; all must be more than 0")
-    start = time.monotonic()
     report = progress or (lambda _: None)
-    clock = _Clock(start + time_limit)
-    draft = _draft(target, seed, tries, clock, report)
-    most = target.max_letters if max_letters is None else max_letters
-    if most is not None and len(draft.book.letters) > most:
-        raise UndecidedError(
-            f"target {target.name!r} with {sensing(draft.book.senses)}: not found within {tries} tries and "
-            f"{time_limit:g} s; the best book has {len(draft.book.letters)} letters, max_letters is {most}"
-        )
-    found = grown(draft.book, growths, seed, lambda n, all_: report(f"random growth {n} of {all_}"))
+    budget = budget or Budget(time_limit)
+    ruled: list[str] = []
+    try:
+        draft = _draft(target, seed, tries, budget, report, ruled)
+        most = target.max_letters if max_letters is None else max_letters
+        if most is not None and len(draft.book.letters) > most:
+            raise UndecidedError(
+                f"target {target.name!r} with {sensing(draft.book.senses)}: not found within {tries} tries; the best "
+                f"book has {len(draft.book.letters)} letters, max_letters is {most}"
+            )
+
+        def following(n: int, every: int) -> None:
+            report(f"random growth {n} of {every}")
+            budget.check()
+
+        found = grown(draft.book, growths, seed, following)
+    except TimeoutError:
+        raise UndecidedError(_too_late(target, time_limit, ruled)) from None
     if found.fault:
         raise RuntimeError(f"the book compiled for {target.name!r} is wrong, please report it: {found.fault}")
     verified = (
@@ -96,38 +110,42 @@ def compile_seeded(
         f"{found.runs} random growths, seeds {seed} to {seed + found.runs - 1}, all end in the target",
         f"{found.squeezed:.2g} cubes a growth come in between two opposite ones, on average",
     )
-    return Compiled(draft.book, draft.is_minimal, (), time.monotonic() - start, verified)
+    weaker = tuple(f"weaker senses: {reason}" for reason in ruled)
+    return Compiled(draft.book, draft.is_minimal, (), (*weaker, draft.searched), verified, None)
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """When the search has to end (time.monotonic)."""
+def _too_late(target: Target, time_limit: float, ruled: list[str]) -> str:
+    """What was decided before time was up, and what comes next."""
+    rungs = LADDER if target.senses is None else (target.senses,)
+    rest = [sensing(senses) for senses in rungs[len(ruled) :]]
+    last = f"; next: {'; '.join(rest[1:])}" if rest[1:] else ""
+    so_far = "\n".join(ruled) or "nothing"
+    return (
+        f"target {target.name!r}: not decided within {time_limit:g} s\nso far: {so_far}\nat work: "
+        f"{rest[0] if rest else 'random growths'}{last}. Allow more time, or name senses"
+    )
 
-    end: float
 
-    def check(self) -> None:
-        """TimeoutError when time is up."""
-        if time.monotonic() > self.end:
-            raise TimeoutError
-
-
-def _draft(target: Target, seed: int, tries: int, clock: _Clock, report: Notify) -> _Draft:
-    """A book with the senses asked for, or those that are enough."""
-    reasons = []
+def _draft(target: Target, seed: int, tries: int, budget: Budget, report: Notify, ruled: list[str]) -> _Draft:
+    """A book with the senses asked for, or those that are enough; ruled takes why weaker ones are not."""
     undecided = False
     for senses in LADDER if target.senses is None else (target.senses,):
         report(f"trying {sensing(senses)}")
         try:
-            if senses.faces == "six":
-                return _by_tree(target, senses, seed, clock, report)
-            return _by_stages(target, senses, seed, tries, clock, report)
+            with budget.at_most(RUNG_STEPS):
+                if senses.faces == "six":
+                    return _by_tree(target, senses, seed, budget, report)
+                return _by_stages(target, senses, seed, tries, budget, report)
         except (InfeasibleError, UndecidedError) as error:
             undecided |= isinstance(error, UndecidedError)
-            reasons.append(str(error))
-    raise (UndecidedError if undecided else InfeasibleError)("\n".join(reasons))
+            ruled.append(str(error))
+        except OutOfStepsError:
+            undecided = True
+            ruled.append(f"target {target.name!r} with {sensing(senses)}: no book in the steps allowed")
+    raise (UndecidedError if undecided else InfeasibleError)("\n".join(ruled))
 
 
-def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, report: Notify) -> _Draft:
+def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: Notify) -> _Draft:
     """Along a spanning tree; the cubes turn as the letters need it."""
     if not senses.roll:
         raise UndecidedError(
@@ -141,14 +159,15 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, report: N
         )
     places = target.positions
     root = target.seed or centre(places)
-    tree = spanning_tree(
-        places,
-        root,
-        np.random.default_rng(seed),
-        MOVES,
-        lambda t: report(f"a tree with {len(t.letters)} letters"),
-        clock.check,
-    )
+    with budget.within(SEARCHING):
+        tree = spanning_tree(
+            places,
+            root,
+            np.random.default_rng(seed),
+            MOVES,
+            lambda t: report(f"a tree with {len(t.letters)} letters"),
+            budget.step,
+        )
     names = {kind: letter_name(number) for number, kind in enumerate(tree.letters, 1)}
     letters = {place: names[kind] for place, (kind, _) in tree.hung.items()}
     finished = Structure(places, tuple(tree.rotations[p] for p in places), tuple(letters[p] for p in places))
@@ -160,30 +179,33 @@ def _by_tree(target: Target, senses: Senses, seed: int, clock: _Clock, report: N
         f"a spanning tree of {len(names)} different subtrees; from this seed it takes at least {bound}",
         "no rule reads what else is there, so what comes to a face does not depend on the order of growth",
     )
-    return _Draft(book, len(names) == bound, verified)
+    searched = (
+        "kind of books: growth along a spanning tree of shortest paths from this seed, a letter for each subtree; "
+        f"the fewest subtrees found by annealing, {MOVES} moves from each of 12 trees"
+    )
+    return _Draft(book, len(names) == bound, searched, verified)
 
 
-def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Clock, report: Notify) -> _Draft:
+def _by_stages(target: Target, senses: Senses, seed: int, tries: int, budget: Budget, report: Notify) -> _Draft:
     """Orbit by orbit, then with merged letters."""
     if senses.faces != "two":
         raise UndecidedError(
             f"target {target.name!r} with {sensing(senses)}: growth from a seed needs two or six face types; "
             'set faces = "two" in its senses'
         )
-    course, root = planned_course(target, senses, clock.check)
+    course, root = planned_course(target, senses, budget.step)
     report(f"a growth in {len(course.stages)} stages; reading along")
     for weaker in _weaker(senses) if target.senses is None else (senses,):
-        facts, seed_letter, final = facts_of(replace(course, senses=weaker))
+        facts, seed_letter, final = facts_of(replace(course, senses=weaker), tick=budget.step)
         if facts.usable() is not None:
             senses = weaker
             break
     tables = ReadingTables.of(facts)
     best, rng = None, np.random.default_rng(seed)
     try:
-        for number in range(tries):
-            if best is not None:
-                clock.check()
-            found = reduced(tables, rng)
+        for number in range(1, tries + 1):
+            with budget.within(1.0 if best is None else SEARCHING):
+                found = reduced(tables, rng, budget.step)
             if best is not None and len(found.letters) > best[0][0]:
                 continue
             names = named(found, seed_letter)
@@ -191,8 +213,8 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
             size = len(found.letters), sum(map(len, rules))
             if best is None or size < best[0]:
                 best = size, names, rules
-                report(f"{size[0] + 1} letters, {size[1]} rules after {number + 1} tries")
-    except (TimeoutError, KeyboardInterrupt):
+                report(f"{size[0] + 1} letters, {size[1]} rules after {number} tries")
+    except (TimeoutError, OutOfStepsError, KeyboardInterrupt):
         if best is None:
             raise
     assert best is not None  # noqa: S101  there is at least one try
@@ -208,14 +230,23 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, clock: _Cl
         f"letters were merged from {len(tables.letters)} such that nobody is misled in any of {facts.states} states "
         "(up to turns and mirrors) nor in the middle of a wave"
     )
-    return _Draft(book, False, (merged, _exhaustive(book, facts.states, report)))
+    searched = (
+        "kind of books: growth from this seed in one order of orbits, the first found without a clash; the fewest "
+        f"letters, then rules, of {number} orders of merging; not proven the fewest"
+    )
+    return _Draft(book, False, searched, (merged, _exhaustive(book, facts.states, budget, report)))
 
 
-def _exhaustive(book: RuleBook, states: int, report: Notify) -> str:
+def _exhaustive(book: RuleBook, states: int, budget: Budget, report: Notify) -> str:
     """What exploring every event of the book says; RuntimeError where the book is wrong."""
     if states > MOST_STRUCTURES:
         return f"not explored again as a book: more than {MOST_STRUCTURES} structures"
-    found = exhausted(book, progress=lambda n, all_: report(f"explored {n} of {all_} structures found"))
+
+    def following(n: int, every: int) -> None:
+        report(f"explored {n} of {every} structures found")
+        budget.check()
+
+    found = exhausted(book, progress=following)
     if found.fault:
         raise RuntimeError(f"the book compiled for {book.name!r} is wrong, please report it: {found.fault}")
     if found.stopped:

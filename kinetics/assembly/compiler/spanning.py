@@ -16,6 +16,7 @@ from itertools import permutations
 
 import numpy as np
 
+from kinetics.assembly.compiler.budget import OutOfStepsError
 from kinetics.assembly.compiler.growth import beside
 from kinetics.assembly.faces import Position, compose, inverse, roll, turned
 from kinetics.assembly.rules.conditions import Combination
@@ -133,7 +134,7 @@ def spanning_tree(
 
     moves : in which one cube is hung on another neighbour; how many are tried from each start
     report : called with every better tree; tick : called at every move
-    Ctrl-C, or a TimeoutError of `tick`, ends the search; the best tree so far is returned.
+    Ctrl-C, or an error of `tick` that time or steps are used up, ends the search; the best tree so far is returned.
     """
     best: Tree | None = None
     bound = max(distances(places, seed).values()) + 1
@@ -158,7 +159,7 @@ def spanning_tree(
                     cost = changed
                 else:
                     search.hang(place, old)
-    except (KeyboardInterrupt, TimeoutError):
+    except (KeyboardInterrupt, TimeoutError, OutOfStepsError):
         if best is None:
             raise
     assert best is not None  # noqa: S101  the first start sets it

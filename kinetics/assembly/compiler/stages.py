@@ -210,7 +210,9 @@ class Planner:
         """Whether no cube of the stage can be mistaken."""
         is_short = len(set(stage.coming.values())) == 1
         try:
-            facts, _ = explore_stage(stage, self.turns, is_last, most=MOST_STATES if is_short else LONGEST)
+            facts, _ = explore_stage(
+                stage, self.turns, is_last, most=MOST_STATES if is_short else LONGEST, tick=self.tick
+            )
         except TooManyError:
             self.is_proof &= not is_short
             return False

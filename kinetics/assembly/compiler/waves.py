@@ -7,6 +7,7 @@ complete. What of this is needed is found by merging letters (see `merging`).
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from kinetics.assembly.compiler.growth import MOST_STATES, Facts, Letters, Stage, around, beside, explore_stage
@@ -63,7 +64,9 @@ class _Waves:
         return self.code(orbit, stage, True) if inner else self.code(orbit, stage + 1, False)
 
 
-def facts_of(course: Course, most: int = MOST_STATES) -> tuple[Facts, int, Letters]:
+def facts_of(
+    course: Course, most: int = MOST_STATES, tick: Callable[[], None] = lambda: None
+) -> tuple[Facts, int, Letters]:
     """All that is read during a planned growth, with as many letters as it takes; the seed's; those at the end.
 
     TooManyError: a stage has more than `most` states.
@@ -80,7 +83,7 @@ def facts_of(course: Course, most: int = MOST_STATES) -> tuple[Facts, int, Lette
     for number, coming in enumerate(course.stages):
         entering = {place: waves.code(orbit, number, False) for place, orbit in coming.items()}
         stage = Stage(course.senses, course.axes, letters, entering, course.required)
-        found, letters = explore_stage(stage, course.turns, number == len(rounds) - 1, waves.follow, most)
+        found, letters = explore_stage(stage, course.turns, number == len(rounds) - 1, waves.follow, most, tick)
         facts.add(found)
     return facts, waves.code(seed, 0, False), letters
 

@@ -10,15 +10,27 @@ from command_line import run_here
 from growing import grown
 
 from kinetics.assembly import RuleBook, Senses, check, derive
-from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, all_books, compile_book
+from kinetics.assembly.compiler import (
+    InfeasibleError,
+    Target,
+    UndecidedError,
+    all_books,
+    compile_book,
+    compiling,
+)
+from kinetics.assembly.compiler.fewest import target_yield
 from kinetics.assembly.rules.writing import written
 
 compile_unhurried = partial(compile_book, time_limit=float("inf"))  # the same book on any machine
 
-# Fewest letters, that of a free cube among them; all joins that cubes can tell apart, and all breaks.
-FEWEST = {"line4": 3, "line5": 3, "t5": 3, "corner": 3, "plate2x2": 3}
-NEEDS = {"line4": "", "line5": "", "t5": "", "corner": "across", "plate2x2": "roll, across, touched"}
-JOINS = {"line4": 4, "line5": 6, "t5": 15, "corner": 7, "plate2x2": 3}
+# Fewest letters, that of a free cube among them, over all sets of joins; what cubes have to sense; joins of the book.
+FEWEST = {"line4": 2, "line5": 3, "l3": 2, "t5": 2, "corner": 2, "screw": 2, "plate2x2": 3}
+NEEDS = dict.fromkeys(FEWEST, "two face types") | {
+    "corner": "two face types, across",
+    "plate2x2": "two face types, roll, across, touched",
+    "screw": "six face types, roll",
+}
+JOINS = {"line4": 3, "line5": 3, "l3": 2, "t5": 3, "corner": 4, "screw": 5, "plate2x2": 3}
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +43,13 @@ def sensing(target, **senses):
 
 
 @pytest.mark.parametrize("name", FEWEST)
-def test_fewest_letters_weakest_senses_and_all_joins(compiled, name):
+def test_weakest_senses_and_fewest_letters_over_all_joins(compiled, name):
     made = compiled[name]
     assert (made.letters, made.minimal) == (FEWEST[name], True)
-    assert made.capability == ", ".join(filter(None, ["two face types", NEEDS[name]]))
+    assert made.capability == NEEDS[name]
+    tried = [sentence for sentence in made.searched if "any joins: none does, all were tried" in sentence]
+    assert [int(sentence.split()[0]) for sentence in tried] == list(range(1, FEWEST[name]))
+    assert any("all structures of one shape have the same letters" in sentence for sentence in made.searched)
     assert len(made.joins) == JOINS[name]
     assert made.book.semantics.bonds == "break"
 
@@ -45,9 +60,10 @@ def test_the_book_makes_the_target_and_parts_of_it_only(compiled, name):
     derived = derive(made.book)
     assert derived.is_closed
     assert check(made.book, slow_waves=False).is_correct
-    shapes = [s.with_letters(["#"] * len(s)).canonical("two") for s in derived.structures.values()]
+    scheme = made.book.scheme
+    shapes = [s.with_letters(["#"] * len(s)).canonical(scheme) for s in derived.structures.values()]
     assert len(shapes) == len(set(shapes))  # each shape in one state only
-    assert target.structure("two").canonical("two") in shapes
+    assert made.book.target.with_letters(["#"] * len(target)).canonical(scheme) in shapes
     assert max(map(len, shapes)) == len(target)
     assert sum(len(event.before) == 2 for event in derived.events) == JOINS[name]
 
@@ -100,8 +116,10 @@ def test_lines_of_four_with_other_joins(joins, breaks, letters):
 
 
 def test_fewer_letters_than_it_takes_are_refused_after_all_were_tried():
-    with pytest.raises(InfeasibleError, match="take more than 2 letters: all were tried"):
+    with pytest.raises(InfeasibleError, match="takes more than 2 letters: all were tried"):
         compile_unhurried(sensing("line4"), max_letters=2, joins=["1+1", "1+2", "1+3", "2+2"])
+    with pytest.raises(InfeasibleError, match="takes more than 2 letters: all were tried"):
+        compile_unhurried(sensing("line5"), max_letters=2)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +147,7 @@ def test_joins_that_cannot_be_told_apart_are_named():
         compile_unhurried(sensing("plate2x2", roll=True, across=True, touched=True), joins=["1+1", "1+2", "2+2"])
 
 
-@pytest.mark.parametrize(("faces", "letters"), [("one", None), ("six", 3)])
+@pytest.mark.parametrize(("faces", "letters"), [("one", None), ("six", 2)])
 def test_lines_with_other_faces(faces, letters):
     target = sensing("line4", faces=faces, roll=faces == "six")
     if letters is None:
@@ -139,11 +157,55 @@ def test_lines_with_other_faces(faces, letters):
         assert compile_unhurried(target).letters == letters
 
 
+class Clock:
+    """A clock that ticks whenever it is looked at."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        self.now += 1.0
+        return self.now
+
+
 def test_time_that_is_up_is_not_called_infeasible():
-    for name in ("t5", "corner"):
-        with pytest.raises(UndecidedError, match="not decided within 1e-06 s") as caught:
-            compile_book(Target.load(name), time_limit=1e-6)
-        assert "infeasible" not in str(caught.value)
+    """It ends at the next look at the clock, and says what was decided and what would come next."""
+    looks = Clock()
+    compile_book(Target.load("corner"), time_limit=1e9, clock=looks)
+    for share in (0.01, 0.5, 0.9):
+        limit, clock = share * looks.now, Clock()
+        with pytest.raises(UndecidedError, match=f"not decided within {limit:g} s\nso far: ") as caught:
+            compile_book(Target.load("corner"), time_limit=limit, clock=clock)
+        assert clock.now <= limit + 3
+        assert "at work: two face types" in str(caught.value)
+    assert "two face types infeasible" in str(caught.value)  # the last
+    assert "next: two face types, touched" in str(caught.value)
+
+
+def test_a_time_limit_that_is_not_met_changes_nothing(compiled):
+    assert compile_book(Target.load("l3"), time_limit=1e6, clock=Clock()).book == compiled["l3"].book
+
+
+def test_steps_that_are_used_up_end_a_rung_and_the_next_one_follows(monkeypatch):
+    """The ladder goes on where nothing was decided, and the message says so."""
+    monkeypatch.setattr(compiling, "RUNG_STEPS", 20)
+    monkeypatch.setattr(compiling, "REMEDY_STEPS", 20)
+    with pytest.raises(UndecidedError, match="with two face types, roll, across, touched: not decided") as caught:
+        compile_unhurried(Target.load("plate2x2"))
+    assert "with six face types, roll: not decided" in str(caught.value)
+
+
+def test_of_as_many_letters_and_rules_the_largest_yield(compiled):
+    book = compiled["t5"].book
+    assert len(book.all_rules) == 5
+    own = target_yield(book)
+    others = [
+        made.book
+        for made in all_books(Target.load("l3"), time_limit=float("inf"))
+        if (made.letters, len(made.book.all_rules)) == (2, len(compiled["l3"].book.all_rules))
+    ]
+    assert 0 < own < 1
+    assert target_yield(compiled["l3"].book) >= max(map(target_yield, others)) > 0
 
 
 def test_all_choices_of_joins_of_a_line():
@@ -183,8 +245,9 @@ def test_joins_do_not_go_with_growth_from_a_seed():
 def test_the_command_writes_a_book_that_checks(tmp_path):
     done = run_here("rules", "compile", "t5", "--out", "made.toml", cwd=tmp_path)
     assert done.code == 0, done.err
-    assert "t5: 3 letters, the fewest for these joins; " in done.out
-    assert len(RuleBook.load(tmp_path / "made.toml").letters) == 3
+    assert "t5: 2 letters, the fewest of their kind; " in done.out
+    assert "1 letter, any joins: none does, all were tried" in done.out
+    assert len(RuleBook.load(tmp_path / "made.toml").letters) == 2
     assert run_here("rules", "check", "made.toml", cwd=tmp_path).code == 0
     assert run_here("rules", "compile", "line4", "--joins", "1+1, 2+2", "--json", cwd=tmp_path).json["letters"] == 2
 

@@ -80,6 +80,16 @@ def test_cubes_cannot_tell_left_from_right():
     assert quick(target(screw)).book.senses == SIX
 
 
+def test_letters_that_differ_from_their_mirror_image_are_not_taken():
+    """From a corner of 2x2x2 cubes, one order of growth could end in either of two mirror images in letters."""
+    made = quick(target(product(range(2), repeat=3), seed=(0, 0, 0)))
+    assert made.book.senses == Senses(faces="two", roll=True, across=True, touched=True)
+    assert made.letters == 4
+    assert any("every event of the book explored" in sentence for sentence in made.verified)
+    with pytest.raises(UndecidedError, match="not found with this sensing"):
+        quick(target(product(range(2), repeat=3), seed=(0, 0, 0), senses=COOP))
+
+
 def test_six_faces_reach_the_bound():
     made = quick(target(CUBE, senses=SIX), growths=3)
     assert made.minimal

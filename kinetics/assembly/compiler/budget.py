@@ -1,0 +1,62 @@
+"""How much a compilation may take: steps, which are the same on any machine, and a limit of time that ends it all."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+LOOKS = 128  # steps between two looks at the clock
+
+
+class OutOfStepsError(Exception):
+    """A search has used up its steps."""
+
+
+class Budget:
+    """Steps that are left to the search at work, and the end of all work.
+
+    time_limit : s from now
+    clock : in seconds; time.monotonic but in tests
+    steps : all that were taken so far
+    """
+
+    def __init__(self, time_limit: float = math.inf, clock: Callable[[], float] = time.monotonic):
+        self.clock, self.start = clock, clock()
+        self.end = self.start + time_limit
+        self.steps = 0
+        self.last = math.inf  # the step beyond which the search at work must not go
+
+    def step(self) -> None:
+        """Take a step. OutOfStepsError after the last one; TimeoutError when time is up."""
+        self.steps += 1
+        if self.steps > self.last:
+            raise OutOfStepsError
+        if self.steps % LOOKS == 0:
+            self.check()
+
+    def check(self) -> None:
+        """TimeoutError when time is up."""
+        if self.clock() > self.end:
+            raise TimeoutError
+
+    @contextmanager
+    def within(self, share: float) -> Iterator[None]:
+        """Within, TimeoutError after that share of the time that was given in all."""
+        end = self.end
+        self.end = min(end, self.start + share * (end - self.start))
+        try:
+            yield
+        finally:
+            self.end = end
+
+    @contextmanager
+    def at_most(self, steps: int) -> Iterator[None]:
+        """Within, OutOfStepsError after so many steps; and after those that an outer search still has."""
+        outer = self.last
+        self.last = min(outer, self.steps + steps)
+        try:
+            yield
+        finally:
+            self.last = outer

@@ -1,0 +1,184 @@
+"""The book with the fewest letters of a plan, then with the fewest rules, then with the largest yield."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain, islice
+
+import numpy as np
+
+from kinetics.assembly.compiler import reasons
+from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
+from kinetics.assembly.compiler.choices import Choices
+from kinetics.assembly.compiler.plan import Channel
+from kinetics.assembly.compiler.problem import Problem
+from kinetics.assembly.compiler.proof import NotProvenError, book_of, proven
+from kinetics.assembly.compiler.result import Exhausted, sensing
+from kinetics.assembly.compiler.search import Solution, solutions
+from kinetics.assembly.deriving.derive import derive
+from kinetics.assembly.rules.rule_book import RuleBook
+
+# Steps of one search, 10,000 to 100,000 a second: with cubes that write their final letters at once, and any letters.
+DIRECT_STEPS, DEFERRED_STEPS = 50_000, 200_000
+SET_STEPS = 20_000  # of either, where one set of joins is tried of many
+SETS = 24  # of joins, of which each may give a book with fewer rules
+# What yields are compared by: free cubes at first, time in tu, and rates in 1/tu of a pair of faces and of a bond.
+CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The best book found.
+
+    exhausted : the numbers of letters that are proven not to do; undecided : those that were given up
+    compared : how many books with as many letters were compared; sets : how many sets of joins were tried for these
+    """
+
+    book: RuleBook
+    joins: tuple[str, ...]
+    verified: tuple[str, ...]
+    exhausted: tuple[Exhausted, ...]
+    undecided: tuple[int, ...]
+    compared: int
+    sets: int
+
+    @property
+    def is_fewest(self) -> bool:
+        """Whether fewer letters are proven not to do."""
+        return not self.undecided
+
+
+class NoBookError(Exception):
+    """No book was found, and why, in words; is_proof: there is none. exhausted : letters proven not to do."""
+
+    def __init__(self, text: str, is_proof: bool, exhausted: tuple[Exhausted, ...] = ()):
+        super().__init__(text)
+        self.is_proof, self.exhausted = is_proof, exhausted
+
+
+def fewest(
+    choices: Choices,
+    joins: Iterable[Channel] | None,
+    max_letters: int,
+    budget: Budget,
+    report: Callable[[str], None],
+    steps: tuple[int, int] = (DIRECT_STEPS, DEFERRED_STEPS),
+) -> Best:
+    """The best book for some joins; None: over all sets of joins. NoBookError: there is none, or none was found.
+
+    steps : of the first search with each number of letters, direct and deferred
+    """
+    plan, breaks = choices.plan, choices.breaks
+    if joins is not None:
+        problem = Problem.of(plan, joins, breaks)
+    else:
+        problem = Problem(plan, breaks, choices.sensible(choices.possible), frozenset())
+    exhausted: list[Exhausted] = []
+    undecided: list[int] = []
+    for n in range(1, max_letters + 1):
+        report(f"{sensing(plan.senses)}: {n} letters")
+        before = budget.steps
+        found, is_all = _tried(problem, n, *steps, budget)
+        if found is None and is_all:
+            exhausted.append(Exhausted(n, budget.steps - before))
+            continue
+        several = _some_sets(choices, budget) if joins is None else []
+        compared = [] if found is None else [found]
+        for some in several:
+            made, _ = _tried(Problem.of(plan, some, breaks), n, SET_STEPS, SET_STEPS, budget)
+            compared += [] if made is None else [made]
+        for solution in _in_order(problem, compared):
+            try:
+                book, verified = proven(problem, solution, budget.check)
+            except NotProvenError as error:
+                report(str(error))
+                continue
+            names = tuple(map(plan.name, solution.joins))
+            return Best(book, names, verified, tuple(exhausted), tuple(undecided), len(compared), len(several))
+        undecided.append(n)
+    asked = "" if joins is None else f"the joins {reasons.choice(plan, problem.required)}: "
+    if undecided:
+        raise NoBookError(
+            f"{asked}no book found with {_numbers(undecided)} letters in the steps allowed", False, tuple(exhausted)
+        )
+    raise NoBookError(f"{asked}it takes more than {max_letters} letters: all were tried", True, tuple(exhausted))
+
+
+def _some_sets(choices: Choices, budget: Budget) -> list[frozenset[Channel]]:
+    """Sets of joins that make sense, each once: those that make every part in one way, the largest, and others."""
+    found: dict[frozenset[Channel], None] = {}
+    with suppress(OutOfStepsError), budget.at_most(SET_STEPS):
+        for joins in chain(islice(choices.paths(), SETS // 2), islice(choices.largest(), SETS // 4), choices.every()):
+            found[joins] = None
+            if len(found) == SETS:
+                break
+    return list(found)
+
+
+def _tried(
+    problem: Problem, n_letters: int, direct: int, deferred: int, budget: Budget
+) -> tuple[Solution | None, bool]:
+    """A solution, and whether all were tried."""
+    for is_deferred, steps in ((False, direct), (True, deferred)):
+        try:
+            with budget.at_most(steps):
+                found = next(solutions(problem, n_letters, is_deferred, budget.step), None)
+        except OutOfStepsError:
+            is_all = False
+        else:
+            is_all = is_deferred
+            if found is not None:
+                return found, False
+    return None, is_all
+
+
+def _in_order(problem: Problem, found: list[Solution]) -> Iterator[Solution]:
+    """The solutions, fewest rules first; of as many, the largest yields first."""
+    books = [book_of(problem, solution) for solution in found]
+    counts = [len(book.all_rules) for book in books]
+    for count in sorted(set(counts)):
+        alike = [n for n, own in enumerate(counts) if own == count]
+        if len(alike) > 1:
+            yields = {n: target_yield(books[n]) for n in alike}
+            alike.sort(key=lambda n: -yields[n])
+        yield from (found[n] for n in alike)
+
+
+def target_yield(book: RuleBook) -> float:
+    """The share of CUBES free cubes that are in targets after DURATION, by the rate equations of the derived network.
+
+    Every pair of faces that may join does so at the rate JOIN, every bond breaks at BREAK. Rounded to .001, as it only
+    decides between books with as many letters and rules.
+    """
+    from scipy.integrate import solve_ivp
+
+    derived = derive(book)
+    sizes = np.array([len(structure) for structure in derived.structures.values()])
+    before, change, rates = [], np.zeros((len(derived.events), sizes.size)), []
+    for row, (event, ways) in enumerate(derived.events.items()):
+        for side, sign in ((event.before, -1), (event.after, 1)):
+            np.add.at(change[row], list(side), sign)
+        before.append([*event.before, -1][:2])
+        like = 0.5 if len(set(event.before)) < len(event.before) else 1.0
+        rates.append(sum(ways.values()) * (JOIN * like if len(event.before) == 2 else BREAK))
+    first, second = np.array(before).T
+    start = np.where(np.arange(sizes.size) == 0, float(CUBES), 0.0)
+    done = solve_ivp(
+        lambda _, y: (np.array(rates) * y[first] * np.where(second < 0, 1.0, y[second])) @ change,
+        (0.0, DURATION),
+        start,
+        method="LSODA",
+        rtol=1e-6,
+        atol=1e-6,
+    )
+    assert book.target is not None  # noqa: S101  the compiler's books have one
+    target = derived.species_of(book.target)
+    return round(float(done.y[target, -1] * sizes[target] / CUBES), 3)
+
+
+def _numbers(numbers: Iterable[int]) -> str:
+    """`2, 3 or 4`."""
+    *first, last = map(str, numbers)
+    return f"{', '.join(first)} or {last}" if first else last

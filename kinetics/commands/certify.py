@@ -1,0 +1,47 @@
+"""`wellmixed rules certify`: whether what a certificate says of a compiled book is true."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from kinetics.support.cli.options import echo_json, json_option
+
+NOT_CERTIFIED = 1  # exit code
+
+
+@click.command()
+@click.argument("book")
+@click.argument("certificate", type=click.Path(exists=True, dir_okay=False))
+@click.option(
+    "--steps",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1_000_000,
+    show_default=True,
+    help="Most answers tried in each search for a book with fewer letters.",
+)
+@json_option
+def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
+    """Verify what CERTIFICATE, of `wellmixed rules compile --certificate`, claims of the rule book BOOK.
+
+    By code that shares nothing with the compiler: the book is explored, books with fewer letters are searched for, and
+    the situations that cubes with weaker senses cannot distinguish are compared. Exit code 1 if a claim is false or
+    was not decided.
+    """
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly.checking.certificate import certified
+
+    try:
+        claims = json.loads(Path(certificate).read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{certificate}: no certificate: {error}") from None
+    verdicts = certified(RuleBook.load(book), claims, steps)
+    if as_json:
+        echo_json({"book": book, "claims": [verdict._asdict() for verdict in verdicts]})
+    else:
+        click.echo("\n".join(map(str, verdicts)))
+    if not all(verdict.holds for verdict in verdicts):
+        raise SystemExit(NOT_CERTIFIED)

@@ -1,0 +1,127 @@
+"""Certificates of compiled books: true ones hold, and every kind of false claim is found."""
+
+import json
+from copy import deepcopy
+from dataclasses import replace
+
+import pytest
+from command_line import run_here
+
+from kinetics.assembly import RuleBook
+from kinetics.assembly.checking.certificate import certified
+from kinetics.assembly.compiler import Target, compile_book
+from kinetics.assembly.rules.writing import written
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    """A book of three letters whose cubes need all senses of two face types."""
+    made = compile_book(Target.load("plate2x2"), time_limit=float("inf"))
+    return made.book, json.loads(json.dumps(made.certificate.as_json()))
+
+
+def false(verdicts):
+    return [verdict.claim for verdict in verdicts if verdict.holds is False]
+
+
+def test_what_the_compiler_claims_holds(compiled):
+    verdicts = certified(*compiled)
+    assert all(verdict.holds for verdict in verdicts)
+    assert sum("no book of its kind" in verdict.claim for verdict in verdicts) == 2
+    assert sum("pairs of situations" in verdict.claim for verdict in verdicts) == 7
+
+
+def test_books_with_their_own_joins_alone(tmp_path):
+    made = compile_book(Target.load("line4"), joins=["1+1", "1+2", "1+3", "2+2"], time_limit=float("inf"))
+    claims = made.certificate.as_json()
+    assert (claims["letters"], claims["any_joins"]) == (3, False)
+    assert all(verdict.holds for verdict in certified(made.book, claims))
+    claims["any_joins"] = True  # two letters do with other joins
+    assert (
+        false(certified(made.book, claims))
+        == [claim for claim in false(certified(made.book, claims)) if "2 letters, whatever its joins" in claim]
+        != []
+    )
+
+
+def test_another_book_and_other_numbers_are_seen(compiled):
+    book, claims = compiled
+    assert false(certified(RuleBook.load("line4"), claims))[0] == "the certificate is of this book"
+    assert "the book has 2 letters" in false(certified(book, claims | {"letters": 2}))
+    wrong = replace(book, dissociate=())
+    found = false(certified(wrong, claims | {"fingerprint": wrong.fingerprint}))
+    assert found == ["the book makes the target and parts of it, and every cube can come home"]
+
+
+def test_more_letters_than_it_takes_are_seen(compiled):
+    """The same book with a letter that nothing uses."""
+    book, claims = compiled
+    idle = replace(book, letters=(*book.letters, "z"))
+    found = certified(idle, claims | {"letters": 4, "fingerprint": idle.fingerprint})
+    assert [claim for claim in false(found) if "has 3 letters" in claim]
+
+
+def test_situations_that_can_be_told_apart_are_seen(compiled):
+    """Each change of a situation makes it another one: what must not bond does something else."""
+    book, claims = compiled
+    for number, each in enumerate(claims["weaker_senses"]):
+        for change in (_swapped, _alike, _fewer):
+            other = deepcopy(claims)
+            change(other["weaker_senses"][number]["situations"][0])
+            assert not all(verdict.holds for verdict in certified(book, other)), (each["senses"], change)
+    stronger = deepcopy(claims)
+    stronger["weaker_senses"][0]["senses"] |= book.senses.model_dump()  # with these there is a book
+    assert false(certified(book, stronger))
+
+
+def _swapped(situation):
+    """What must bond and what must not, exchanged."""
+    for pair in situation["pairs"]:
+        pair["must"], pair["must_not"] = [pair["must_not"]] * 2, pair["must"][0]
+
+
+def _alike(situation):
+    """What must not bond is what must."""
+    for pair in situation["pairs"]:
+        pair["must_not"] = pair["must"][0]
+
+
+def _fewer(situation):
+    """A single pair; or another target, where there is a single pair."""
+    if len(situation["pairs"]) == 1:
+        situation["whole"][0][0] += 5
+    del situation["pairs"][1:]
+
+
+def test_few_steps_decide_nothing(compiled):
+    verdicts = certified(*compiled, most_steps=10)
+    assert [verdict.holds for verdict in verdicts if "no book of its kind" in verdict.claim] == [None, None]
+    assert not false(verdicts)
+
+
+@pytest.mark.parametrize("broken", [{"fingerprint": None}, {"weaker_senses": [{"senses": {"faces": "nine"}}]}, {}])
+def test_garbled_certificates_are_refused(compiled, broken):
+    book, claims = compiled
+    garbled = claims | broken if broken else {}
+    if broken == {"fingerprint": None}:
+        assert "the certificate is of this book" in false(certified(book, garbled))
+        return
+    with pytest.raises(ValueError, match="write it by rules compile"):
+        certified(book, garbled)
+    with pytest.raises(ValueError, match="such books have no certificate"):
+        certified(RuleBook.load("pyramid45"), claims)
+
+
+def test_the_command(compiled, tmp_path):
+    book, claims = compiled
+    (tmp_path / "book.toml").write_text(written(book))
+    (tmp_path / "claims.json").write_text(json.dumps(claims))
+    done = run_here("rules", "certify", "book.toml", "claims.json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert done.out.count("holds: ") == len(certified(book, claims))
+    (tmp_path / "claims.json").write_text(json.dumps(claims | {"letters": 2}))
+    done = run_here("rules", "certify", "book.toml", "claims.json", "--json", cwd=tmp_path)
+    assert done.code == 1
+    assert [claim["claim"] for claim in done.json["claims"] if not claim["holds"]] == ["the book has 2 letters"]
+    (tmp_path / "claims.json").write_text("no json")
+    assert run_here("rules", "certify", "book.toml", "claims.json", cwd=tmp_path).code == 2
