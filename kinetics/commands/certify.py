@@ -35,13 +35,13 @@ def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
     from kinetics.assembly.checking.certificate import certified
 
     try:
-        claims = json.loads(Path(certificate).read_text(encoding="utf-8"))
+        said = json.loads(Path(certificate).read_text(encoding="utf-8"))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(f"{certificate}: no certificate: {error}") from None
-    verdicts = certified(RuleBook.load(book), claims, steps)
+    claims = certified(RuleBook.load(book), said, steps)
     if as_json:
-        echo_json({"book": book, "claims": [verdict._asdict() for verdict in verdicts]})
+        echo_json({"book": book, "claims": [claim._asdict() for claim in claims]})
     else:
-        click.echo("\n".join(map(str, verdicts)))
-    if not all(verdict.holds for verdict in verdicts):
+        click.echo("\n".join(map(str, claims)))
+    if not all(claim.holds for claim in claims):
         raise SystemExit(NOT_CERTIFIED)

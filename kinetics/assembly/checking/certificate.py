@@ -7,7 +7,7 @@ whatever the letters are, they read the same in both.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, product
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from kinetics.assembly.structure import Structure
 MOST_CASES = 4096  # choices among pairs of joins of which one must be left out
 
 
-class Verdict(NamedTuple):
+class CheckedClaim(NamedTuple):
     """One claim; holds: None where it was not decided."""
 
     claim: str
@@ -33,7 +33,7 @@ class Verdict(NamedTuple):
         return f"{ {True: 'holds', False: 'FALSE', None: 'not decided'}[self.holds] }: {self.claim}"
 
 
-def certified(book: RuleBook, certificate: Mapping[str, Any], most_steps: int = STEPS) -> list[Verdict]:
+def certified(book: RuleBook, certificate: Mapping[str, Any], most_steps: int = STEPS) -> list[CheckedClaim]:
     """What is true of a certificate as `wellmixed rules compile --certificate` writes it.
 
     most_steps : of each search for a book with fewer letters; a few thousand a second
@@ -43,37 +43,44 @@ def certified(book: RuleBook, certificate: Mapping[str, Any], most_steps: int = 
     if target is None or book.seed_letter is not None:
         raise ValueError(f"book {book.name!r} names no target, or grows from a seed; such books have no certificate")
     try:
-        of_this_book = certificate["fingerprint"] == book.fingerprint
-        letters, is_fewest, any_joins = (certificate[name] for name in ("letters", "is_fewest", "any_joins"))
-        weaker = [(Senses(**each["senses"]), each) for each in certificate["weaker_senses"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"the certificate lacks or garbles an entry: {error}; write it by rules compile") from None
-    verdicts = [
-        Verdict("the certificate is of this book", of_this_book),
-        Verdict(f"the book has {letters} letters", letters == len(book.letters)),
-        Verdict("the book makes the target and parts of it, and every cube can come home", check(book).is_correct),
-    ]
+        return list(_claims(book, target, certificate, most_steps))
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"the certificate lacks or garbles an entry ({type(error).__name__}: {error}); write it by rules compile"
+        ) from None
+
+
+def _claims(
+    book: RuleBook, target: Structure, certificate: Mapping[str, Any], most_steps: int
+) -> Iterator[CheckedClaim]:
+    """One claim after another."""
+    letters, any_joins = certificate["letters"], certificate["any_joins"]
+    yield CheckedClaim("the certificate is of this book", certificate["fingerprint"] == book.fingerprint)
+    yield CheckedClaim(f"the book has {letters} letters", letters == len(book.letters))
+    correct = check(book).is_correct
+    yield CheckedClaim("the book makes the target and parts of it, and every cube can come home", correct)
     joins = None if any_joins else _joins_of(book)
     said = "whatever its joins" if any_joins else "with the same joins"
-    for fewer in range(1, letters) if is_fewest else ():
+    for fewer in range(1, letters) if certificate["is_fewest"] else ():
         found, steps = _search(target, book.senses, book, fewer, joins, most_steps)
-        verdicts.append(Verdict(f"no book of its kind has {fewer} letters, {said} ({steps} answers tried)", found))
-    for senses, each in weaker:
-        for turned in each["situations"] if any_joins else ():
-            whole = _structure(turned["whole"])
-            named = ", ".join(f"{name} = {value}" for name, value in senses.model_dump().items())
+        yield CheckedClaim(f"no book of its kind has {fewer} letters, {said} ({steps} answers tried)", found)
+    for each in certificate["weaker_senses"] if any_joins else ():
+        senses = Senses(**each["senses"])
+        named = ", ".join(f"{name} = {value}" for name, value in senses.model_dump().items())
+        tried = [entry["letters"] for entry in each["exhausted"]]
+        if not each["situations"]:
+            yield CheckedClaim(f"no book with {named}: no reason is given", None)
+        for turned in each["situations"]:
+            whole, pairs = _structure(turned["whole"]), turned["pairs"]
             if {*whole.positions} != {*target.positions}:
-                verdicts.append(Verdict(f"the target of the book, with {named}", False))
-            elif turned["pairs"]:
-                holds = _impossible(book, whole, senses, turned["pairs"])
-                text = f"no book with {named}, whatever its letters ({len(turned['pairs'])} pairs of situations)"
-                verdicts.append(Verdict(text, holds))
+                yield CheckedClaim(f"with {named}, the target is that of the book", False)
+            elif pairs or not tried:
+                text = f"no book with {named}, whatever its letters ({len(pairs)} pairs of situations)"
+                yield CheckedClaim(text, _impossible(book, whole, senses, pairs))
             else:
-                fewer = max((tried["letters"] for tried in each["exhausted"]), default=0)
-                for n in range(1, fewer + 1):
+                for n in range(1, max(tried) + 1):
                     found, steps = _search(whole, senses, book, n, None, most_steps)
-                    verdicts.append(Verdict(f"no book of {n} letters with {named} ({steps} answers tried)", found))
-    return verdicts
+                    yield CheckedClaim(f"no book of {n} letters with {named} ({steps} answers tried)", found)
 
 
 def _search(
@@ -109,11 +116,8 @@ def _sorted(a: Structure, b: Structure) -> tuple[Structure, Structure]:
 
 def _structure(cubes: Sequence[Sequence[int]]) -> Structure:
     """A structure of (x, y, z, rotation)."""
-    try:
-        places = tuple((int(x), int(y), int(z)) for x, y, z, _ in cubes)
-        return Structure(places, tuple(int(cube[3]) for cube in cubes), ("#",) * len(places))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"the certificate's cubes are garbled: {error}; write it by rules compile") from None
+    places = tuple((int(x), int(y), int(z)) for x, y, z, _ in cubes)
+    return Structure(places, tuple(int(cube[3]) for cube in cubes), ("#",) * len(places))
 
 
 def _impossible(book: RuleBook, whole: Structure, senses: Senses, pairs: Iterable[Mapping[str, Any]]) -> bool | None:

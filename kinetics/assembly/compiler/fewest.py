@@ -15,7 +15,7 @@ from kinetics.assembly.compiler.choices import Choices
 from kinetics.assembly.compiler.plan import Channel
 from kinetics.assembly.compiler.problem import Problem
 from kinetics.assembly.compiler.proof import NotProvenError, book_of, proven
-from kinetics.assembly.compiler.result import Exhausted, sensing
+from kinetics.assembly.compiler.result import RuledOut, sensing
 from kinetics.assembly.compiler.search import Solution, solutions
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.rule_book import RuleBook
@@ -39,7 +39,7 @@ class Best:
     book: RuleBook
     joins: tuple[str, ...]
     verified: tuple[str, ...]
-    exhausted: tuple[Exhausted, ...]
+    exhausted: tuple[RuledOut, ...]
     undecided: tuple[int, ...]
     compared: int
     sets: int
@@ -53,7 +53,7 @@ class Best:
 class NoBookError(Exception):
     """No book was found, and why, in words; is_proof: there is none. exhausted : letters proven not to do."""
 
-    def __init__(self, text: str, is_proof: bool, exhausted: tuple[Exhausted, ...] = ()):
+    def __init__(self, text: str, is_proof: bool, exhausted: tuple[RuledOut, ...] = ()):
         super().__init__(text)
         self.is_proof, self.exhausted = is_proof, exhausted
 
@@ -75,14 +75,14 @@ def fewest(
         problem = Problem.of(plan, joins, breaks)
     else:
         problem = Problem(plan, breaks, choices.sensible(choices.possible), frozenset())
-    exhausted: list[Exhausted] = []
+    exhausted: list[RuledOut] = []
     undecided: list[int] = []
     for n in range(1, max_letters + 1):
         report(f"{sensing(plan.senses)}: {n} letters")
         before = budget.steps
         found, is_all = _tried(problem, n, *steps, budget)
         if found is None and is_all:
-            exhausted.append(Exhausted(n, budget.steps - before))
+            exhausted.append(RuledOut(n, budget.steps - before))
             continue
         several = _some_sets(choices, budget) if joins is None else []
         compared = [] if found is None else [found]

@@ -20,7 +20,7 @@ class UndecidedError(ValueError):
     """Neither a rule book nor a proof that there is none was found in time."""
 
 
-class Exhausted(NamedTuple):
+class RuledOut(NamedTuple):
     """A number of letters with which there is no book: all was tried, in so many steps."""
 
     letters: int
@@ -40,7 +40,7 @@ class Ruled:
     text: str
     is_proof: bool
     situations: tuple[Any, ...]
-    exhausted: tuple[Exhausted, ...]
+    exhausted: tuple[RuledOut, ...]
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Certificate:
     is_fewest: bool
     any_joins: bool
     joins: tuple[str, ...]
-    exhausted: tuple[Exhausted, ...]
+    exhausted: tuple[RuledOut, ...]
     weaker: tuple[Ruled, ...]
 
     def as_json(self) -> dict[str, Any]:
