@@ -30,14 +30,22 @@ def test_these_are_all_shapes():
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("one_lettering", [True, False])
-def test_the_compiler_takes_the_fewest_letters_of_all_books(compiled, name, one_lettering):
-    """Also of those in which one shape comes with several letterings, or a join happens in some of its ways alone."""
+def test_the_compiler_takes_the_fewest_letters_of_its_kind_of_books(compiled, name):
     made = compiled[name]
     assert (made.letters, made.minimal) == (LETTERS[name], True)
     assert check(made.book).is_correct
     for fewer in range(1, made.letters):
-        assert searched(made, fewer, one_lettering=one_lettering).rules is None
+        assert searched(made, fewer).rules is None
+
+
+@pytest.mark.parametrize("name", [name for name in SHAPES if name not in {"O4", "right", "left"}])
+def test_other_kinds_of_books_have_no_fewer_letters(compiled, name):
+    """Nor where one shape comes with several letterings, or a join happens in some of its ways alone.
+
+    Left out, as it takes more than a million answers: the plate with two letters. The screws take minutes.
+    """
+    for fewer in range(1, LETTERS[name]):
+        assert searched(compiled[name], fewer, one_lettering=False).rules is None
 
 
 @pytest.mark.parametrize("name", ["I2", "I3", "L3", "I4", "O4"])
