@@ -180,7 +180,10 @@ class Choices:
         left = frozenset(asked)
         found: list[Clash] = []
         while clashes := list(self.clashes(left)):
+            by_blamed: dict[frozenset[Channel], Clash] = {}
             for clash in clashes:
+                by_blamed.setdefault(clash.blamed, clash)
+            for clash in by_blamed.values():
                 if not self.sensible(left - clash.blamed):
                     return [*found, clash]
             found.append(clashes[0])

@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 from polycubes import SHAPES, grown_shapes
 
-from kinetics.assembly import RuleBook, Senses, check, derive
+from kinetics.assembly import RuleBook, check, derive
 from kinetics.assembly.checking.book_search import BookSearch, StepsError
 from kinetics.assembly.compiler import Target, compile_book
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal, Semantics
@@ -30,17 +30,25 @@ def test_these_are_all_shapes():
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("one_lettering", [True, False])
-def test_the_compiler_takes_the_fewest_letters_of_all_books(compiled, name, one_lettering):
-    """Also of those in which one shape comes with several letterings, or a join happens in some of its ways alone."""
+def test_the_compiler_takes_the_fewest_letters_of_its_kind_of_books(compiled, name):
     made = compiled[name]
     assert (made.letters, made.minimal) == (LETTERS[name], True)
     assert check(made.book).is_correct
     for fewer in range(1, made.letters):
-        assert searched(made, fewer, one_lettering=one_lettering).rules is None
+        assert searched(made, fewer).rules is None
 
 
-@pytest.mark.parametrize("name", ["I2", "I3", "L3", "I4", "O4"])
+@pytest.mark.parametrize("name", [name for name in SHAPES if name not in {"O4", "right", "left"}])
+def test_other_kinds_of_books_have_no_fewer_letters(compiled, name):
+    """Nor where one shape comes with several letterings, or a join happens in some of its ways alone.
+
+    Left out, as it takes more than a million answers: the plate with two letters. The screws take minutes.
+    """
+    for fewer in range(1, LETTERS[name]):
+        assert searched(compiled[name], fewer, one_lettering=False).rules is None
+
+
+@pytest.mark.parametrize("name", ["I2", "I3", "L3", "I4"])
 def test_what_it_finds_is_a_book_of_its_kind(compiled, name):
     """The control: with as many letters as the compiler takes there is a book, and the rules do what they should."""
     made = compiled[name]
@@ -97,10 +105,3 @@ def test_joins_asked_for_are_kept(compiled):
     assert len(joins) == 4
     assert searched(made, 2, joins=joins).rules is None
     assert searched(made, 2).rules is not None
-    assert searched(made, 3, joins=joins).rules is not None
-
-
-def test_weaker_senses_leave_no_book(compiled):
-    """Two face types alone cannot build a plate, with three letters or any."""
-    plate = compiled["O4"].book.target
-    assert BookSearch(plate, Senses(faces="two"), True, 3).search().rules is None
