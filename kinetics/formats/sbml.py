@@ -52,7 +52,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
     amounts = {name: names.initial_amount(name) for name in names.states}
     channels, events = channels_of(names), events_of(names)
     network = Network.from_reactions(channels.reactions, channels.laws, names.states, events=events)
-    sums, notes = {}, list(channels.notes)
+    sums, notes, is_spent = {}, list(channels.notes), False
     if copies_per_unit is None and _are_moles(names):
         notes.append("the file states amounts in moles; they are read as copies")
     for name in names.rules:
@@ -60,9 +60,9 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
     for name in names.rules:
         if name in names.species or name in names.parameters:
             try:
-                weights = _weights(names, name, network.species)
+                weights = None if is_spent else _weights(names, name, network.species)
             except BudgetError:
-                weights = None
+                weights, is_spent = None, True
             if weights is None:
                 notes.append(f"{name} is no sum of counts and is not shown")
             else:
