@@ -1,4 +1,4 @@
-"""The numbers of the studies' pages, from their stored files: blocks of README.md and of results/STUDY/README.md.
+"""The numbers of the studies' pages, from their stored files: blocks of docs/line_of_four.md and results/*/README.md.
 
     python -m tests.results.study_pages
 
@@ -23,7 +23,7 @@ from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
 
-PAGES = (ROOT / "README.md", *(folder / "README.md" for folder in STUDIES.values()))
+PAGES = (ROOT / "docs" / "line_of_four.md", *(folder / "README.md" for folder in STUDIES.values()))
 BLOCK = re.compile(r"(<!-- (line4|t5): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
 

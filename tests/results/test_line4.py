@@ -24,13 +24,12 @@ from tests.results.study_pages import PAGES, filled, numbers
 
 LINE4 = Study("line4")
 STUDY, RUNS = LINE4.folder, LINE4.folder / "runs"
-README, OWN, T5 = (page.read_text(encoding="utf-8") for page in PAGES)
-(SECTION,) = re.findall(r"^## A study of the line of four\n(.*?)^##", README, flags=re.MULTILINE | re.DOTALL)
+SECTION, OWN, T5 = (page.read_text(encoding="utf-8") for page in PAGES)
 # What is told of the past, whose data are no longer kept: physics 1 to 3, a threshold, seeds; and a level of 1 %.
 TOLD = {"1", "2", "3", "0.008", "101", "202", "24"}  # and the runs of t5
 
 
-@pytest.mark.parametrize("page", [README, OWN, T5], ids=["README", "line4", "t5"])
+@pytest.mark.parametrize("page", [SECTION, OWN, T5], ids=["line_of_four", "line4", "t5"])
 def test_pages_say_what_the_files_hold(page):
     assert filled(page) == page
     changed = re.sub(r"(?<=\d\.)\d", lambda digit: str((int(digit[0]) + 1) % 10), page)  # control: other decimals

@@ -26,9 +26,9 @@ def test_names_differ_and_every_method_is_tried():
     assert tried == {method.name for method in (*SAMPLING_METHODS, *SOLVING_METHODS)}
 
 
-def test_readme_counts_the_cases():
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    assert f" at {len(CASES)} cases in " in readme
+def test_the_page_counts_the_cases():
+    page = (Path(__file__).parents[3] / "docs" / "kinetics.md").read_text(encoding="utf-8")
+    assert f" at {len(CASES)} cases in " in page
 
 
 def test_wrong_answers_are_seen():
