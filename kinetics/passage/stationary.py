@@ -279,6 +279,8 @@ def _normalised(stays: BoundedSolution, anchor: int) -> tuple[Floats, float]:
     found = np.insert(stays.values, anchor, 1.0)
     with np.errstate(all="ignore"):
         total = float(found.sum())
+        if not total > 0.0:  # from a solution that failed
+            return found, np.inf
         relative = stays.relative_above(LOST * total) + float(stays.errors.sum()) / total
         error = 1.001 * (relative + ROUNDOFF * (found.size + 2))
         return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
