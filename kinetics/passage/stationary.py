@@ -28,6 +28,7 @@ CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
 ALIKE = 8.0  # times as likely: no better anchor
 Solver = TypeVar("Solver", bound=Equations)
+SMALLEST = 5e-324
 LOST = 1e-291  # what is smaller may be
 LOWEST = -600.0  # logarithm of the smallest guess
 
@@ -177,6 +178,8 @@ def _weights(
     chain = equations(*inner, leaving, transitions.roundings)
     times = chain.occupied(start[passing])
     weights += totals(label[columns[out]], times.values[place[rows[out]]] * rates[out], weights.size)
+    entered = np.bincount(label[columns[out]], minlength=weights.size) > 0
+    weights[entered] = np.maximum(weights[entered], SMALLEST)  # however unlikely
     # the flows in are added up
     terms = 2.0 * int(np.count_nonzero(start) - 1) + int(out.sum()) + 1
     return weights, times.relative + ROUNDOFF * terms
