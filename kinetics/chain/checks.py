@@ -44,9 +44,8 @@ def checked_rates(generator: Any) -> csr_array:
     matrix = square("generator", generator)
     diagonal = matrix.diagonal()
     rates = _off_diagonal(matrix)
-    entries: Any = (
-        coo_array(generator) if issparse(generator) else rates.tocoo()
-    )  # before those of one place are added up
+    is_sparse = issparse(generator)
+    entries: Any = coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
     least = np.where(entries.row == entries.col, 0.0, entries.data)
     if least.min(initial=0.0) < 0:
         at = int(np.argmin(least))
