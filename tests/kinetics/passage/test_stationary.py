@@ -167,6 +167,28 @@ def test_failed_factors_prove_nothing(monkeypatch):
     assert np.all(np.abs(found.probabilities - right) <= (found.error + 1e-15) * right)
 
 
+def test_factors_that_would_fill_up_are_foretold(monkeypatch):
+    """400 states with jumps to anywhere, where iteration proves nothing: no factors beyond the work allowed."""
+    rng = np.random.default_rng(3)
+    rates = np.where(rng.random((400, 400)) < 0.01, 1.0, 0.0) + np.diag(np.ones(399), 1) + np.diag(np.ones(399), -1)
+    room, tried = import_module("kinetics.passage.stationary"), []
+    by_factors = room._by_factors
+    monkeypatch.setattr(elimination, "MAX_WORK", 0)
+    monkeypatch.setattr(room, "_by_factors", lambda chain: tried.append(chain.size) or by_factors(chain))
+    for found, error in ((np.ones(400), np.inf), (np.full(400, 1 / 400), 1e-6)):
+        monkeypatch.setattr(room, "_by_iteration", lambda _, answer=(found, error): answer)
+        assert Chain(rates, 0).stationary().error < 1e-9
+        assert tried.pop() == 400
+        with monkeypatch.context() as less:
+            less.setattr(room, "MAX_FACTORED", 1e6)
+            if error == np.inf:
+                with pytest.raises(ValueError, match="out of reach"):
+                    Chain(rates, 0).stationary()
+            else:
+                assert Chain(rates, 0).stationary().error >= error
+        assert not tried
+
+
 def test_plot():
     ax = Figure().add_subplot()
     assert stationary(switch(), [20, 0]).plot(ax, "B") is ax
