@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 ROUNDED = 1e-9  # relative to the exit rate: by which a row of a generator may miss 0
+LARGEST = 1e300  # exit rate, 1/tu: sums of more are beyond what numbers hold
+LEAST_REWARD = 1e-200  # so that what is earned in a short time does not fall below what numbers hold
 NORMED = 1e-9  # by which a distribution may miss 1; it is then scaled
 
 
@@ -37,16 +39,24 @@ def checked_rates(generator: Any) -> csr_array:
 
     It is taken for a generator where its diagonal holds anything: its rows must then sum to zero.
     """
+    from scipy.sparse import coo_array, issparse
+
     matrix = square("generator", generator)
     diagonal = matrix.diagonal()
     rates = _off_diagonal(matrix)
-    if rates.data.size and rates.data.min() < 0:
-        entries = rates.tocoo()
-        at = int(np.argmin(entries.data))
+    is_sparse = issparse(generator)
+    entries: Any = coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
+    least = np.where(entries.row == entries.col, 0.0, entries.data)
+    if least.min(initial=0.0) < 0:
+        at = int(np.argmin(least))
         raise ValueError(
             f"the rate from state {entries.row[at]} to state {entries.col[at]} is {entries.data[at]:g}; expected at "
             f"least 0"
         )
+    with np.errstate(over="ignore"):
+        largest = float(rates.sum(axis=1).max())
+    if not largest <= LARGEST:
+        raise ValueError(f"a state is left at {largest:g} 1/tu; at most {LARGEST:g} is read: choose a shorter unit")
     if diagonal.any():
         exits = np.asarray(rates.sum(axis=1)).ravel()
         off = np.abs(exits + diagonal) > ROUNDED * np.maximum(exits, np.abs(diagonal))
@@ -65,6 +75,8 @@ def square(name: str, given: Any, n: int | None = None) -> csr_array:
 
     if not issparse(given):
         given = reals(name, given, (None, None))
+    if np.iscomplexobj(given):
+        raise ValueError(f"{name} holds complex numbers; expected real ones")
     matrix = csr_array(given, dtype=np.float64, copy=True)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or n not in (None, matrix.shape[0]):
         wanted = "a square" if n is None else f"({n}, {n})"
@@ -119,6 +131,10 @@ def checked_reward(name: str, given: Reward, n: int) -> Reward:
         raise ValueError(
             f"reward {name!r} holds {least:g}; expected at least 0: ask for gains and losses as two rewards"
         )
+    held = np.concatenate([rates, [] if impulses is None else impulses.data])
+    tiny = held[(held > 0.0) & (held < LEAST_REWARD)]
+    if tiny.size:
+        raise ValueError(f"reward {name!r} holds {tiny[0]:g}; expected 0 or {LEAST_REWARD:g} at least: change its unit")
     most = None if given.most is None else real_number(f"most of reward {name!r}", given.most)
     if most is not None and not 0.0 <= most < np.inf:
         raise ValueError(f"most of reward {name!r} is {most}; expected a finite number of at least 0")

@@ -203,6 +203,8 @@ def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] |
     seen = np.zeros(n, dtype=bool)
     for number, line in lines:
         state, values = _parsed(path, number, line, f"a state below {n} and {len(names)} whole numbers", row)
+        if seen[state]:
+            raise ValueError(f"{path}, line {number}: state {state} comes a second time; expected each once")
         counts[state], seen[state] = values, True
     if not names or not seen.all():
         raise ValueError(f"{path}, line {first}: expected the names of variables, then their values in all {n} states")
@@ -275,8 +277,11 @@ def _state_rewards(path: Path, n: int) -> Floats:
             raise ValueError
         return int(state), float(value)
 
-    rates = np.zeros(n)
+    rates, seen = np.zeros(n), np.zeros(n, dtype=bool)
     for number, line in lines[1:]:
         state, value = _parsed(path, number, line, f"a state below {n} and a number", row)
+        if seen[state]:
+            raise ValueError(f"{path}, line {number}: state {state} comes a second time; expected each once")
+        seen[state] = True
         rates[state] = value
     return rates

@@ -33,7 +33,8 @@ def earned(
 ) -> ChainAnswer:
     """Mean of what is earned at `rates` (N,), where `mean` answers for any values (N,).
 
-    Where the chain is lost (N,), it is nothing at least and `most` a time unit at most; None: nobody knows.
+    Where the chain is lost (N,), it is nothing at least, and at most the larger of `most` and what any state here earns
+    a time unit; None: nobody knows.
     """
     known = mean(np.where(lost, 0.0, rates))
     if not lost.any():
@@ -41,6 +42,7 @@ def earned(
     away = mean(lost.astype(float))
     if away.high == 0.0:
         return known
-    more = np.inf if most is None else 1.001 * most * away.high
+    # what is lost may come back, and then earn what states here do
+    more = np.inf if most is None else 1.001 * max(most, float(rates[~lost].max(initial=0.0))) * away.high
     seconds = known.cpu_seconds + away.cpu_seconds
     return replace(known, high=known.high + more, is_bound=known.is_bound and away.is_bound, cpu_seconds=seconds)

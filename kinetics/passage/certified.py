@@ -52,7 +52,8 @@ class BoundedSolution(NamedTuple):
         if not held.any():
             return 0.0
         with np.errstate(all="ignore"):
-            largest = float((self.errors[held] / self.values[held]).max())
+            # negative ones come from a solution that failed: of these nothing is known
+            largest = float(np.where(self.values[held] > 0.0, self.errors[held] / self.values[held], np.inf).max())
         return float(np.nan_to_num(largest, nan=np.inf, posinf=np.inf))
 
 

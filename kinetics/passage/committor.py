@@ -13,6 +13,7 @@ from kinetics.passage.certified import leaving_rates
 from kinetics.passage.entry import reached_states
 from kinetics.passage.equations import equations
 from kinetics.passage.sampled import sampled_jumps
+from kinetics.passage.until import UNDERFLOW
 from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
@@ -36,7 +37,7 @@ class ChainCommittor:
     lost : (N,) probability of leaving a part of a larger chain before any target, from each state; all else is then
         of the runs that do not, so that each committor lies between `committors` and `committors + lost`
     lost_probability : the same from the start
-    error : relative error of all of these, rounding of the rates included
+    error : relative error of all of these, rounding of the rates included; probabilities below 1e-290 may be lost
     is_bound : whether the error is proven; not by a rate law that cannot be bounded
     """
 
@@ -61,7 +62,15 @@ class ChainCommittor:
         k = self._index(target)
         value = float(self.probabilities[k] if row is None else self.committors[k, row])
         lost = self.lost_probability if row is None else float(self.lost[row])
-        return value * (1.0 - self.error), min((value + lost) * (1.0 + self.error), 1.0)
+        high = (value + lost) * (1.0 + self.error)
+        if high < UNDERFLOW and self._may_reach(k, row):  # too small for numbers, or known to few digits
+            high += UNDERFLOW
+        return value * (1.0 - self.error) if value > UNDERFLOW else 0.0, min(high, 1.0)
+
+    def _may_reach(self, k: int, row: int | None) -> bool:
+        """Whether some way leads to a target, or to where the chain is lost, from state `row` or from the start."""
+        leads = self.transitions.leading_to((self.committors[k] == 1.0) | (self.lost == 1.0))
+        return bool(leads[self.occupation > 0.0].any() if row is None else leads[row])
 
     def _index(self, target: str) -> int:
         if target not in self.targets:

@@ -45,17 +45,10 @@ class Elimination(Equations):
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
         from kinetics.kernels import elimination
 
         n = leaving.size
-        pattern: Any = csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
-        self._order = np.asarray(reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
-        place = np.empty(n, dtype=np.int64)
-        place[self._order] = np.arange(n)
-        here, there = place[rows], place[columns]
+        self._order, here, there = in_a_band(rows, columns, n)
         self.width = int(np.abs(here - there).max(initial=1))
         if n * self.width**2 > MAX_WORK or n * (2 * self.width + 1) > MAX_NUMBERS:
             message = f"{n} states, up to {self.width} apart, are too many to eliminate"
@@ -101,6 +94,24 @@ class Elimination(Equations):
         result = np.empty_like(x)
         result[self._order] = x
         return result
+
+
+def in_a_band(rows: NDArray[Any], columns: NDArray[Any], n: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """An order of n states with the rates close to the diagonal, and the places of rows and columns (K,) in it."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    pattern: Any = csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
+    order = np.asarray(reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
+    place = np.empty(n, dtype=np.int64)
+    place[order] = np.arange(n)
+    return order, place[rows], place[columns]
+
+
+def work_of(rows: NDArray[Any], columns: NDArray[Any], n: int) -> float:
+    """Multiplications that eliminating n states would take."""
+    _, here, there = in_a_band(rows, columns, n)
+    return n * float(np.abs(here - there).max(initial=1)) ** 2
 
 
 class SparseFactors(Equations):

@@ -30,7 +30,7 @@ class Passage:
     target : the target, in words
     mean : mean of the time; inf where the target may never be reached
     probability : probability of ever reaching the target
-    error : relative error of mean and probability
+    error : relative error of mean and probability; probabilities below 1e-290 may be lost
     n_states : number of states before the target
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
@@ -51,6 +51,12 @@ class Passage:
     def is_certain(self) -> bool:
         """Whether the target is reached with probability 1."""
         return bool(np.isfinite(self.mean))
+
+    @property
+    def may_reach(self) -> bool:
+        """Whether some way leads to the target, however unlikely it is."""
+        is_target = np.arange(self.start.size) == self.start.size - 1
+        return bool(self.transitions.leading_to(is_target)[self.start > 0.0].any())
 
     @property
     def sd(self) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kinetics.passage.first_passage import Passage
+from kinetics.passage.until import UNDERFLOW
 from kinetics.support.arrays import Floats
 
 
@@ -43,7 +44,10 @@ class ProjectedPassage:
     def probability_bounds(self) -> tuple[float, float]:
         """Lower and upper limits of the probability of ever reaching the target."""
         low, high = self.latest, self.earliest
-        return low.probability * (1.0 - low.error), min(high.probability * (1.0 + high.error), 1.0)
+        most = high.probability * (1.0 + high.error)
+        if most < UNDERFLOW and high.may_reach:  # too small for numbers, or known to few digits
+            most += UNDERFLOW
+        return low.probability * (1.0 - low.error) if low.probability > UNDERFLOW else 0.0, min(most, 1.0)
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
         """Lower and upper limits of the probability (...) that the target has been reached by `times` (...), tu."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
-from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError
+from kinetics.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
 from kinetics.passage.entry import reached_states
 from kinetics.passage.equations import equations, is_easy
 from kinetics.passage.iteration import Iteration
@@ -22,12 +22,14 @@ from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
 
-MANY = 20_000  # states that sparse factors are tried on before anything foretells their cost
+MANY = 20_000  # states on which sparse factors are tried before elimination
+ROUGH = 1e-3  # an error that is told rather than refused
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
 CLOSE = 1e-9  # one proven afterwards that needs no other way
 ANCHORS = 3  # that are tried
 ALIKE = 8.0  # times as likely: no better anchor
 Solver = TypeVar("Solver", bound=Equations)
+SMALLEST = 5e-324
 LOST = 1e-291  # what is smaller may be
 LOWEST = -600.0  # logarithm of the smallest guess
 
@@ -177,6 +179,8 @@ def _weights(
     chain = equations(*inner, leaving, transitions.roundings)
     times = chain.occupied(start[passing])
     weights += totals(label[columns[out]], times.values[place[rows[out]]] * rates[out], weights.size)
+    entered = np.bincount(label[columns[out]], minlength=weights.size) > 0
+    weights[entered] = np.maximum(weights[entered], SMALLEST)  # however unlikely
     # the flows in are added up
     terms = 2.0 * int(np.count_nonzero(start) - 1) + int(out.sum()) + 1
     return weights, times.relative + ROUNDOFF * terms
@@ -195,16 +199,19 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
         iterated = _by_iteration(inner)
         if iterated[1] <= CLOSE:
             return iterated
-    factored = _by_factors(inner) if not easy and members.size <= MANY else None
+    tried = not easy and inner.size <= MANY and work_of(inner.rows, inner.columns, inner.size) <= MAX_FACTORED
+    factored = _by_factors(inner) if tried else None
     if factored is not None and factored[1] <= CLOSE:
         return factored
     try:
         chain = Elimination(*inner[:5])
     except TooLargeError as refusal:
         if factored is None and refusal.work > MAX_FACTORED:
+            if not easy and iterated[1] < ROUGH:
+                return iterated
             raise
         found, error = factored or _by_factors(inner)
-        if not error < 1e-3:
+        if not error < ROUGH:
             raise
         return found, error
     found = chain.stationary()
@@ -279,6 +286,8 @@ def _normalised(stays: BoundedSolution, anchor: int) -> tuple[Floats, float]:
     found = np.insert(stays.values, anchor, 1.0)
     with np.errstate(all="ignore"):
         total = float(found.sum())
+        if not total > 0.0:  # from a solution that failed
+            return found, np.inf
         relative = stays.relative_above(LOST * total) + float(stays.errors.sum()) / total
         error = 1.001 * (relative + ROUNDOFF * (found.size + 2))
         return found / total, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))

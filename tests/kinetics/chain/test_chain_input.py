@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from known_systems import line
 from scipy.linalg import expm
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 
 from kinetics import Chain, Reward, first_passage
 from kinetics.chain import passage_sensitivity
@@ -27,6 +27,10 @@ def test_rates_and_generators_are_the_same_chain():
         (-RATES, 0, "rate from state 1 to state 0 is -2; expected at least 0"),
         (NAN, 0, "generator holds nan; expected finite"),
         (csr_array(NAN), 0, "generator holds nan; expected finite"),
+        # what cancels in doubles once left no rate at all, and an answer of 0
+        (coo_array(([1e16, 1.0, -1e16], ([0] * 3, [1] * 3)), shape=(2, 2)), 0, "from state 0 to state 1 is -1e\\+16"),
+        (csr_array(RATES * 1j), 0, "generator holds complex numbers"),
+        (np.minimum(RATES, 1.0) * 1e308, 0, "a state is left at inf 1/tu; at most 1e\\+300 is read"),
         (RATES[:2], 0, r"generator has shape \(2, 3\); expected a square"),
         (np.zeros((0, 0)), 0, "generator has no states"),
         ([["a"]], 0, "generator must be numbers"),
@@ -53,6 +57,7 @@ def test_no_chain(generator, initial, message):
         ({"labels": {"x": [True] * 3}, "variables": ("x",), "counts": [[0], [1], [2]]}, "both a label and a variable"),
         ({"rewards": {"r": [1.0, -2.0, 0.0]}}, "reward 'r' holds -2; expected at least 0"),
         ({"rewards": {"r": [1.0, np.inf, 0.0]}}, "reward 'r' holds inf"),
+        ({"rewards": {"r": [1.0, 2e-323, 0.0]}}, "reward 'r' holds 1.97626e-323; expected 0 or 1e-200 at least"),
         ({"rewards": {"r": Reward(impulses=np.eye(2))}}, r"impulses of reward 'r' has shape \(2, 2\)"),
         ({"rewards": {"r": "x + 1"}}, "unknown name 'x'"),
         ({"rewards": {"r": "1 / x"}, "variables": ("x",), "counts": [[2], [0], [1]]}, "no finite number in state 1"),

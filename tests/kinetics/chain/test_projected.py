@@ -167,3 +167,32 @@ def test_a_target_at_the_edge_is_reached_and_not_lost():
 def test_what_cannot_be_told(question, message):
     with pytest.raises(ValueError, match=message):
         question(Chain.of(queue(), {"Q": 2}, within="Q <= 4"))
+
+
+def test_what_is_lost_may_come_back_and_earn():
+    """Nothing is earned in what is not listed, `most` = 0; but the queue comes back to where it is empty."""
+    time, k, g = 20.0, 1.0, 2.0
+    chain = Chain.of(queue(k, g), {"Q": 0}, within="Q <= 1")
+    empty = Reward((np.asarray(chain.counts)[:, 0] == 0).astype(float), most=0.0)
+    answer = chain.with_rewards({"empty": empty}).reward("empty", at=time)
+    assert answer.low <= np.exp(-k / g * (1 - np.exp(-g * time))) <= answer.high
+
+
+def test_chances_too_small_for_numbers():
+    """1e-464 by the gambler's ruin: no limit says 0, and one says 0 where there is no way at all."""
+    n, up = 60, 1e-8
+    rates = np.diag(np.full(n - 1, up), 1) + np.diag(np.full(n - 1, 1.0), -1)
+    rates[[0, -1]] = 0.0
+    for is_cut in (False, True):
+        rates[30, 31] = 0.0 if is_cut else up
+        chain, top = Chain(rates, 1), np.arange(n) == n - 1
+        found = chain.committor({"top": top})
+        limits = (
+            chain.until(top),
+            chain.in_the_end(top),
+            found.probability_bounds("top"),
+            found.probability_bounds("top", 2),
+            chain.passage_limits(top).probability_bounds,
+        )
+        highs = [each[1] if isinstance(each, tuple) else each.high for each in limits]
+        assert all(high == 0.0 if is_cut else 0.0 < high < 1e-280 for high in highs), highs

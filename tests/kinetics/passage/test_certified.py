@@ -11,6 +11,7 @@ from scipy.sparse import csr_array, diags_array
 
 from kinetics import Chain
 from kinetics.passage import elimination
+from kinetics.passage.certified import BoundedSolution
 from kinetics.passage.elimination import Elimination, SparseFactors
 
 KINDS = (Elimination, SparseFactors)
@@ -163,3 +164,8 @@ def test_three_ways_agree_on_5000_states(kind, monkeypatch):
     assert np.abs(answers[2][held] / answers[1][held] - 1).max() < 1e-13
     assert np.abs(answers[0][held] / answers[1][held] - 1).max() < 1e-11
     assert (answers[0] != answers[1]).any()  # the control: it is another way
+
+
+def test_of_negative_values_nothing_is_known():
+    assert BoundedSolution(np.array([-1.0, 1.0]), np.array([np.inf, 1e-16])).relative == np.inf
+    assert BoundedSolution(np.array([1.0, 1.0]), np.array([1e-14, 1e-16])).relative == 1e-14

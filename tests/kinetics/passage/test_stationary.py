@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from kinetics import Transient
+from kinetics import Chain, Transient
 from kinetics.passage import elimination, stationary
 from kinetics.passage.elimination import Elimination
 
@@ -149,6 +149,44 @@ def test_chains_too_large_to_eliminate(monkeypatch):
     assert_allclose(factored.probabilities, eliminated.probabilities, rtol=wide)
     assert factored.is_bound
     assert wide < 1e-10
+
+
+def test_failed_factors_prove_nothing(monkeypatch):
+    # sparse LU gives negative times here: they once came with the error 3e-16
+    rates = np.zeros((7, 7))
+    rates[0, [1, 5]] = 2.7e-40, 6e-48
+    rates[1, [2, 6]] = 6e13, 5e-53
+    rates[2, [3, 4]] = 4e58, 11.0
+    rates[3, [0, 4, 6]] = 2e24, 4e-35, 6e-45
+    rates[4, [2, 5]] = 4e-48, 9e7
+    rates[5, [1, 4, 6]] = 8e-43, 9e6, 2e-51
+    rates[6, 5] = 3e-8
+    monkeypatch.setattr(import_module("kinetics.passage.stationary"), "is_easy", lambda *_: False)
+    found = Chain(rates, 0).stationary()
+    right = exact_stationary(rates)
+    assert np.all(np.abs(found.probabilities - right) <= (found.error + 1e-15) * right)
+
+
+def test_factors_that_would_fill_up_are_foretold(monkeypatch):
+    """400 states with jumps to anywhere, where iteration proves nothing: no factors beyond the work allowed."""
+    rng = np.random.default_rng(3)
+    rates = np.where(rng.random((400, 400)) < 0.01, 1.0, 0.0) + np.diag(np.ones(399), 1) + np.diag(np.ones(399), -1)
+    room, tried = import_module("kinetics.passage.stationary"), []
+    by_factors = room._by_factors
+    monkeypatch.setattr(elimination, "MAX_WORK", 0)
+    monkeypatch.setattr(room, "_by_factors", lambda chain: tried.append(chain.size) or by_factors(chain))
+    for found, error in ((np.ones(400), np.inf), (np.full(400, 1 / 400), 1e-6)):
+        monkeypatch.setattr(room, "_by_iteration", lambda _, answer=(found, error): answer)
+        assert Chain(rates, 0).stationary().error < 1e-9
+        assert tried.pop() == 400
+        with monkeypatch.context() as less:
+            less.setattr(room, "MAX_FACTORED", 1e6)
+            if error == np.inf:
+                with pytest.raises(ValueError, match="out of reach"):
+                    Chain(rates, 0).stationary()
+            else:
+                assert Chain(rates, 0).stationary().error >= error
+        assert not tried
 
 
 def test_plot():
