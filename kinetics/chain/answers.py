@@ -35,6 +35,11 @@ class ChainAnswer:
         """The answer of a value with limits."""
         return cls(*limited, method, cpu_seconds)
 
+    def wider(self, relative: float) -> ChainAnswer:
+        """The same of something, none of it negative, that has a relative error of its own."""
+        more = 1.001 * relative
+        return replace(self, low=self.low * (1.0 - more), high=self.high * (1.0 + more))
+
     def capped(self) -> ChainAnswer:
         """The same of a probability: at most 1."""
         return replace(self, value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))

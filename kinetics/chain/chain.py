@@ -100,8 +100,9 @@ class Chain:
         checked_names(rewards, "reward", {})
         found: dict[str, Reward] = {}
         for name, given in rewards.items():
-            rates = self._names.values(given) if isinstance(given, str) else given
-            found[name] = checked_reward(name, rates if isinstance(rates, Reward) else Reward(rates), len(self))
+            rates, error = self._names.values(given) if isinstance(given, str) else (given, 0.0)
+            reward = rates if isinstance(rates, Reward) else Reward(rates, error=error)
+            found[name] = checked_reward(name, reward, len(self))
         self._set(rewards=found)
 
     def _set(self, **values: Any) -> None:
@@ -271,12 +272,13 @@ class Chain:
         if at is not None:
             now = one_time("at", at)
             return earned(
-                lambda values: mean_at(*self._begun, values, now, self._space),
+                lambda values: mean_at(*self._begun, values, now, self._space).wider(given.error),
                 np.asarray(given.rates),
                 self._lost,
                 given.most,
             )
         earning, rounded = earning_with(self.transitions, np.asarray(given.rates), self.worth(given))
+        rounded += given.error
         if up_to is not None:
             end = one_time("up_to", up_to)
 

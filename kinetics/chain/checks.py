@@ -27,11 +27,13 @@ class Reward:
     None is negative; either may be None, for nothing.
 
     most : what is earned a time unit at most where the chain is lost, impulses included; None where nobody knows
+    error : relative, of `rates` and `impulses`
     """
 
     rates: ArrayLike | None = None
     impulses: Any = None
     most: float | None = None
+    error: float = 0.0
 
 
 def checked_rates(generator: Any) -> csr_array:
@@ -138,7 +140,10 @@ def checked_reward(name: str, given: Reward, n: int) -> Reward:
     most = None if given.most is None else real_number(f"most of reward {name!r}", given.most)
     if most is not None and not 0.0 <= most < np.inf:
         raise ValueError(f"most of reward {name!r} is {most}; expected a finite number of at least 0")
-    return Reward(rates, impulses, most)
+    error = real_number(f"error of reward {name!r}", given.error)
+    if not 0.0 <= error < 1.0:
+        raise ValueError(f"error of reward {name!r} is {error}; expected a share from 0 to 1")
+    return Reward(rates, impulses, most, error)
 
 
 def _off_diagonal(matrix: csr_array) -> csr_array:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression, some_names
 from kinetics.network.laws.graph import TRUTHS, Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
@@ -18,6 +19,9 @@ PRISM = Dialect(
     spellings={"&": "and", "|": "or", "!": "not", "=": "=="},
     constants={**OURS.constants, "true": lambda graph: _truth(graph, 1.0), "false": lambda graph: _truth(graph, 0.0)},
 )
+
+
+LOST = 1e-6  # relative error of a formula beyond which it is refused
 
 
 class StateNames:
@@ -38,13 +42,16 @@ class StateNames:
         """In which states (N,) the condition holds; a ValueError where it is none, or uses other names."""
         expression = _read(text)
         self._check_truth(expression, text)
-        return self._values(expression, f"condition {shortened(text)!r}") != 0.0
+        return self._values(expression, f"condition {shortened(text)!r}", 0.0)[0] != 0.0
 
-    def values(self, text: str) -> Floats:
-        """The value (N,) of a formula in counts in every state; labels are 1 or 0."""
-        return self._values(_read(text), f"formula {shortened(text)!r}")
+    def values(self, text: str) -> tuple[Floats, float]:
+        """The value (N,) of a formula in counts in every state, labels being 1 or 0, and its relative error by rounding.
 
-    def _values(self, expression: Expression, what: str) -> Floats:
+        ValueError: it loses its digits in a state.
+        """
+        return self._values(_read(text), f"formula {shortened(text)!r}", LOST)
+
+    def _values(self, expression: Expression, what: str, allowed: float) -> tuple[Floats, float]:
         if expression.reads_time:
             raise ValueError(f"{what}: depends on the time t; a state has none")
         used = expression.species
@@ -58,11 +65,23 @@ class StateNames:
         table = np.zeros((self.n_states, len(used)), dtype=np.int64)
         for place, column in enumerate(columns):
             table[:, place] = column
-        steps = steps_of(expression, {name: place for place, name in enumerate(used)})
-        found = np.broadcast_to(evaluate(steps, table, 0.0), (self.n_states,)).astype(np.float64)
+        places = {name: place for place, name in enumerate(used)}
+        found = np.broadcast_to(evaluate(steps_of(expression, places), table, 0.0), (self.n_states,)).astype(np.float64)
         if not np.isfinite(found).all():
             raise ValueError(f"{what}: is no finite number in state {int(np.argmin(np.isfinite(found)))}")
-        return found
+        ends = enclosed(steps_of(expression, places, folds=False), table)
+        low, high = (np.broadcast_to(end, (self.n_states,)) for end in ends)
+        with np.errstate(all="ignore"):
+            lost = np.where(
+                low == high, 0.0, (high - low) / np.where(low * high > 0, np.fmin(abs(low), abs(high)), 0.0)
+            )
+        worst = int(np.argmax(np.where(np.isnan(lost), np.inf, lost)))
+        if not lost[worst] <= allowed:
+            raise ValueError(
+                f"{what}: loses its digits in state {worst}, where it is from {low[worst]:.3g} to {high[worst]:.3g}; "
+                "write it so that large terms do not cancel"
+            )
+        return np.clip(found, low, high), 1.001 * float(lost.max(initial=0.0))
 
     def _column(self, name: str) -> Ints:
         return self.counts[:, self.variables[name]]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.chain.chain import Chain, Mask, Target
-from kinetics.chain.checks import square
+from kinetics.chain.checks import Reward, square
 from kinetics.chain.in_time import mean_at, one_time, steps_to, stopped_in
 from kinetics.derivatives import (
     LARGEST_ORDER,
@@ -180,6 +180,12 @@ class Sensitivity:
     ) -> Derivatives:
         """Of `Chain.reward`."""
         given = self._chain.reward_asked(name, at, up_to, until, stationary)
+        if given.error:
+            found = self._of_reward(given, at, up_to, until)
+            return replace(found, is_bound=False)  # how a rounded reward weighs in differences, nobody knows
+        return self._of_reward(given, at, up_to, until)
+
+    def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:
         earning, worth = np.asarray(given.rates), self._chain.worth(given)
         if at is not None:
             return self.means(earning[None, :], at)[0]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from random_chains import DIGITS, exact_law, random_rates
 
-from kinetics import Chain
+from kinetics import Chain, Network, Reward, Sensitivity
 from kinetics.passage.backward import BackwardPass, expected_at, expected_integral
 
 
@@ -124,3 +124,32 @@ def test_a_pass_goes_on_where_it_stopped(monkeypatch):
     del done[:]
     expected_at(stopped, chain.initial, target, 20.0)
     assert steps == sum(done)
+
+
+def test_rewards_as_text_bring_their_rounding():
+    """1 / 3 and 0.1 * A are no doubles; their rounding is within the limits, and whole numbers have none."""
+    death = Network.from_reactions({"death": ({"A": 1}, {})}, [1.0])
+    chain = Chain.of(death, {"A": 7}, rewards={"third": "A / 3", "tenth": "0.1 * A", "whole": "2 * A + 1"})
+    for name, share in (("third", mpmath.mpf(1) / 3), ("tenth", mpmath.mpf(0.1))):
+        answer = chain.reward(name, up_to=1.5)
+        with mpmath.workdps(DIGITS):
+            assert holds(answer, 7 * share * (1 - mpmath.e ** mpmath.mpf(-1.5)))
+        assert answer.is_bound
+        assert 0 < chain.rewards[name].error < 1e-15
+        assert not Sensitivity(chain).reward(name, at=1.0).is_bound
+    assert chain.rewards["whole"].error == 0.0
+    assert Sensitivity(chain).reward("whole", at=1.0).is_bound
+    given, error = chain.reward("third", at=1.0), chain.rewards["third"].error
+    unrounded = Chain.of(death, {"A": 7}, rewards={"third": Reward(np.asarray(chain.rewards["third"].rates))})
+    exact = unrounded.reward("third", at=1.0)
+    assert given.high >= exact.high * (1 + error) > exact.high  # the control: without the rounding they are narrower
+
+
+@pytest.mark.parametrize("text", ["(A + 1e16) - 1e16", "1 - exp(-A / 1e18)", "sqrt(A + 1e30) - 1e15"])
+def test_formulas_that_lose_their_digits_are_refused(text):
+    death = Network.from_reactions({"death": ({"A": 1}, {})}, [1.0])
+    with pytest.raises(ValueError, match="loses its digits in state"):
+        Chain.of(death, {"A": 1}, rewards={"r": text})
+    chain = Chain.of(death, {"A": 1})
+    with pytest.raises(ValueError, match="loses its digits in state"):
+        chain.until(f"{text} > 0")
