@@ -51,6 +51,9 @@ def model_of(
         remarks.append(f"one unit of the file's amounts is {scale:g} copies")
         network = scaled(network, scale)
     whole = np.array([round(count) for count in counts.values()], dtype=np.int64)
+    stated = dict(zip(counts, whole.tolist(), strict=True))
+    formulas_of = {name: each for name, each in network.given.initial.items() if isinstance(each, Expression)}
+    network = network.with_given(replace(network.given, initial=stated | formulas_of))
     return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
 
 
@@ -64,7 +67,9 @@ def scaled(network: Network, copies: float) -> Network:
     factors = copies ** np.where(is_law, 0.0, 1.0 - order)
     made = network.with_rates(network.known_rates * factors)
     rates = {name: _times(k, factors[network.channel_places[name]]) for name, k in network.given.rates.items()}
-    initial = {name: _whole(_of(amount), copies) for name, amount in network.given.initial.items()}
+    initial = {
+        name: _whole(amount, copies) for name, amount in network.given.initial.items() if isinstance(amount, Expression)
+    }
     made = made.with_given(replace(network.given, rates=rates, initial=initial))
     if network.laws:
         made = made.with_laws({name: _law(law, copies) for name, law in network.laws.items()})
@@ -73,10 +78,6 @@ def scaled(network: Network, copies: float) -> Network:
 
 def _law(law: Expression, copies: float) -> Expression:
     return _times(_over_counts(law, copies), copies)
-
-
-def _of(amount: float | Expression) -> Expression:
-    return amount if isinstance(amount, Expression) else Expression(repr(amount))
 
 
 def _times(formula: Expression, factor: float) -> Expression:

@@ -61,12 +61,14 @@ class Parameters:
         if not self.rates:
             return rate_constants
         found = np.zeros(len(channels)) if rate_constants is None else np.array(rate_constants, dtype=np.float64)
+        known: dict[int, float] = {}  # of the formulas, which channels may share
         for name, formula in self.rates.items():
-            what = f"the rate constant of channel {name!r}"
-            value = number_of(what, formula, self.values)
-            if value < 0:
-                raise ValueError(f"{what}, {formula.text}, is {value:g}; expected at least 0")
-            found[channels[name]] = value
+            if id(formula) not in known:
+                what = f"the rate constant of channel {name!r}"
+                known[id(formula)] = number_of(what, formula, self.values)
+                if known[id(formula)] < 0:
+                    raise ValueError(f"{what}, {formula.text}, is {known[id(formula)]:g}; expected at least 0")
+            found[channels[name]] = known[id(formula)]
         return found
 
     def check(self, channels: Iterable[str], species: Iterable[str], laws: Mapping[str, Expression]) -> None:
