@@ -93,7 +93,6 @@ class _NetReader:
             "ordered",
             laws=self._laws(lines, channels),
             given=replace(given, rates=self._formulas_of_rates(lines, channels), initial=self._formulas_of_counts()),
-            time_unit="",
         )
         amounts = dict(zip(self.species, initial, strict=True))
         return model_of(self.path, network, amounts, self.copies_per_unit, observables)

@@ -18,8 +18,9 @@ from kinetics.network.laws.writing import quoted
 from kinetics.network.parameters import number_of
 from kinetics.network.reaction_text import MOST_COPIES, read_reactions
 from kinetics.network.reactions import sides_of
+from kinetics.support.limits import MOST_SPECIES, check_count, check_names, text_in
 
-MAX_BYTES = 64 * 2**20
+MAX_BYTES = 32 * 2**20
 WIDTH = 100  # of a line of species
 
 
@@ -32,12 +33,11 @@ class ReactionLines(Format):
 
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with its parameters, its counts and its observables."""
-        if path.stat().st_size > MAX_BYTES:
-            raise ValueError(
-                f"{path} has {path.stat().st_size} bytes; a file of reactions may have at most {MAX_BYTES}"
-            )
+        text = text_in(path, MAX_BYTES)
         try:
-            read = read_reactions(path.read_text(encoding="utf-8"))
+            read = read_reactions(text)
+            check_count(path, "species", len(read.species), MOST_SPECIES)
+            check_names(path, read.species)
             network = Network.of_text(read)
             sums = {name: _weights(name, formula, network.species) for name, formula in read.observables.items()}
             given = network.given
@@ -48,8 +48,6 @@ class ReactionLines(Format):
                 for name, amount in (dict.fromkeys(network.species, 0) | dict(given.initial)).items()
             }
             return model_of(path, network, amounts, copies_per_unit, sums)
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{path} is not UTF-8 text: {error}") from None
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}, {error}") from None
 

@@ -51,7 +51,9 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
         raise names.wrong(names.source, "no species whose amount reactions or events could change")
     amounts = {name: names.initial_amount(name) for name in names.states}
     channels, events = channels_of(names), events_of(names)
-    network = Network.from_reactions(channels.reactions, channels.laws, names.states, events=events)
+    network = Network.from_reactions(
+        channels.reactions, channels.laws, names.states, events=events, time_unit=_time_unit(names)
+    )
     sums, notes, is_spent = {}, list(channels.notes), False
     if copies_per_unit is None and _are_moles(names):
         notes.append("the file states amounts in moles; they are read as copies")
@@ -88,6 +90,13 @@ def _are_moles(names: SbmlNames) -> bool:
     defined = {each.getId(): each for each in names.each("UnitDefinitions")}
     units = [defined[unit].getUnit(i) for unit in stated & defined.keys() for i in range(defined[unit].getNumUnits())]
     return "mole" in stated or any(unit.getKind() == libsbml.UNIT_KIND_MOLE for unit in units)
+
+
+def _time_unit(names: SbmlNames) -> str:
+    """The model's unit of time, as it names it; `s` for a second, and "" where it states none."""
+    unit = names.source.getTimeUnits()
+    defined = {each.getId(): each.getName() for each in names.each("UnitDefinitions")}
+    return {"second": "s", "dimensionless": ""}.get(unit, defined.get(unit) or unit)
 
 
 def _weights(names: SbmlNames, key: str, species: tuple[str, ...]) -> dict[str, float] | None:

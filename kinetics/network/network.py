@@ -80,7 +80,7 @@ class Network:
     events: tuple[Event, ...] = ()
     at_zero: str = "block"
     given: Parameters = field(default_factory=Parameters)
-    time_unit: str = "tu"
+    time_unit: str = ""
     sparse_reactants: SparseTable = field(init=False)
     sparse_stoichiometry: SparseTable = field(init=False)
 
@@ -140,7 +140,7 @@ class Network:
         events: Sequence[Event] = (),
         at_zero: str = "block",
         given: Parameters | None = None,
-        time_unit: str = "tu",
+        time_unit: str = "",
     ) -> Network:
         """A network from sparse tables (R, S)."""
         tables: Any = (reactants, stoichiometry)
@@ -183,6 +183,7 @@ class Network:
         parameters: Mapping[str, float] | None = None,
         events: Sequence[Event] = (),
         at_zero: str = "block",
+        time_unit: str = "",
     ) -> Network:
         """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: the reactants and products of each channel.
 
@@ -200,19 +201,9 @@ class Network:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
         return cls.from_sparse(
-            named,
-            tuple(reactions),
-            needed,
-            change,
-            np.ones(len(reactions)) if ways is None else ways,
-            constants,
-            combinations,
-            conserved,
-            laws,
-            events,
-            at_zero,
-            Parameters(parameters or {}),
-        )
+            named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways,
+            constants, combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
+        )  # fmt: skip
 
     def with_rates(
         self, rate_constants: ArrayLike, ways: ArrayLike | None = None, combinations: str | None = None

@@ -27,6 +27,7 @@ from kinetics.network.propensity import COMBINATIONS
 from kinetics.network.reactions import Reaction
 
 MOST_COPIES = 10**6  # in one place of a reaction
+MOST_REACTIONS = 10**6  # of a text
 BACKWARD = "{} backward"  # name of the second direction's channel
 MARK = re.compile(
     r"(?P<quoted>'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\")|(?P<open>['\"])|(?P<comment>#)"
@@ -273,6 +274,8 @@ class _TextReading:
         for each, pair, rate in zip(names, [(before, made), (made, before)], rates, strict=False):
             if each in self.labels:
                 raise ValueError(f"a reaction is called {each!r} already; every name must differ")
+            if len(self.labels) == MOST_REACTIONS:
+                raise ValueError(f"more than {MOST_REACTIONS} reactions; that many are read at most")
             self.labels.add(each)
             self.reactions.append((each, pair, Written(self.number, self.line, rate.strip())))
 

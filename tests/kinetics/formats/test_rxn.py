@@ -4,8 +4,10 @@ import re
 
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
+from kinetics import Direct, simulate
 from kinetics.formats import read, write
 from wellmixed import main
 
@@ -100,3 +102,21 @@ def test_commands_take_other_values(tmp_path):
         told = run("predict", *words)
         assert told.exit_code == 2
         assert why in " ".join(told.output.split()), told.output
+
+
+def test_the_unit_of_time_is_the_models_own(tmp_path):
+    """Tables, axes and words say it; nothing is said where the file states none."""
+    text = TEXT.replace("AB -> AB + P, v * AB / (K + AB)\n", "").replace("v = 2\n", "")
+    for unit in ("s", ""):
+        model = model_at(tmp_path, text if unit else text.removeprefix("time unit: s\n"))
+        file, shown = tmp_path / "model.rxn", f" ({unit})" if unit else ""
+        assert f"k{f' (1/{unit})' if unit else ''}\n" in run("derive", file).output
+        times = ["--times", 1, "--method", "exact"]
+        assert run("predict", file, *times).output.startswith(f"time{shown} ")
+        assert run("predict", file, *times, "--show", "total").output.startswith(f"time{shown} ")
+        passage = run("passage", file, "--species", "AB", "--copies", 3).output
+        assert f"quantiles{shown}: " in passage
+        assert re.search(rf"mean [0-9.e-]+{' s' if unit else ''}, sd", passage)
+        ax = Figure().add_subplot()
+        simulate(model.network, Direct(), model.initial, [0.0, 1.0], runs=3, seed=1).plot(ax)
+        assert ax.get_xlabel() == f"time{shown}"

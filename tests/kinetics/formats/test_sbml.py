@@ -320,3 +320,13 @@ def test_predict_shows_observables_and_how_the_file_was_read(tmp_path):
     done = run(main, ["predict", "line4", "--rates", "table3", "--cubes", "4", "--copies-per-unit", "2"])
     assert done.exit_code == 2
     assert "--copies-per-unit 2 is the scale of a network file; line4 is a rule book" in done.output
+
+
+def test_the_unit_of_time_is_the_files(tmp_path):
+    for stated, unit in (("second", "s"), (None, "")):
+        made = Builder()
+        made.species("A", 3)
+        made.reaction("use", {"A": 1}, {}, "2*A")
+        if stated:
+            made.model.setTimeUnits(stated)
+        assert made.read(tmp_path).network.time_unit == unit
