@@ -57,7 +57,7 @@ class ReactionLines(Format):
 
 
 def _weights(name: str, formula: Expression, species: Sequence[str]) -> Mapping[str, float]:
-    found = linear_weights(_with_numbers(formula, ()).formula, species)
+    found = linear_weights(formula.with_numbers().formula, species)
     if found is None:
         raise ValueError(f"observable {name!r} is {formula}; expected a sum of counts, such as A + 2 * AB")
     return found
@@ -138,24 +138,13 @@ def _reaction_line(network: Network, r: int) -> str:
     return f"{quoted(name)}: {before} -> {after}, {rate}"
 
 
-def _text(formula: float | Expression, parameters: Mapping[str, object]) -> str:
+def _text(formula: float | Expression, parameters: Mapping[str, float | Expression]) -> str:
     """A formula in terms of these parameters, with numbers in the place of others."""
     if not isinstance(formula, Expression):
         return repr(float(formula))
-    text = _with_numbers(formula, parameters).text
+    text = formula.with_numbers(parameters).text
     try:
         node_of(text, Graph())
     except ValueError as error:
         raise ValueError(f"the formula {formula} is too long for one line of text: {error}") from None
     return text
-
-
-def _with_numbers(formula: Expression, kept: Mapping[str, object] | tuple[()]) -> Expression:
-    graph = Graph(most=3 * len(formula.formula) + 10)
-    numbers = {name: graph.number(value) for name, value in formula.parameters.items() if name not in kept}
-    if not numbers:
-        return formula
-    place = graph.copied(formula.formula, numbers)[-1]
-    return Expression.of(
-        graph.formula(place), {name: formula.parameters[name] for name in kept if name in formula.parameters}
-    )

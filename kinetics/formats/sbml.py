@@ -20,7 +20,7 @@ from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.formats.scaling import model_of
 from kinetics.network import Network
 from kinetics.network.laws.graph import BudgetError
-from kinetics.network.laws.writing import text_of
+from kinetics.network.parameters import Parameters
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
                 notes.append(f"{name} is no sum of counts and is not shown")
             else:
                 sums[name] = weights
+    open_to_change = {name: value for name, value in names.values.items() if name not in names.settled}
+    network = network.with_given(Parameters(open_to_change, channels.formulas))
     return model_of(names.path, network, amounts, copies_per_unit, sums, notes, _formulas(names))
 
 
@@ -102,8 +104,12 @@ def _time_unit(names: SbmlNames) -> str:
 def _weights(names: SbmlNames, key: str, species: tuple[str, ...]) -> dict[str, float] | None:
     """Weights of a rule that is a sum of amounts; None for any other."""
     size = names.constant(names.size(key)) if key in names.species else 1.0
-    found = linear_weights(names.graph.formula(names.meaning(key)), species)
-    return None if found is None or size is None else {name: weight * size for name, weight in found.items()}
+    formula = names.expression(names.meaning(key))
+    found = linear_weights(formula.with_numbers().formula, species)
+    if found is None or size is None:
+        return None
+    names.settled.update(formula.parameters)
+    return {name: weight * size for name, weight in found.items()}
 
 
 def _formulas(names: SbmlNames) -> dict[str, str]:
@@ -111,7 +117,7 @@ def _formulas(names: SbmlNames) -> dict[str, str]:
     made = {}
     for name in (*names.compartments, *names.species, *names.parameters, *names.references):
         try:
-            made[name] = text_of(names.graph.formula(names.meaning(name)))
+            made[name] = names.expression(names.meaning(name)).with_numbers().text
         except BudgetError:
             break
         except ValueError:  # an id without a value, which nothing uses

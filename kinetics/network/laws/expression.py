@@ -70,6 +70,16 @@ class Expression:
         object.__setattr__(made, "parameters", known)
         return made
 
+    def with_numbers(self, kept: Collection[str] = ()) -> Expression:
+        """The same formula with numbers in the place of its parameters, but for those that are kept."""
+        graph = Graph(most=3 * len(self.formula) + len(self.parameters) + 10)
+        numbers = {name: graph.number(value) for name, value in self.parameters.items() if name not in kept}
+        if not numbers:
+            return self
+        place = graph.copied(self.formula, numbers)[-1]
+        left = {name: value for name, value in self.parameters.items() if name in kept}
+        return Expression.of(graph.formula(place), left)
+
     def __str__(self) -> str:
         used = {name: self.parameters[name] for name in self._names if name in self.parameters}
         values = ", ".join(f"{name} = {value:g}" for name, value in used.items())
