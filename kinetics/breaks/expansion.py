@@ -94,6 +94,7 @@ class Expansion:
             base.ways[base_of] * np.where(twice, 2.0, 1.0),
             combinations=base.combinations,
             conserved=base.conserved,
+            time_unit=base.time_unit,
         )
         return cls(base, model, network, base_of, partner_of)
 

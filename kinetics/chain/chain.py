@@ -331,8 +331,11 @@ class Chain:
         """Limits of the first-passage time to the target, which `name` states in words, also where it may be lost."""
         goal, words = self.states(target), name or (target if isinstance(target, str) else "the target")
         unsure = self._lost & ~goal
-        latest = passage_to(*self._begun, goal, words)
-        return ProjectedPassage(passage_to(*self._begun, goal | unsure, words) if unsure.any() else latest, latest)
+        unit = self._space.network.time_unit if self._space else ""
+        latest = passage_to(*self._begun, goal, words, unit)
+        return ProjectedPassage(
+            passage_to(*self._begun, goal | unsure, words, unit) if unsure.any() else latest, latest
+        )
 
     def committor(self, targets: Mapping[str, Target]) -> ChainCommittor:
         """The probabilities that each of several targets, which exclude each other, is reached first."""

@@ -95,7 +95,7 @@ def ask(
             "--initial": asked.initial,
             "--stop": stop,
         }
-        given |= {"--copies-per-unit": asked.copies_per_unit, "--within": within}
+        given |= {"--copies-per-unit": asked.copies_per_unit, "--within": within, "--set": asked.chosen or None}
         chain = _from_files(asked.source, given)
         if edges is not None:
             raise ValueError(f"{asked.source} brings its own rates; leave out --tank")

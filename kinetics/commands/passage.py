@@ -19,7 +19,7 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
-from kinetics.support.tables import text_table
+from kinetics.support.tables import in_unit, of_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.derivatives import Derivatives
@@ -108,6 +108,7 @@ def passage(
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "species": species,
                 "copies": copies,
+                "time_unit": begin.network.time_unit,
                 "mean": made.mean,
                 "sd": found.sd,
                 "probability": found.probability,
@@ -127,13 +128,17 @@ def passage(
             }
         )
         return
+    unit = begin.network.time_unit
     if made.low is None:
         click.echo(str(found))
     else:
-        limits = f"95 % interval of the mean, from the rates: {made.low:.4g} to {made.high:.4g} tu"
-        click.echo(f"mean time until {found.target}: {made.mean:.4g} tu; {limits}")
+        limits = f"95 % interval of the mean, from the rates: {made.low:.4g} to {in_unit(f'{made.high:.4g}', unit)}"
+        click.echo(f"mean time until {found.target}: {in_unit(f'{made.mean:.4g}', unit)}; {limits}")
         click.echo(f"at the posterior mean of each rate constant: {found}")
-    click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True)))
+    click.echo(
+        f"{of_unit('quantiles', unit)}: "
+        + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True))
+    )
     for note in (*begin.in_words, *made.notes):
         click.echo(note)
     if slopes is not None:
@@ -216,6 +221,7 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
         return
     click.echo(f"{found} ({'proven' if found.is_bound else 'estimated'}; {len(chain)} states)")
     limits = zip(QUANTILES, low, high, strict=True)
-    click.echo("quantiles (tu): " + ", ".join(f"{q:g}: {a:.6g} to {b:.6g}" for q, a, b in limits))
+    title = of_unit("quantiles", model.network.time_unit)
+    click.echo(f"{title}: " + ", ".join(f"{q:g}: {a:.6g} to {b:.6g}" for q, a, b in limits))
     for note in begin.in_words:
         click.echo(note)

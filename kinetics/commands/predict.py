@@ -24,7 +24,7 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import of_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import Elasticities, Prediction
@@ -39,8 +39,13 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 @click.command(cls=NumbersCommand)
 @starting_options
 @tank_option
-@click.option("--duration", metavar="T", type=float, help="Predict from time 0 to this time, tu.  [default: 2000]")
-@click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead, tu.")
+@click.option(
+    "--duration",
+    metavar="T",
+    type=float,
+    help="Predict from time 0 to this time, tu or the model's own.  [default: 2000]",
+)
+@click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead.")
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
@@ -151,6 +156,7 @@ def predict(
                 "runs": made.runs,
                 "complete": made.is_complete,
                 "seed": seed,
+                "time_unit": made.network.time_unit,
                 "times": made.times,
                 "species": made.network.species,
                 "mean": made.mean,
@@ -188,7 +194,14 @@ def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:
     if METHODS[made.method] in SAMPLING_METHODS:
         precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
     head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
-    return "\n".join([text_table(("time (tu)", *made.network.species), rows), head, *conditions, *made.notes])
+    return "\n".join(
+        [
+            text_table((of_unit("time", made.network.time_unit), *made.network.species), rows),
+            head,
+            *conditions,
+            *made.notes,
+        ]
+    )
 
 
 def _elasticity_table(found: Elasticities, made: Prediction) -> str:

@@ -105,22 +105,29 @@ def start(
     initial: str | None,
     edges: tuple[float, float, float] | None = None,
     copies_per_unit: float | None = None,
+    chosen: Mapping[str, float] | None = None,
 ) -> Start:
     """The start that the arguments of `predict` and `passage` ask for.
 
     source : a rule book, whose network needs rates and counts; or a network file, which has both
     edges : of the tank in which it happens; None for the tank of the rates
     copies_per_unit : how many copies one unit of a network file's amounts is; None where it is one
+    chosen : values of parameters of a network file, in the place of its own
     """
     if is_network_file(source):
         if edges is not None:
             raise ValueError(
                 f"{source} brings rates that state no tank; leave out --tank, or take a rule book with --rates"
             )
-        return _from_file(source, rates_name, cubes, initial, copies_per_unit)
+        return _from_file(source, rates_name, cubes, initial, copies_per_unit, chosen or {})
     if copies_per_unit is not None:
         raise ValueError(
             f"--copies-per-unit {copies_per_unit:g} is the scale of a network file; {source} is a rule book"
+        )
+    if chosen:
+        raise ValueError(
+            f"--set {next(iter(chosen))} is of a parameter of a network file; {source} is a rule book, whose rates "
+            f"come by --rates"
         )
     from kinetics.rates import Rates, are_by_class
 
@@ -179,6 +186,11 @@ def is_network_file(source: str) -> bool:
         return False  # a book needs no readers of files
     from kinetics.formats import SUFFIXES
 
+    if suffix not in SUFFIXES and not Path(source).is_dir():
+        raise ValueError(
+            f"{source} ends in {suffix}, which is not read; a network file ends in {', '.join(SUFFIXES)}, a rule book "
+            f"in .toml"
+        )
     return suffix in SUFFIXES
 
 
@@ -188,7 +200,12 @@ def _are_whole(weights: Mapping[str, float]) -> bool:
 
 
 def _from_file(
-    source: str, rates_name: str | None, cubes: int | None, initial: str | None, copies_per_unit: float | None
+    source: str,
+    rates_name: str | None,
+    cubes: int | None,
+    initial: str | None,
+    copies_per_unit: float | None,
+    chosen: Mapping[str, float],
 ) -> Start:
     from kinetics.formats import read
 
@@ -196,6 +213,7 @@ def _from_file(
         if value is not None:
             raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
     model = read(source, copies_per_unit)
+    model = model.with_parameters(**chosen) if chosen else model
     counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
     if initial is not None:
         counts |= counts_of(initial)

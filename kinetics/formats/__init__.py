@@ -16,6 +16,7 @@ from kinetics.support.output import write_whole
 
 from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.sbml import Sbml
+from kinetics.formats.rxn import ReactionLines
 
 __all__ = ["FORMATS", "SUFFIXES", "Format", "NetworkModel", "read", "write"]
 

@@ -7,7 +7,8 @@ copies of one species carries a factor of one half in the file. Faeder, Blinov &
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -23,6 +24,7 @@ from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import MOST_NODES, Code, Graph
 from kinetics.network.laws.reading import NUMBER
+from kinetics.network.parameters import Parameters
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
 
@@ -61,11 +63,15 @@ class _NetReader:
     species: list[str] = field(default_factory=list)
     fixed: list[bool] = field(default_factory=list)
     functions: dict[str, int] = field(default_factory=dict)  # name -> its node
+    texts: dict[str, str] = field(default_factory=dict)  # parameter -> what the file says it is
+    named: dict[str, int] = field(default_factory=dict)  # parameter -> its node
+    keeps_names: bool = True
 
     def model(self) -> NetworkModel:
         self._read_parameters()
         initial = self._read_species()
         observables = self._observables()
+        given = self._name_parameters()
         self._read_functions(observables)
         lines = self.blocks["reactions"]
         needs, makes = (self._sides(lines, word) for word in (1, 2))
@@ -86,6 +92,7 @@ class _NetReader:
             rates,
             "ordered",
             laws=self._laws(lines, channels),
+            given=replace(given, rates=self._formulas_of_rates(lines, channels), initial=self._formulas_of_counts()),
         )
         amounts = dict(zip(self.species, initial, strict=True))
         return model_of(self.path, network, amounts, self.copies_per_unit, observables)
@@ -98,6 +105,35 @@ class _NetReader:
                 fault = "comes twice" if name in self.parameters else "is not a name"
                 raise self._wrong(line, f"parameter {name!r} {fault}")
             self.parameters[name] = self._value(line, text)
+            self.texts[name] = text
+
+    def _name_parameters(self) -> Parameters:
+        """The parameters, which keep their names unless a species has the same, or weights of groups are formulas."""
+        given: dict[str, float | Expression] = {}
+        for name, text in self.texts.items():
+            is_plain = re.fullmatch(NUMBER, text) is not None
+            if not self.keeps_names:
+                self.named[name] = self.graph.number(self.parameters[name])
+                continue
+            place = self.graph.number(self.parameters[name]) if is_plain else self._node(text)
+            if name in self.places:
+                self.named[name] = place
+                continue
+            formula = None if is_plain else self._expression(place)
+            given[name] = formula if formula is not None and formula.parameters else self.parameters[name]
+            self.named[name] = self.graph.name(name)
+        return Parameters(given)
+
+    def _node(self, text: str) -> int:
+        """The node of a formula of parameters."""
+        return self.named[text] if text in self.named else node_in_file(text, self.graph, self.named.get)
+
+    def _expression(self, place: int) -> Expression:
+        """A node with the values of the parameters that it reads."""
+        formula = self.graph.formula(place)
+        used = [str(node.value) for node in formula if node.code == Code.COUNT]
+        counted = self.places
+        return Expression.of(formula, {name: self.parameters[name] for name in used if name not in counted})
 
     def _read_species(self) -> list[float]:
         """Amounts (S,) at time 0."""
@@ -158,7 +194,7 @@ class _NetReader:
             if name in observables:
                 groups[name] = groups[name] if name in groups else self._sum(observables[name])
                 return groups[name]
-            return self.graph.number(self.parameters[name]) if name in self.parameters else None
+            return self.named.get(name)
 
         for line in self.blocks.get("functions", []):
             words = self._numbered(line, "a function is `name() formula`", 2)
@@ -199,6 +235,31 @@ class _NetReader:
         table = np.array(found, dtype=np.float64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
+    def _formulas_of_rates(self, lines: list[Line], channels: list[str]) -> dict[str, Expression]:
+        """Channel -> rate constant, of those that are formulas of parameters."""
+        found: dict[str, Expression] = {}
+        made: dict[str, Expression] = {}
+        for line, channel in zip(lines, channels, strict=True):
+            text = " ".join(line.words[3:])
+            if self._is_lawful(line) or re.fullmatch(NUMBER, text):
+                continue
+            if text not in made:
+                factored = FACTOR.fullmatch(text)
+                made[text] = self._expression(self._node(factored[2] if factored else text))
+            if made[text].parameters:
+                found[channel] = made[text]
+        return found
+
+    def _formulas_of_counts(self) -> dict[str, int | Expression]:
+        """Species -> amount at time 0, of those that are formulas of parameters."""
+        found: dict[str, int | Expression] = {}
+        for name, line in zip(self.species, self.blocks["species"], strict=True):
+            text = " ".join(line.words[2:])
+            amount = None if re.fullmatch(NUMBER, text) else self._expression(self._node(text))
+            if amount is not None and amount.parameters:
+                found[name] = amount
+        return found
+
     def _is_lawful(self, line: Line) -> bool:
         """Whether the rate is a function, or one of the format's named rate laws."""
         factored = FACTOR.fullmatch(line.words[3])
@@ -217,10 +278,11 @@ class _NetReader:
                     raise self._wrong(
                         line, "a function times like reactants, n (n - 1), has no scale of copies per unit"
                     )
-                values = [self._value(line, word) for word in line.words[4:]]
+                for word in line.words[4:]:
+                    self._value(line, word)
                 try:
-                    law = law_of(self.graph, name, self.functions, values, reactants)
-                    laws[channel] = Expression.of(self.graph.formula(law))
+                    values = [self._node(word) for word in line.words[4:]]
+                    laws[channel] = self._expression(law_of(self.graph, name, self.functions, values, reactants))
                 except ValueError as error:
                     raise self._wrong(line, str(error)) from None
         return laws
@@ -244,6 +306,7 @@ class _NetReader:
                 if not place.isdecimal() or not 1 <= int(place) <= len(self.species):
                     raise self._wrong(line, f"{part!r} is not one of the species 1 to {len(self.species)}")
                 name = self.species[int(place) - 1]
+                self.keeps_names &= re.fullmatch(NUMBER, weight or "1") is not None
                 weights[name] = weights.get(name, 0.0) + (self._value(line, weight) if weight else 1.0)
             groups[words[0]] = weights
         return groups
@@ -259,6 +322,11 @@ class _NetReader:
             return number(text, self.parameters)
         except ValueError as error:
             raise self._wrong(line, str(error)) from None
+
+    @cached_property
+    def places(self) -> frozenset[str]:
+        """The species, once all are read."""
+        return frozenset(self.species)
 
     def _wrong(self, line: Line, fault: str) -> ValueError:
         return ValueError(f"{self.path}, line {line.number}: {fault}")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
 from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.graph import Code, Node
+from kinetics.network.laws.graph import Code, Graph, Node
 from kinetics.network.laws.program import evaluate, known_numbers, learn_numbers, steps_of
 
 MOST_FACTORS = 1000  # of a product that is taken apart
@@ -49,6 +50,28 @@ def rate_constant(law: Expression, needed: Mapping[str, int]) -> tuple[float, di
     except OverflowError:
         return None  # of 171 copies and more: it stays a law
     return (k, order) if math.isfinite(k) and k >= 0 else None
+
+
+def constant_formula(law: Expression) -> Expression:
+    """The k of a law for which `rate_constant` finds one, as a formula of the law's parameters."""
+    known = known_numbers(law)
+    graph = Graph(most=20 * len(law.formula) + 100)
+    copies = graph.copied(law.formula)
+    whole = graph.number(1.0)
+    order: Counter[str] = Counter()
+    for place, power in factors_of(law.formula, len(law.formula) - 1, MOST_FACTORS) or []:
+        stepped = shifted(law.formula, known, place)
+        if stepped is not None and power == 1:
+            order[stepped[0]] += 1
+        elif power == 1 and graph.is_known(whole, 1.0):
+            whole = copies[place]
+        else:
+            whole = graph.add(Code.MULTIPLY if power == 1 else Code.DIVIDE, (whole, copies[place]))
+    sets = float(math.prod(math.factorial(copies) for copies in order.values()))
+    whole = whole if sets == 1 else graph.add(Code.MULTIPLY, (whole, graph.number(sets)))
+    formula = graph.formula(whole)
+    read = {str(node.value) for node in formula if node.code == Code.COUNT}
+    return Expression.of(formula, {name: value for name, value in law.parameters.items() if name in read})
 
 
 def linear_weights(formula: Sequence[Node], species: Sequence[str]) -> dict[str, float] | None:

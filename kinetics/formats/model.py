@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from kinetics.network import Network
+from kinetics.network.laws.expression import Expression
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
@@ -41,6 +42,16 @@ class NetworkModel:
             unknown = [each for each in weights if each not in species]
             if unknown:
                 raise ValueError(f"observable {name!r} counts {unknown[0]!r}, which is not a species of the network")
+
+    def with_parameters(self, /, **values: float) -> NetworkModel:
+        """The same model with other values of these parameters; rates, laws and counts at time 0 follow."""
+        network = self.network.with_parameters(**values)
+        initial = self.initial.copy()
+        for name, amount in network.given.initial.items():
+            if isinstance(amount, Expression) and amount.parameters:
+                initial[network.index(name)] = network.given.count(name)
+        chosen = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        return replace(self, network=network, initial=initial, notes=(*self.notes, f"chosen: {chosen}"))
 
 
 class Format(ABC):

@@ -9,11 +9,11 @@ from kinetics.network.laws.graph import Code, Graph
 
 
 def law_of(
-    graph: Graph, name: str, functions: Mapping[str, int], values: Sequence[float], reactants: Sequence[str]
+    graph: Graph, name: str, functions: Mapping[str, int], values: Sequence[int], reactants: Sequence[str]
 ) -> int:
     """The propensity of a reaction per way: the law times the ordered combinations of its reactants.
 
-    name : of a function without arguments, or one of `KINDS` with its `values`
+    name : of a function without arguments, or one of `KINDS` with the nodes of its `values`
     """
     if name in functions:
         if values:
@@ -24,7 +24,7 @@ def law_of(
         raise ValueError(
             f"{name} takes {count} numbers and at least {least} reactants; {len(values)} and {len(reactants)} came"
         )
-    return law(graph, [graph.number(value) for value in values], reactants)
+    return law(graph, values, reactants)
 
 
 def _combinations(graph: Graph, reactants: Sequence[str]) -> list[int]:

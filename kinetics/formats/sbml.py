@@ -20,7 +20,7 @@ from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.formats.scaling import model_of
 from kinetics.network import Network
 from kinetics.network.laws.graph import BudgetError
-from kinetics.network.laws.writing import text_of
+from kinetics.network.parameters import Parameters
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
         raise names.wrong(names.source, "no species whose amount reactions or events could change")
     amounts = {name: names.initial_amount(name) for name in names.states}
     channels, events = channels_of(names), events_of(names)
-    network = Network.from_reactions(channels.reactions, channels.laws, names.states, events=events)
+    network = Network.from_reactions(
+        channels.reactions, channels.laws, names.states, events=events, time_unit=_time_unit(names)
+    )
     sums, notes, is_spent = {}, list(channels.notes), False
     if copies_per_unit is None and _are_moles(names):
         notes.append("the file states amounts in moles; they are read as copies")
@@ -67,6 +69,8 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
                 notes.append(f"{name} is no sum of counts and is not shown")
             else:
                 sums[name] = weights
+    open_to_change = {name: value for name, value in names.values.items() if name not in names.settled}
+    network = network.with_given(Parameters(open_to_change, channels.formulas))
     return model_of(names.path, network, amounts, copies_per_unit, sums, notes, _formulas(names))
 
 
@@ -90,11 +94,22 @@ def _are_moles(names: SbmlNames) -> bool:
     return "mole" in stated or any(unit.getKind() == libsbml.UNIT_KIND_MOLE for unit in units)
 
 
+def _time_unit(names: SbmlNames) -> str:
+    """The model's unit of time, as it names it; `s` for a second, and "" where it states none."""
+    unit = names.source.getTimeUnits()
+    defined = {each.getId(): each.getName() for each in names.each("UnitDefinitions")}
+    return {"second": "s", "dimensionless": ""}.get(unit, defined.get(unit) or unit)
+
+
 def _weights(names: SbmlNames, key: str, species: tuple[str, ...]) -> dict[str, float] | None:
     """Weights of a rule that is a sum of amounts; None for any other."""
     size = names.constant(names.size(key)) if key in names.species else 1.0
-    found = linear_weights(names.graph.formula(names.meaning(key)), species)
-    return None if found is None or size is None else {name: weight * size for name, weight in found.items()}
+    formula = names.expression(names.meaning(key))
+    found = linear_weights(formula.with_numbers().formula, species)
+    if found is None or size is None:
+        return None
+    names.settled.update(formula.parameters)
+    return {name: weight * size for name, weight in found.items()}
 
 
 def _formulas(names: SbmlNames) -> dict[str, str]:
@@ -102,7 +117,7 @@ def _formulas(names: SbmlNames) -> dict[str, str]:
     made = {}
     for name in (*names.compartments, *names.species, *names.parameters, *names.references):
         try:
-            made[name] = text_of(names.graph.formula(names.meaning(name)))
+            made[name] = names.expression(names.meaning(name)).with_numbers().text
         except BudgetError:
             break
         except ValueError:  # an id without a value, which nothing uses

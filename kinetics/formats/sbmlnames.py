@@ -9,7 +9,7 @@ from typing import Any
 
 from kinetics.formats.sbmlmath import Functions, names_in, node_of
 from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.graph import MOST_NODES, Code, Graph
+from kinetics.network.laws.graph import MOST_NODES, Code, Graph, in_order
 from kinetics.network.laws.program import learn_numbers
 
 INITIAL, MEANING = "initial", "meaning"
@@ -24,6 +24,8 @@ class SbmlNames:
 
     states : ids of the species that a state counts: all that no rule gives
     rules : id -> its assignment rule
+    values : id -> value, of the parameters that formulas read by name
+    settled : those of them of which something is a plain number, which another value would not reach
 
     A rule, an assignment, a trigger or the like without its math does nothing, as Level 3 Version 2 has it.
     """
@@ -40,6 +42,9 @@ class SbmlNames:
         self.states = [name for name in self.species if name not in self.rules]
         self.graph = Graph(MOST_NODES + path.stat().st_size // 4)
         self._known: list[float | None] = []  # the numbers of the graph's first nodes
+        self._valued: list[float | None] = []  # the same, with the values of parameters
+        self.values: dict[str, float] = {}
+        self.settled: set[str] = set()
         self._functions = Functions({each.getId(): each for each in self.each("FunctionDefinitions")}, self.graph)
         self._found: dict[tuple[str, str], float | ValueError] = {}
 
@@ -90,12 +95,21 @@ class SbmlNames:
 
     def constant(self, place: int) -> float | None:
         """The number that a node is at all times; None where it depends on counts or time."""
+        learn_numbers(self.graph.nodes, self._valued, self.values)
+        if self._plain(place) is None and self._valued[place] is not None:
+            self.settled |= {str(self.graph.nodes[each].value) for each in in_order(self.graph.nodes, place)}
+        return self._valued[place]
+
+    def _plain(self, place: int) -> float | None:
+        """The number that a node is whatever the values of parameters."""
         learn_numbers(self.graph.nodes, self._known)
         return self._known[place]
 
     def expression(self, place: int) -> Expression:
         """A node as an expression."""
-        return Expression.of(self.graph.formula(place))
+        formula = self.graph.formula(place)
+        read = [str(node.value) for node in formula if node.code == Code.COUNT]
+        return Expression.of(formula, {name: self.values[name] for name in read if name in self.values})
 
     def wrong(self, element: Any, fault: str) -> SbmlError:
         """The fault with file and line."""
@@ -143,6 +157,7 @@ class SbmlNames:
         return self._stated(name) if given is None else self.number(given, given.getMath())
 
     def _initial_node(self, name: str) -> int:
+        self.settled.add(name)
         return self.graph.number(self.initial(name))
 
     def _stated(self, name: str) -> float:
@@ -197,7 +212,7 @@ class SbmlNames:
         if name in self.rules:
             rule = self.rules[name]
             place = self.node(rule, rule.getMath())
-            value = self.constant(place)
+            value = self._plain(place)
             return place if value is None else self.graph.number(value)
         if name in self.species:
             self._initial_size(name)  # which must be above 0
@@ -206,7 +221,11 @@ class SbmlNames:
             return amount if self.graph.is_known(size, 1.0) else self.graph.add(Code.DIVIDE, (amount, size))
         if name in self.reactions:
             return self.law(self.reactions[name])
-        return self.graph.number(self.initial(name))  # nothing that is read changes it
+        value = self.initial(name)  # nothing that is read changes it
+        if name not in self.parameters or name in self.assignments or not math.isfinite(value):
+            return self.graph.number(value)
+        self.values[name] = value
+        return self.graph.name(name)
 
     def _law(self, reaction: Any, meaning: Callable[[str], int], time: int) -> int:
         law = reaction.getKineticLaw()

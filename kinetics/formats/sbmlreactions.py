@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from kinetics.formats.directions import directions_of, is_0_without, is_never_below_0, is_seen_below_0
-from kinetics.formats.massaction import rate_constant
+from kinetics.formats.massaction import constant_formula, rate_constant
 from kinetics.formats.sbmlnames import SbmlNames
 from kinetics.network.laws.expression import Expression
 from kinetics.network.reactions import Reaction
@@ -23,6 +23,7 @@ class Channels:
     reactions: dict[str, Reaction]
     laws: list[float | Expression]
     notes: list[str]
+    formulas: dict[str, Expression] = field(default_factory=dict)  # of the rate constants
 
 
 def channels_of(names: SbmlNames) -> Channels:
@@ -91,6 +92,8 @@ def _add(made: Channels, name: str, law: Expression, taken: dict[str, int], gain
         return
     k, needed = found
     made.laws.append(k)
+    if law.parameters:
+        made.formulas[name] = constant_formula(law)
     net = {each: gained.get(each, 0) - taken.get(each, 0) for each in needed | taken | gained}
     made.reactions[name] = (needed, {each: needed.get(each, 0) + gain for each, gain in net.items()})
 
@@ -136,4 +139,7 @@ def _conversion(names: SbmlNames, species: str) -> float:
     """Amount of a species that one extent of a reaction stands for."""
     owner = names.species[species]
     owner = owner if owner.isSetConversionFactor() else names.source
-    return names.initial(owner.getConversionFactor()) if owner.isSetConversionFactor() else 1.0
+    if not owner.isSetConversionFactor():
+        return 1.0
+    names.settled.add(owner.getConversionFactor())
+    return names.initial(owner.getConversionFactor())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,6 +51,9 @@ def model_of(
         remarks.append(f"one unit of the file's amounts is {scale:g} copies")
         network = scaled(network, scale)
     whole = np.array([round(count) for count in counts.values()], dtype=np.int64)
+    stated = dict(zip(counts, whole.tolist(), strict=True))
+    formulas_of = {name: each for name, each in network.given.initial.items() if isinstance(each, Expression)}
+    network = network.with_given(replace(network.given, initial=stated | formulas_of))
     return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
 
 
@@ -61,38 +64,48 @@ def scaled(network: Network, copies: float) -> Network:
     """
     order = np.bincount(network.sparse_reactants.rows, network.sparse_reactants.copies, len(network.channels))
     is_law = np.isin(network.channels, list(network.laws))
-    made = network.with_rates(network.known_rates * copies ** np.where(is_law, 0.0, 1.0 - order))
+    factors = copies ** np.where(is_law, 0.0, 1.0 - order)
+    made = network.with_rates(network.known_rates * factors)
+    rates = {name: _times(k, factors[network.channel_places[name]]) for name, k in network.given.rates.items()}
+    initial = {
+        name: _whole(amount, copies) for name, amount in network.given.initial.items() if isinstance(amount, Expression)
+    }
+    made = made.with_given(replace(network.given, rates=rates, initial=initial))
     if network.laws:
         made = made.with_laws({name: _law(law, copies) for name, law in network.laws.items()})
     return made.with_events([_event(event, copies) for event in network.events]) if network.events else made
 
 
 def _law(law: Expression, copies: float) -> Expression:
-    def times(graph: Graph, place: int) -> int:
-        return graph.add(Code.MULTIPLY, (graph.number(copies), place))
+    return _times(_over_counts(law, copies), copies)
 
-    return _over_counts(law, copies, times)
+
+def _times(formula: Expression, factor: float) -> Expression:
+    """A formula times a number."""
+    graph = Graph(most=3 * len(formula.formula) + 10)
+    place = graph.copied(formula.formula)[-1]
+    whole = place if factor == 1 else graph.add(Code.MULTIPLY, (graph.number(factor), place))
+    return Expression.of(graph.formula(whole), formula.parameters)
+
+
+def _whole(amount: Expression, copies: float) -> Expression:
+    """An amount as the nearest whole number of copies."""
+    graph = Graph(most=10 * len(amount.formula) + 100)
+    place = graph.add(Code.MULTIPLY, (graph.number(copies), graph.copied(amount.formula)[-1]))
+    whole = graph.add(Code.FLOOR, (graph.add(Code.ADD, (place, graph.number(0.5))),))
+    return Expression.of(graph.formula(whole), amount.parameters)
 
 
 def _event(event: Event, copies: float) -> Event:
-    def whole(graph: Graph, place: int) -> int:
-        scaled_up = graph.add(Code.MULTIPLY, (graph.number(copies), place))
-        return graph.add(Code.FLOOR, (graph.add(Code.ADD, (scaled_up, graph.number(0.5))),))
-
-    new = {name: _over_counts(value, copies, whole) for name, value in event.new_counts.items()}
+    new = {name: _whole(_over_counts(value, copies), copies) for name, value in event.new_counts.items()}
     delay = _over_counts(event.waits, copies)
     return replace(event, when=_over_counts(event.condition, copies), assign=new, delay=delay)
 
 
-def _over_counts(
-    formula: Expression, copies: float, finish: Callable[[Graph, int], int] = lambda _, place: place
-) -> Expression:
-    """A formula over amounts with count / copies in the place of every amount.
-
-    finish : what is made of the whole
-    """
+def _over_counts(formula: Expression, copies: float) -> Expression:
+    """A formula over amounts with count / copies in the place of every amount."""
     graph = Graph(most=10 * len(formula.formula) + 100)
     unit = graph.number(copies)
     amounts = {name: graph.add(Code.DIVIDE, (graph.name(name), unit)) for name in formula.species}
-    found = graph.copied(formula.formula, amounts)
-    return Expression.of(graph.formula(finish(graph, found[-1])), formula.parameters)
+    place = graph.copied(formula.formula, amounts)[-1]
+    return Expression.of(graph.formula(place), formula.parameters)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.reading import shortened
 from kinetics.network.reactions import sides_of
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats
@@ -56,11 +57,14 @@ def channel_rows(
     ways: Floats,
     rate_constants: Floats | None,
     laws: Mapping[str, Expression],
+    formulas: Mapping[str, Expression],
 ) -> list[tuple[str, ...]]:
-    """Name, reaction and ways of every channel, and its rate constant or law where that is known."""
+    """Name, reaction and ways of every channel, and its rate constant, as a formula too, or law where it is known."""
     rows = []
     for r, (name, reaction) in enumerate(zip(channels, reactions, strict=True)):
         rate: tuple[str, ...] = () if rate_constants is None else (f"{rate_constants[r]:.4g}",)
+        if name in formulas:
+            rate = (f"{shortened(formulas[name].text)} = {rate[0]}",)
         if name in laws:
             factor = "" if rate in ((), ("1",)) else f"{rate[0]} * "
             rate = (f"{factor}[{laws[name]}]",)

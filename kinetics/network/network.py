@@ -28,15 +28,17 @@ from kinetics.network.display import NetworkTable, channel_rows, reaction_texts
 from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.events import Event, checked_events
 from kinetics.network.laws.expression import Expression, some_names
+from kinetics.network.parameters import Parameters
 from kinetics.network.propensity import (
     AT_ZERO,
     COMBINATIONS,
     ChannelLaw,
     check_homogeneous,
     checked_laws,
-    combinations,
+    mass_action,
     split_rates,
 )
+from kinetics.network.reaction_text import ReactionText, read_reactions
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
@@ -59,6 +61,8 @@ class Network:
     laws : channel -> rate law that takes the place of h; the other channels follow mass action
     events : assignments to counts, made when their conditions become true
     at_zero : what is done where a rate law is above 0 although reactants are missing, one of `AT_ZERO`
+    given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
+    time_unit : name of the unit of time, for tables and axes; "" where none is stated
 
     Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`
     and makes the dense tables only when they are first used, so that tens of thousands of channels cost milliseconds.
@@ -75,6 +79,8 @@ class Network:
     laws: Mapping[str, Expression] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     at_zero: str = "block"
+    given: Parameters = field(default_factory=Parameters)
+    time_unit: str = ""
     sparse_reactants: SparseTable = field(init=False)
     sparse_stoichiometry: SparseTable = field(init=False)
 
@@ -90,8 +96,6 @@ class Network:
             del self.__dict__[name]  # `__getattr__` makes the dense table when it is asked for
         self._set(species=species, channels=channels, sparse_reactants=needed, sparse_stoichiometry=change)
         self._set(ways=self._checked_ways(self.ways))
-        if self.rate_constants is not None:
-            self._set(rate_constants=self._checked_rates(self.rate_constants))
         checked_choice("combinations", self.combinations, COMBINATIONS)
         checked_choice("at_zero", self.at_zero, AT_ZERO)
         check_no_overdraft(species, channels, needed, change)
@@ -100,6 +104,9 @@ class Network:
             laws=checked_laws(self.laws, self.channel_places, self.species_places),
             events=checked_events(self.events, self.species_places),
         )
+        self.given.check(channels, species, self.laws)
+        known = self.given.constants(self.channel_places, self.rate_constants)
+        self._set(rate_constants=None if known is None else self._checked_rates(known))
 
     def _set(self, **values: Any) -> None:
         for name, value in values.items():
@@ -115,7 +122,7 @@ class Network:
         """The dense reactants or stoichiometry, when first asked for."""
         if name not in SPARSE or SPARSE[name] not in self.__dict__:
             raise AttributeError(f"a network has no {name!r}")
-        object.__setattr__(self, name, self.__dict__[SPARSE[name]].dense())
+        self._set(**{name: self.__dict__[SPARSE[name]].dense()})
         return self.__dict__[name]
 
     @classmethod
@@ -132,11 +139,37 @@ class Network:
         laws: Mapping[str, Expression] | None = None,
         events: Sequence[Event] = (),
         at_zero: str = "block",
+        given: Parameters | None = None,
+        time_unit: str = "",
     ) -> Network:
         """A network from sparse tables (R, S)."""
         tables: Any = (reactants, stoichiometry)
         rest: Any = (ways, rate_constants, combinations, conserved or {}, laws or {}, tuple(events), at_zero)
+        rest += (given or Parameters(), time_unit)
         return cls(tuple(species), tuple(channels), *tables, *rest)
+
+    @classmethod
+    def from_text(cls, text: str, /, **parameters: float) -> Network:
+        """A network from lines such as `bind: A + B <-> AB, k1, k2` and `A = 100`; see `reaction_text`.
+
+        parameters : values of names in the rates; they go before those that the text gives
+
+        >>> network = Network.from_text("A + B <-> AB, k1, 0.1", k1=1e-3)
+        >>> network.with_parameters(k1=2e-3).rate_constants.tolist()
+        [0.002, 0.1]
+        """
+        made = cls.of_text(read_reactions(text, parameters))
+        _ = made.initial  # whole numbers
+        return made
+
+    @classmethod
+    def of_text(cls, read: ReactionText) -> Network:
+        """That of a text that was read."""
+        named, needed, change = reaction_tables(read.reactions, read.species)
+        return cls.from_sparse(
+            named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), read.constants,
+            read.combinations, laws=read.laws, given=read.given, time_unit=read.time_unit,
+        )  # fmt: skip
 
     @classmethod
     def from_reactions(
@@ -150,13 +183,14 @@ class Network:
         parameters: Mapping[str, float] | None = None,
         events: Sequence[Event] = (),
         at_zero: str = "block",
+        time_unit: str = "",
     ) -> Network:
         """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: the reactants and products of each channel.
 
         rate_constants : (R,); an expression in the place of one is the whole propensity, and k and N are then 1
         species : their order; by default that in which the reactions name them
         ways : (R,); by default 1 each
-        parameters : name -> value, for expressions given as text; a parsed expression has its own
+        parameters : name -> value, for expressions given as text; a parsed expression brings those of its own
 
         A channel that changes nothing is most likely a mistake, so there is a warning.
         """
@@ -167,18 +201,9 @@ class Network:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
         return cls.from_sparse(
-            named,
-            tuple(reactions),
-            needed,
-            change,
-            np.ones(len(reactions)) if ways is None else ways,
-            constants,
-            combinations,
-            conserved,
-            laws,
-            events,
-            at_zero,
-        )
+            named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways,
+            constants, combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
+        )  # fmt: skip
 
     def with_rates(
         self, rate_constants: ArrayLike, ways: ArrayLike | None = None, combinations: str | None = None
@@ -187,22 +212,49 @@ class Network:
 
         Nothing else is rebuilt or checked again, so the cost is linear in the length of the arrays.
         """
-        counted = (
-            self.combinations if combinations is None else checked_choice("combinations", combinations, COMBINATIONS)
-        )
-        other = copy(self)
+        counted = self.combinations if combinations is None else combinations
+        other = self._forgetting()
         other._set(
             rate_constants=self._checked_rates(rate_constants),
             ways=self.ways if ways is None else self._checked_ways(ways),
-            combinations=counted,
+            combinations=checked_choice("combinations", counted, COMBINATIONS),
+            given=self.given.without_rates(self.given.rates),
         )
         return other
+
+    def with_parameters(self, /, **values: float) -> Network:
+        """The same network with other values of these parameters: of rate constants, laws, events and counts."""
+        return self.with_given(self.given.changed(values))
+
+    def with_given(self, given: Parameters) -> Network:
+        """The same network with these parameters, rate constants in terms of them, and counts at time 0."""
+        other = self._forgetting("fingerprint", "channel_laws")
+        other._set(
+            given=given,
+            laws={name: law.with_parameters(given.values) for name, law in self.laws.items()},
+            events=tuple(event.with_parameters(given.values) for event in self.events),
+        )
+        if given.rates:
+            other._set(rate_constants=given.constants(self.channel_places, self.rate_constants))
+        return other
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Name -> value of every parameter that `with_parameters` takes."""
+        return dict(self.given.values)
+
+    @property
+    def initial(self) -> dict[str, int]:
+        """Species -> count at time 0, where the network states one."""
+        return dict(self.given.counts)
 
     def with_laws(self, laws: Mapping[str, str | Expression], at_zero: str | None = None) -> Network:
         """The same network with these rate laws, of the channels they name, and with no others."""
         policy = self.at_zero if at_zero is None else checked_choice("at_zero", at_zero, AT_ZERO)
         other = self._forgetting("fingerprint", "channel_laws")
         other._set(laws=checked_laws(laws, self.channel_places, self.species_places), at_zero=policy)
+        other._set(given=self.given.without_rates(laws))
+        other.given.check(self.channels, self.species, other.laws)
         return other
 
     def with_events(self, events: Sequence[Event]) -> Network:
@@ -213,7 +265,7 @@ class Network:
 
     def with_conserved(self, conserved: Mapping[str, ArrayLike]) -> Network:
         """The same network with these conserved quantities, name -> amount (S,) in one copy of each species."""
-        other = copy(self)
+        other = self._forgetting()
         other._set(conserved=checked_conserved(conserved, self.channels, self.sparse_stoichiometry))
         return other
 
@@ -268,7 +320,7 @@ class Network:
         }
 
     def check_homogeneous(self) -> None:
-        """Raise a ValueError where rates depend on time or events set counts: the generator is then not constant."""
+        """A ValueError where rates depend on time or events set counts: the generator is then not constant."""
         check_homogeneous(self.laws, [event.name for event in self.events])
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
@@ -276,32 +328,12 @@ class Network:
         counts = np.asarray(states)
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
-        h = np.ones((*counts.shape[:-1], len(self.channels)))
-        needed = self.sparse_reactants
-        places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
-        for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
-            alike = (places == place) & (needed.copies == taken)
-            try:
-                with np.errstate(over="raise"):
-                    h[..., needed.rows[alike]] *= combinations(
-                        counts[..., needed.columns[alike]], taken, self.combinations
-                    )
-            except (ValueError, FloatingPointError) as error:
-                raise ValueError(
-                    f"channel {self._largest(counts, alike)!r}: its reactants have too many combinations: {error}"
-                ) from None
+        h = mass_action(self.sparse_reactants, counts, self.combinations, self.channels)
         if self.laws and time is None:
             self.check_homogeneous()
         for name, law in self.channel_laws.items():
             h[..., self.channel_places[name]] = law.values(counts, time or 0.0)
         return h
-
-    def _largest(self, counts: Ints, entries: Any) -> str:
-        """The channel, of those of some reactants, that finds the most copies of its own."""
-        needed = self.sparse_reactants
-        most = counts.reshape(-1, len(self.species)).max(axis=0)
-        columns = needed.columns[entries]
-        return self.channels[int(needed.rows[entries][np.argmax(most[columns])])]
 
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
         """Propensities k * N * h (..., R), 1/tu, in states (..., S); give the time, tu, if rate laws depend on it."""
@@ -314,10 +346,9 @@ class Network:
         except FloatingPointError:
             with np.errstate(over="ignore"):
                 beyond = np.isinf(self.known_rates * self.ways * h).reshape(-1, len(self.channels)).any(axis=0)
-            name = self.channels[int(np.argmax(beyond))]
             raise ValueError(
-                f"channel {name!r}: its propensity is beyond what a float can hold, 1.8e308; lower its rate constant, "
-                f"or start from fewer copies"
+                f"channel {self.channels[int(np.argmax(beyond))]!r}: its propensity is beyond what a float can hold, "
+                f"1.8e308; lower its rate constant, or start from fewer copies"
             ) from None
 
     @property
@@ -332,7 +363,7 @@ class Network:
     def rows(self) -> list[tuple[str, ...]]:
         """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
         reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
-        return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws)
+        return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws, self.given.rates)
 
     def _headline(self) -> str:
         facts = {
@@ -345,7 +376,8 @@ class Network:
 
     def _display(self) -> NetworkTable:
         has_rates = self.rate_constants is not None or bool(self.laws)
-        rate = ["k, or law (1/tu)" if self.laws else "k (1/tu)"] if has_rates else []
+        unit = f" (1/{self.time_unit})" * bool(self.time_unit)
+        rate = [f"{'k, or law' if self.laws else 'k'}{unit}"] if has_rates else []
         titles = ["channel", "reaction", "N", *rate]
         return NetworkTable(self._headline(), titles, self.rows(), [str(event) for event in self.events])
 

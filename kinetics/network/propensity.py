@@ -18,6 +18,7 @@ from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code
 from kinetics.network.laws.program import Step, evaluate, steps_of
+from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
 
 # What h(s) counts for m like reactants among s copies:
@@ -76,6 +77,23 @@ def _least_log(copies: int, taken: int, counted: str) -> float:
         k = min(taken, copies - taken)
         return k * log(copies / k) if k else 0.0
     return lgamma(taken + 1.0) if counted == "ordered" else taken * log(copies)
+
+
+def mass_action(needed: SparseTable, counts: Ints, counted: str, channels: Sequence[str]) -> Floats:
+    """Combinations (..., R) of the reactants of every channel in states (..., S); cost: their product."""
+    h = np.ones((*counts.shape[:-1], len(channels)))
+    places = np.arange(needed.rows.size) - needed.starts[needed.rows]  # first, second, ... reactant of its channel
+    for place, taken in set(zip(places.tolist(), needed.copies.tolist(), strict=True)):
+        alike = (places == place) & (needed.copies == taken)
+        rows, columns = needed.rows[alike], needed.columns[alike]
+        try:
+            with np.errstate(over="raise"):
+                h[..., rows] *= combinations(counts[..., columns], taken, counted)
+        except (ValueError, FloatingPointError) as error:
+            most = counts.reshape(-1, counts.shape[-1]).max(axis=0)  # the channel that finds the most copies of its own
+            name = channels[int(rows[np.argmax(most[columns])])]
+            raise ValueError(f"channel {name!r}: its reactants have too many combinations: {error}") from None
+    return h
 
 
 def over_factorial(coefficient: float, copies: int, channel: str) -> float:

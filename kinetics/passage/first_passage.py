@@ -21,11 +21,12 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Floats, Ints, reals, whole_number
+from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """The distribution of a first-passage time, tu.
+    """The distribution of a first-passage time.
 
     target : the target, in words
     mean : mean of the time; inf where the target may never be reached
@@ -35,6 +36,7 @@ class Passage:
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
     is_bound : whether errors and limits are proven; not by a rate law that cannot be bounded
+    time_unit : name of the unit of all times, "" where none is stated
     """
 
     target: str
@@ -45,6 +47,7 @@ class Passage:
     transitions: Transitions = field(repr=False)
     start: Floats = field(repr=False)
     is_bound: bool = True
+    time_unit: str = ""
     _spread: Callable[[], tuple[float, float]] = field(default=lambda: (np.nan, np.nan), repr=False)
 
     @property
@@ -121,7 +124,8 @@ class Passage:
 
     def __str__(self) -> str:
         if self.is_certain:
-            return f"time until {self.target}: mean {self.mean:.4g} tu, sd {self.sd:.4g} tu"
+            mean, sd = (in_unit(f"{value:.4g}", self.time_unit) for value in (self.mean, self.sd))
+            return f"time until {self.target}: mean {mean}, sd {sd}"
         return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
 
     def plot(self, ax: Any) -> Any:
@@ -130,7 +134,7 @@ class Passage:
 
         last = self._quantile(0.99 * self.probability) or 1.0
         times = np.linspace(0.0, last, 201)
-        return plots.passage(ax, times, self.cdf(times), self.mean, self.target)
+        return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 
 
 def _at(times: ArrayLike, question: Callable[[float], LimitedValue]) -> tuple[Floats, Floats, Floats]:
@@ -172,28 +176,30 @@ def first_passage(
     wanted = whole_number("copies", copies, 0)
     space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
     start = np.eye(1, len(space))[0]
-    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {species}")
+    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {species}", network.time_unit)
 
 
-def passage_to(transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str) -> Passage:
+def passage_to(
+    transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str, unit: str = ""
+) -> Passage:
     """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
     chain, begins = lumped(transitions, is_target, start)
     n, there = begins.size - 1, float(begins[-1])
     is_bound = transitions.is_certified
     if not begins[:n].any():
-        return Passage(target, 0.0, 1.0, 0.0, 0, chain, begins, is_bound, lambda: (0.0, 0.0))
+        return Passage(target, 0.0, 1.0, 0.0, 0, chain, begins, is_bound, unit, lambda: (0.0, 0.0))
     way = _way(chain, begins)
     first, hits = way.first, way.hits
     if not first.any():
-        return Passage(target, np.inf, there, 0.0, n, chain, begins, is_bound)
+        return Passage(target, np.inf, there, 0.0, n, chain, begins, is_bound, unit)
     chances = equations(way.rows, way.columns, way.rates, hits + way.losses, transitions.roundings)
     if not way.is_certain:
         chance, error = _checked(chances.solved(hits), first).mean(first)
         chance = min(there + chance, 1.0)
-        return Passage(target, np.inf, chance, error, n, chain, begins, is_bound)
+        return Passage(target, np.inf, chance, error, n, chain, begins, is_bound, unit)
     means = _checked(chances.solved(np.ones(hits.size)), first)
     mean, error = means.mean(first)
-    return Passage(target, mean, 1.0, error, n, chain, begins, is_bound, partial(_sd, chances, way, there, means))
+    return Passage(target, mean, 1.0, error, n, chain, begins, is_bound, unit, partial(_sd, chances, way, there, means))
 
 
 def _sd(chances: Equations, way: _Way, there: float, means: BoundedSolution) -> tuple[float, float]:

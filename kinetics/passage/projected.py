@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinetics.passage.first_passage import Passage
 from kinetics.passage.until import UNDERFLOW
 from kinetics.support.arrays import Floats
+from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,9 @@ class ProjectedPassage:
         return self.earliest.quantile_bounds(q)[0], self.latest.quantile_bounds(q)[1]
 
     def __str__(self) -> str:
+        unit = self.latest.time_unit
         low, high = self.probability_bounds
         return (
-            f"time until {self.target}: mean at least {self.mean_low:.6g} tu; "
+            f"time until {self.target}: mean at least {in_unit(f'{self.mean_low:.6g}', unit)}; "
             f"reached with probability {low:.12g} to {high:.12g}"
         )

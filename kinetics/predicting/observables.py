@@ -30,6 +30,7 @@ class Observables:
 
     names: tuple[str, ...]
     weights: Ints
+    time_unit: str = ""
 
     @classmethod
     def of(cls, network: Network, sums: Mapping[str, Mapping[str, float]]) -> Observables:
@@ -40,13 +41,13 @@ class Observables:
                 if weight < 0 or weight != int(weight):
                     raise ValueError(f"{name!r} counts {species!r} {weight:g} times; expected a whole number >= 0")
                 weights[network.index(species), v] = weight
-        return cls(tuple(sums), integers("weights", weights, (None, None), minimum=0))
+        return cls(tuple(sums), integers("weights", weights, (None, None), minimum=0), network.time_unit)
 
     @cached_property
     def network(self) -> Network:
         """A network without reactions whose species are the observables: results refer to it."""
         none = SparseTable.of_entries((0, len(self.names)), [], [], [])
-        return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0))
+        return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0), time_unit=self.time_unit)
 
     def sampling(self, method: SamplingMethod, model: Network) -> ObservedSampling:
         """A method that samples `model` and returns the observables."""

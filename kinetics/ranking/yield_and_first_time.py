@@ -234,6 +234,7 @@ def _noting(question: Question) -> Network:
         laws=network.laws,
         events=(*network.events, first),
         at_zero=network.at_zero,
+        time_unit=network.time_unit,
     )
 
 

@@ -182,7 +182,9 @@ class JumpPath:
         from kinetics.support import plots
 
         times = np.concatenate([[0.0], self.times, [self.end]])
-        return plots.steps(ax, times, np.vstack([self.states, self.states[-1:]]), self.network.species)
+        return plots.steps(
+            ax, times, np.vstack([self.states, self.states[-1:]]), self.network.species, self.network.time_unit
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,4 +270,4 @@ class Ensemble:
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)
-        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

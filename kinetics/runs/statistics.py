@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.memory import check_memory
+from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -144,7 +145,7 @@ class EnsembleStatistics:
         some, rest = found > 0, found < self.runs
         low[some] = betaincinv(found[some], self.runs - found[some] + 1, tail)
         high[rest] = betaincinv(found[rest] + 1, self.runs - found[rest], 1 - tail)
-        return Marginal(species, float(time), first, width, found / self.runs, low, high, level)
+        return Marginal(species, float(time), first, width, found / self.runs, low, high, level, self.network.time_unit)
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
         """Statistics of the runs of both, which must be different runs of one network at the same times."""
@@ -175,14 +176,14 @@ class EnsembleStatistics:
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)
-        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
 
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
     """Counts of one species at one time, in K bins.
 
-    time : tu
+    time : in `time_unit`
     first, width : (K,) smallest count of each bin, and how many counts it holds
     share, low, high : (K,) of the runs, and the interval of the probability; each holds at `level` by itself
     """
@@ -195,6 +196,7 @@ class Marginal:
     low: Floats
     high: Floats
     level: float
+    time_unit: str = ""
 
     def plot(self, ax: Any) -> Any:
         """Shares with their intervals; returns `ax`."""
@@ -203,7 +205,7 @@ class Marginal:
         middle = self.first + (self.width - 1) / 2
         spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
         ax.errorbar(middle, self.share, spread, fmt="o", ms=3, capsize=2, color=plots.colour(0), label=self.species)
-        ax.set_xlabel(f"copies of {self.species} at {self.time:g} tu")
+        ax.set_xlabel(f"copies of {self.species} at {in_unit(f'{self.time:g}', self.time_unit)}")
         ax.set_ylabel(f"share of runs ({100 * self.level:g} % intervals)" if self.width == 1 else "share of runs a bin")
         return ax
 

@@ -132,4 +132,4 @@ class Distribution:
         from kinetics.support import plots
 
         low, high = self.quantile(0.025), self.quantile(0.975)
-        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species)
+        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

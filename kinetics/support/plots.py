@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.output import write_whole
+from kinetics.support.tables import in_unit, of_unit
 
 # Okabe & Ito (2008): colour-blind readers can distinguish these
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
@@ -21,20 +22,28 @@ def colour(i: int) -> str:
     return COLOURS[i % len(COLOURS)]
 
 
-def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str]) -> Any:
+def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], unit: str = "tu") -> Any:
     """Counts (T, S) that hold from each time to the next; returns `ax`."""
     for i, (name, column) in enumerate(zip(names, np.asarray(counts).T, strict=True)):
         ax.step(times, column, where="post", color=colour(i), label=name)
-    return _finish(ax, "copies")
+    return _finish(ax, "copies", unit)
 
 
-def bands(ax: Any, times: ArrayLike, middle: ArrayLike, low: ArrayLike, high: ArrayLike, names: Sequence[str]) -> Any:
-    """Curves (T, S) with shaded bands, one colour a species; returns `ax`."""
+def bands(
+    ax: Any,
+    times: ArrayLike,
+    middle: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    names: Sequence[str],
+    unit: str = "tu",
+) -> Any:
+    """Curves (T, S) with shaded bands, one colour a species; `unit` is that of time; returns `ax`."""
     columns = zip(names, np.asarray(middle).T, np.asarray(low).T, np.asarray(high).T, strict=True)
     for i, (name, curve, bottom, top) in enumerate(columns):
         ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
         ax.plot(times, curve, color=colour(i), label=name)
-    return _finish(ax, "copies (mean, middle 95 %)")
+    return _finish(ax, "copies (mean, middle 95 %)", unit)
 
 
 def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:
@@ -45,13 +54,13 @@ def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any
     return ax
 
 
-def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, target: str) -> Any:
+def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, target: str, unit: str = "tu") -> Any:
     """Distribution function of a passage time, its mean marked where there is one; returns `ax`."""
     ax.plot(times, probability, color=colour(0), label=f"until {target}")
     if np.isfinite(mean):
-        ax.axvline(mean, color=colour(1), linestyle="--", label=f"mean {mean:.4g} tu")
+        ax.axvline(mean, color=colour(1), linestyle="--", label=in_unit(f"mean {mean:.4g}", unit))
     ax.set_ylim(0, 1)
-    return _finish(ax, "probability of having been reached")
+    return _finish(ax, "probability of having been reached", unit)
 
 
 def grouped_bars(
@@ -106,8 +115,8 @@ def words_as_they_are(figure: Any) -> None:
         text.set_parse_math(False)
 
 
-def _finish(ax: Any, label: str) -> Any:
-    ax.set_xlabel("time (tu)")
+def _finish(ax: Any, label: str, unit: str) -> Any:
+    ax.set_xlabel(of_unit("time", unit))
     ax.set_ylabel(label)
     ax.legend(frameon=False)
     return ax

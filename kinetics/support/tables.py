@@ -11,6 +11,20 @@ from typing import Any
 Rows = Sequence[Mapping[str, Any]]
 
 
+def in_unit(value: str, unit: str) -> str:
+    """A value with its unit, where it has one."""
+    return f"{value} {unit}" if unit else value
+
+
+def of_unit(what: str, unit: str) -> str:
+    """A title with the unit of what is below or beside it, where there is one.
+
+    >>> of_unit("time", "s"), of_unit("time", "")
+    ('time (s)', 'time')
+    """
+    return f"{what} ({unit})" if unit else what
+
+
 def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns of text, aligned, for a terminal."""
     widths = [max(len(line[i]) for line in (titles, *rows)) for i in range(len(titles))]

@@ -37,7 +37,7 @@ def bare_line() -> Network:
     made = np.array([after for _, after in LINE_REACTIONS.values()])
     ways = [4, 4, 4, 4, 1, 2, 2, 1]
     laws = {"cubes": [1, 2, 3, 4]}
-    return Network(species, tuple(LINE_REACTIONS), needed, made - needed, ways, conserved=laws)
+    return Network(species, tuple(LINE_REACTIONS), needed, made - needed, ways, conserved=laws, time_unit="tu")
 
 
 def line(table="table3") -> Network:

@@ -72,6 +72,7 @@ class Derivation:
             SparseTable.of_entries(shape, channel, species, 2 * is_made - 1),
             [sum(ways.values()) for ways in self.events.values()],
             conserved={"cubes": sizes},
+            time_unit="tu",
         )
 
     def species_of(self, structure: Structure) -> int:

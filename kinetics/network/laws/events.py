@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 from kinetics.network.laws.expression import Expression
@@ -97,6 +97,12 @@ class Event:
     def new_counts(self) -> dict[str, Expression]:
         """Species -> its new count, parsed."""
         return cast(dict[str, Expression], self.assign)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Event:
+        """The same event with these values of the parameters that it reads."""
+        new = {name: value.with_parameters(values) for name, value in self.new_counts.items()}
+        when, delay = self.condition.with_parameters(values), self.waits.with_parameters(values)
+        return replace(self, when=when, assign=new, delay=delay)
 
     def check_names(self, species: Mapping[str, int]) -> None:
         """A ValueError where it names a species or parameter that does not exist."""

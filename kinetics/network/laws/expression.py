@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -61,6 +62,23 @@ class Expression:
             raise AttributeError(f"an expression has no {name!r}")
         object.__setattr__(self, "text", text_of(self.formula))
         return self.text
+
+    def with_parameters(self, values: Mapping[str, float]) -> Expression:
+        """The same formula with these values of the parameters that it reads, and its own values of the others."""
+        made = copy(self)
+        known = {**self.parameters, **{name: values[name] for name in self._names if name in values}}
+        object.__setattr__(made, "parameters", known)
+        return made
+
+    def with_numbers(self, kept: Collection[str] = ()) -> Expression:
+        """The same formula with numbers in the place of its parameters, but for those that are kept."""
+        graph = Graph(most=3 * len(self.formula) + len(self.parameters) + 10)
+        numbers = {name: graph.number(value) for name, value in self.parameters.items() if name not in kept}
+        if not numbers:
+            return self
+        place = graph.copied(self.formula, numbers)[-1]
+        left = {name: value for name, value in self.parameters.items() if name in kept}
+        return Expression.of(graph.formula(place), left)
 
     def __str__(self) -> str:
         used = {name: self.parameters[name] for name in self._names if name in self.parameters}

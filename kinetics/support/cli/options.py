@@ -125,6 +125,17 @@ def counts_of(text: str) -> dict[str, int]:
     return counts
 
 
+def _values(_ctx: click.Context, _param: click.Parameter, given: tuple[str, ...]) -> dict[str, float]:
+    """`("k1=2e-3", "k2=5")` as numbers by name."""
+    values: dict[str, float] = {}
+    for text in given:
+        name, _, number = (part.strip() for part in text.rpartition("="))
+        if not name or not _is_number(number) or name in values:
+            raise ValueError(f"--set {text}; expected a name and a number, once a name, as in --set k1=2e-3")
+        values[name] = float(number)
+    return values
+
+
 def time_grid(duration: float | None, times: tuple[float, ...]) -> Floats:
     """The times of a prediction, tu: those of `--times`, or 101 from 0 to `--duration`."""
     if times and duration is not None:
@@ -171,6 +182,7 @@ class AskedStart(NamedTuple):
     cubes: int | None
     initial: str | None
     copies_per_unit: float | None
+    chosen: dict[str, float]
 
 
 def starting_options(command: Callable[..., None]) -> Any:
@@ -188,6 +200,14 @@ def starting_options(command: Callable[..., None]) -> Any:
 
     decorated: Any = with_start
     for decorate in (
+        click.option(
+            "--set",
+            "chosen",
+            metavar="NAME=VALUE",
+            multiple=True,
+            callback=_values,
+            help="Give a parameter of a network file this value; may be repeated.",
+        ),
         click.option(
             "--copies-per-unit",
             metavar="N",

@@ -31,7 +31,7 @@ class Sheet(Format):
         if copies_per_unit is not None:
             raise ValueError(f"{path} has whole counts; it takes no copies_per_unit")
         if path.stat().st_size > 2**20:
-            raise ValueError(f"{path} has {path.stat().st_size} bytes; a sheet may have at most {2**20}")
+            raise ValueError(f"{path} has {path.stat().st_size} bytes; at most {2**20} are read")
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
             shape = len(data["channels"]), len(data["species"])

@@ -306,3 +306,54 @@ def test_what_derive_cannot_write(arguments, message):
     done = CliRunner().invoke(main, ["derive", "line4", *arguments])
     assert done.exit_code == 2
     assert message in done.output
+
+
+NAMED = """begin parameters
+1 kon 0.5
+2 koff 2*kon
+3 K 7
+4 A 3
+5 N 4*A
+end parameters
+begin functions
+1 f() kon*total/(K + total)
+end functions
+begin species
+1 A() N
+2 B() 10
+3 $C() K
+end species
+begin reactions
+1 1,2 3 kon
+2 3 1,2 0.5*koff
+3 1,1 2 3 * kon + A
+4 1 2 f
+5 1 2 Sat kon K
+6 0 1 5
+end reactions
+begin groups
+1 total 1,2*2
+end groups
+"""
+
+
+def test_parameters_keep_their_names(tmp_path):
+    """Other values mean what they mean written into the file; `A`, also a species, stays a number, as do others."""
+    path = tmp_path / "model.net"
+    path.write_text(NAMED)
+    model = read(path)
+    assert model.network.parameters == {"kon": 0.5, "koff": 1.0, "K": 7.0, "N": 12.0}
+    assert "0.5  kon = 0.5" not in str(model.network)
+    assert "koff = 1" in str(model.network)
+    states = np.random.default_rng(0).integers(2, 20, (20, 3))
+    chosen = model.with_parameters(kon=0.25, K=9)
+    path.write_text(NAMED.replace("kon 0.5", "kon 0.25").replace("K 7", "K 9"))
+    again = read(path)
+    assert_array_equal(chosen.initial, again.initial)
+    assert_array_equal(chosen.network.propensities(states), again.network.propensities(states))
+    assert not np.any(np.all(chosen.network.propensities(states) == model.network.propensities(states), axis=1))
+    assert chosen.with_parameters(N=5).initial.tolist() == [5, 10, 9]
+    with pytest.raises(ValueError, match="unknown parameter 'A'"):
+        model.with_parameters(A=5)
+    path.write_text(NAMED.replace("2*2\n", "K*2\n"))  # a weight is a number; so are then all
+    assert read(path).network.parameters == {}

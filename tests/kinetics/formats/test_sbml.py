@@ -320,3 +320,44 @@ def test_predict_shows_observables_and_how_the_file_was_read(tmp_path):
     done = run(main, ["predict", "line4", "--rates", "table3", "--cubes", "4", "--copies-per-unit", "2"])
     assert done.exit_code == 2
     assert "--copies-per-unit 2 is the scale of a network file; line4 is a rule book" in done.output
+
+
+def test_the_unit_of_time_is_the_files(tmp_path):
+    for stated, unit in (("second", "s"), (None, "")):
+        made = Builder()
+        made.species("A", 3)
+        made.reaction("use", {"A": 1}, {}, "2*A")
+        if stated:
+            made.model.setTimeUnits(stated)
+        assert made.read(tmp_path).network.time_unit == unit
+
+
+def with_parameters(k=0.5, K=4.0, n=3.0):
+    """Mass action, a law, a rule and an event by parameters; `n` also sets a count at time 0, so it stays a number."""
+    made = Builder(size=2.0)
+    made.species("A", 6)
+    made.species("B", 5)
+    for name, value in {"k": k, "K": K, "n": n}.items():
+        made.parameter(name, value)
+    made.parameter("twice", constant=False)
+    made.rule("twice", "2*k")
+    made.assignment("B", "5*n")
+    made.reaction("pair", {"A": 2}, {"B": 1}, "k*A*(A - 1)*3")
+    made.reaction("turn", {"B": 1}, {"A": 1}, "twice*B/(K + B)")
+    made.reaction("make", {}, {"A": 1}, "n*twice")
+    made.event("dose", "B < K", A="A + 1")
+    return made
+
+
+def test_parameters_keep_their_names(tmp_path):
+    """Other values mean what they mean in the file."""
+    model = with_parameters().read(tmp_path)
+    assert model.network.parameters == {"k": 0.5, "K": 4.0}
+    assert "= 3" in str(model.network)
+    other, changed = with_parameters(k=0.8, K=9.0).read(tmp_path), model.with_parameters(k=0.8, K=9)
+    states = np.random.default_rng(0).integers(2, 30, (30, 2))
+    assert_allclose(changed.network.propensities(states, 0.0), other.network.propensities(states, 0.0), rtol=1e-15)
+    assert not np.any(np.isclose(changed.network.propensities(states, 0.0), model.network.propensities(states, 0.0)))
+    assert changed.network.events[0].condition.parameters == {"K": 9.0}
+    with pytest.raises(ValueError, match="unknown parameter 'n'"):
+        model.with_parameters(n=1)

@@ -392,4 +392,4 @@ def test_small_files_do_no_exponential_work(tmp_path):
 
 def test_formulas_say_what_the_file_means(tmp_path):
     model = size_by_rule().read(tmp_path)
-    assert model.formulas == {"cell": "2", "half": "1", "A": "A / 2"}
+    assert model.formulas == {"cell": "2 * 1", "half": "1", "A": "A / (2 * 1)"}

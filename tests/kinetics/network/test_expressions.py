@@ -298,12 +298,12 @@ def test_bad_arguments_of_named_laws(make, message):
 
 def test_a_network_shows_its_laws_and_keeps_them():
     net = Network.from_reactions(
-        BIRTH_DEATH, [LAW, 0.5], parameters={"k": 3.0}, events=[Event("dose", "t >= 5", {"A": 9})]
+        BIRTH_DEATH, [LAW, 0.5], parameters={"k": 3.0}, events=[Event("dose", "t >= 5", {"A": 9})], time_unit="min"
     )
     text = str(net)
     assert f"[{LAW}  (k = 3)]" in text
     assert "dose: when t >= 5: A = 9" in text
-    assert "k, or law (1/tu)" in text
+    assert "k, or law (1/min)" in text
     assert "t &gt;= 5" in net._repr_html_()
     assert "2 * [k * A" in str(net.with_rates([2.0, 0.5]))
     plain = Network.from_reactions(BIRTH_DEATH, [1.0, 0.5])

@@ -239,5 +239,6 @@ def test_bad_questions():
 def test_plot():
     ax = Figure().add_subplot()
     assert erlang(3).plot(ax) is ax
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["until 1 place3", "mean 1.5 tu"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["until 1 place3", "mean 1.5"]
+    assert ax.get_xlabel() == "time"
     assert 0 < FALSE_ALARM < 1e-3
