@@ -13,6 +13,7 @@ a megabyte are compressed. Larger ones are not, so that no file can claim much m
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import hashlib
@@ -82,9 +83,13 @@ class RunStore:
         self.folder = Path(folder).absolute()  # workers may have another working directory
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
+        missing = [one.parent for one in self.folder.parents if not one.exists()]
         self.folder.mkdir(parents=True, exist_ok=True)
         marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()
         if not marker.exists():
+            for above in (self.folder.parent, *missing):  # else a power failure takes the folder with all its runs
+                with contextlib.suppress(PermissionError):  # one that may be entered and not read
+                    _sync(above)
             write_in_turn(marker, expected)
         found = marker.read_bytes()[:80]
         if found != expected:
@@ -149,8 +154,9 @@ class RunStore:
         return self._note(spec)
 
     def absolve(self, spec: RunSpec) -> None:
-        """Delete that record: the run has finished after all."""
-        self._note(spec).unlink(missing_ok=True)
+        """Delete that record: the run has finished after all. Where that fails, it is left for the next call."""
+        with contextlib.suppress(OSError):
+            self._note(spec).unlink(missing_ok=True)
 
     def contents(self) -> Iterator[Contents]:
         """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run in the store, by key."""
@@ -377,13 +383,18 @@ def write_in_turn(path: Path, data: bytes) -> None:
             finally:
                 if _is_open(temporary, file):
                     temporary.unlink()
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        _sync(path.parent)
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror}; could not write", str(path)) from error
+
+
+def _sync(folder: Path) -> None:
+    """Put the names in a folder on disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _lock(path: Path, kind: int) -> BinaryIO:
