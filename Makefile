@@ -24,7 +24,7 @@ validate: $(READY)
 	$(BIN)/python -m pytest -q --validate
 
 faults: $(READY)
-	$(BIN)/python -m tests.faults
+	$(BIN)/python -m tests.faults --json faults.json
 
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
@@ -52,4 +52,4 @@ $(READY): pyproject.toml constraints.txt
 	touch $(READY)
 
 clean:
-	rm -rf $(VENV) demo-output
+	rm -rf $(VENV) demo-output faults.json
