@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint validate benchmarks study clean
+.PHONY: demo test lint validate faults benchmarks study clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -22,6 +22,9 @@ lint: $(READY)
 
 validate: $(READY)
 	$(BIN)/python -m pytest -q --validate
+
+faults: $(READY)
+	$(BIN)/python -m tests.faults --json faults.json
 
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
@@ -49,4 +52,4 @@ $(READY): pyproject.toml constraints.txt
 	touch $(READY)
 
 clean:
-	rm -rf $(VENV) demo-output
+	rm -rf $(VENV) demo-output faults.json

@@ -16,7 +16,7 @@ SOURCES = [*sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"
 
 # The one other writer: its temporary files have fixed names and are locked, so that processes which share a folder of
 # runs take turns, and take over what a killed one left (tests/mechsim/runs/test_store.py).
-STORE = "mechsim/runs/store.py"
+STORE = "mechsim/runs/turns.py"
 DOORS = ("kinetics/support/output.py", STORE)
 # ffmpeg is a program of its own, which writes where it is told: into a private temporary folder.
 FFMPEG = "mechsim/inspection/pictures/movie.py"

@@ -85,6 +85,8 @@ class _Driver:
         self.computed = 0
         found = ((key, store.read(spec)) for key, spec in specs.items())
         self.records = {key: record for key, record in found if record is not None}
+        for key in self.records:  # who made it may have been killed before the note of earlier failures was deleted
+            store.absolve(specs[key])
         self.waiting = deque(spec for key, spec in specs.items() if key not in self.records)
 
     def run(self, session: Session, progress: bool | None) -> None:

@@ -13,12 +13,11 @@ a megabyte are compressed. Larger ones are not, so that no file can claim much m
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import fcntl
 import hashlib
 import io
 import json
-import os
 import struct
 import warnings
 import zipfile
@@ -34,6 +33,7 @@ from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
+from mechsim.runs.turns import lock, set_aside, sync_folder, write_in_turn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,7 +44,6 @@ HEADER = struct.Struct(f"<{len(MAGIC)}sHQ")  # magic, format, bytes of payload
 START = HEADER.size + hashlib.sha256().digest_size  # of the payload
 SMALL = 1 << 20  # bytes, of a member that is compressed
 MOST_MEMBERS = 64
-SHARED = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW  # how a file is opened for a lock
 # What reading an altered archive may raise, whatever its checksum says: an encrypted or an unknown member, too.
 DAMAGES: tuple[type[Exception], ...] = (
     *(ValueError, TypeError, LookupError, OSError, EOFError, RuntimeError, OverflowError),
@@ -82,9 +81,13 @@ class RunStore:
         self.folder = Path(folder).absolute()  # workers may have another working directory
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
+        missing = [one.parent for one in self.folder.parents if not one.exists()]
         self.folder.mkdir(parents=True, exist_ok=True)
         marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()
         if not marker.exists():
+            for above in (self.folder.parent, *missing):  # else a power failure takes the folder with all its runs
+                with contextlib.suppress(PermissionError):  # one that may be entered and not read
+                    sync_folder(above)
             write_in_turn(marker, expected)
         found = marker.read_bytes()[:80]
         if found != expected:
@@ -138,7 +141,7 @@ class RunStore:
         """Take the right to make a run; None while another process (or another call) has it."""
         path = self.folder / "claims" / spec.key
         try:
-            return Claim(path, _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB))
+            return Claim(path, lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB))
         except BlockingIOError:
             return None
 
@@ -149,8 +152,9 @@ class RunStore:
         return self._note(spec)
 
     def absolve(self, spec: RunSpec) -> None:
-        """Delete that record: the run has finished after all."""
-        self._note(spec).unlink(missing_ok=True)
+        """Delete that record: the run has finished after all. Where that fails, it is left for the next call."""
+        with contextlib.suppress(OSError):
+            self._note(spec).unlink(missing_ok=True)
 
     def contents(self) -> Iterator[Contents]:
         """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run in the store, by key."""
@@ -230,8 +234,7 @@ class RunStore:
             except DamagedRunError as error:
                 aside = path.with_name(path.name + ".damaged")
                 warnings.warn(f"{path} is damaged ({error}); moved to {aside.name}", RuntimeWarning, stacklevel=3)
-                if _is_open(path, file):  # else another process has set it aside and written it anew
-                    path.replace(aside)
+                set_aside(path, file, aside)
                 return None
         return contents
 
@@ -353,58 +356,3 @@ def _columns(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
             yield from _columns(inner, f"{name}.{key}" if name else key)
     else:
         yield name, json.dumps(value) if isinstance(value, list) else value
-
-
-def write_in_turn(path: Path, data: bytes) -> None:
-    """Put `data` at `path`, whole or not at all, and on disk before this returns.
-
-    OSError names the file; what stood there stays. Not the door of other files, `kinetics.support.output`: here the
-    temporary file has a fixed name and is locked, so that writers of one file take turns, and the next one takes over
-    what a killed one left. A link at that name is not followed.
-    """
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        with _lock(temporary, fcntl.LOCK_EX) as file:
-            try:
-                file.truncate(0)
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-                file.seek(0)
-                if file.read() != data:  # some full or failing disks do not say so
-                    raise OSError(errno.EIO, "the bytes written do not read back")
-                temporary.replace(path)
-            finally:
-                if _is_open(temporary, file):
-                    temporary.unlink()
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-    except OSError as error:
-        raise OSError(error.errno, f"{error.strerror}; could not write", str(path)) from error
-
-
-def _lock(path: Path, kind: int) -> BinaryIO:
-    """The file at `path`, made if missing, open under a lock that dies with its holder (flock)."""
-    while True:
-        file = os.fdopen(os.open(path, SHARED, 0o666), "a+b")
-        try:
-            if os.fstat(file.fileno()).st_nlink > 1:
-                raise OSError(errno.EMLINK, "it has another name, under which it would be overwritten")
-            fcntl.flock(file, kind)
-        except OSError as error:
-            file.close()
-            raise OSError(error.errno, error.strerror, str(path)) from None
-        if _is_open(path, file):
-            return file
-        file.close()  # its last holder renamed or removed it while we waited
-
-
-def _is_open(path: Path, file: BinaryIO) -> bool:
-    """Is the file at `path` the one that is open here?"""
-    try:
-        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except FileNotFoundError:
-        return False

@@ -137,6 +137,8 @@ def execute(spec: FakeSpec, progress: Callable[[float], None]) -> RunRecord:
             take_the_worker_down()
         case "take the worker down once" if tries == 1:
             take_the_worker_down()
+        case "hang once" if tries == 1:
+            time.sleep(600)
         case "hang":
             time.sleep(600)
         case "hang in native code":

@@ -135,7 +135,12 @@ class ClusterSession(Session):
         """Hand the run to the scheduler. The worker claims it, for it may outlive this process."""
         claim.release()
         arguments = (spec, self.store, self.execute, self.settings.timeout, Path.cwd(), self.call)
-        future = self.client.submit(make, *arguments, key=f"run-{spec.key[:16]}-{uuid4().hex}", pure=False)
+        try:
+            future = self.client.submit(make, *arguments, key=f"run-{spec.key[:16]}-{uuid4().hex}", pure=False)
+        except Exception as error:
+            if self.client.status == "running":
+                raise
+            raise self._gone() from error
         self.attempts.append(_Submitted(spec=spec, future=future))
         future.add_done_callback(self.news.put)
 
@@ -163,6 +168,7 @@ class ClusterSession(Session):
     def _hear(self, future: Future) -> None:
         """Take in what a worker has said of its run."""
         from distributed import CancelledError, KilledWorker
+        from distributed.comm import CommClosedError
 
         attempt = next((attempt for attempt in self.attempts if attempt.future is future), None)
         if attempt is None:
@@ -173,11 +179,8 @@ class ClusterSession(Session):
             future.add_done_callback(self.news.put)
         except KilledWorker as error:
             attempt.failure, attempt.is_last, attempt.ended = _blame(error), True, True
-        except CancelledError as error:
-            raise OSError(
-                f"the scheduler at {self.settings.address} is gone, or has dropped the runs; what was finished is "
-                "kept, and the same command goes on from there"
-            ) from error
+        except (CancelledError, CommClosedError) as error:  # the second where it was lost while it answered
+            raise self._gone() from error
         except (OSError, ValueError):  # the run's worker says so
             raise
         except Exception as error:
@@ -192,6 +195,12 @@ class ClusterSession(Session):
                 attempt.failure, attempt.ended = said, True
             else:
                 attempt.made, attempt.failure = time.monotonic(), "what a worker has written could not be read"
+
+    def _gone(self) -> OSError:
+        return OSError(
+            f"the scheduler at {self.settings.address} is gone, or has dropped the runs; what was finished is kept, "
+            "and the same command goes on from there"
+        )
 
     def close(self) -> None:
         """Call the runs back, end those at work, and leave the cluster."""

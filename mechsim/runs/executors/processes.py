@@ -83,6 +83,7 @@ class ProcessSession(Session):
     def __init__(self, settings: Processes, store: RunStore, execute: Execute) -> None:
         super().__init__()
         self.settings, self.store, self.execute = settings, store, execute
+        self.looked = time.monotonic()  # s, when it last listened
         self.folder = Path.cwd() if settings.folder is None else settings.folder
         self.context = multiprocessing.get_context("forkserver")
         # What a run needs is imported once, in the server that workers are forked from.
@@ -119,14 +120,15 @@ class ProcessSession(Session):
 
     def listen(self, seconds: float | None) -> None:
         """Wait until processes report or end, or one has been silent for too long."""
-        timeout, asked = self.settings.timeout, time.monotonic()
+        timeout, looked, asked = self.settings.timeout, self.looked, time.monotonic()
         limits = [] if seconds is None else [seconds]
         limits += [worker.heard + timeout - asked for worker in self.attempts if timeout is not None]
         handles: list[Any] = [worker.process.sentinel for worker in self.attempts]
         handles += [worker.reports for worker in self.attempts if not worker.reports.closed]
         ready = wait(handles, max(0.0, min(limits)) if limits else None)
-        now = time.monotonic()
-        was_away = bool(limits) and now > asked + max(0.0, min(limits)) + AWAY  # and so were the workers, perhaps
+        self.looked = now = time.monotonic()
+        late = now - asked - max(0.0, min(limits)) if limits else 0.0
+        was_away = max(asked - looked, late) > AWAY  # before or in the wait; and so were the workers, perhaps
         for worker in self.attempts:
             has_ended = worker.process.sentinel in ready  # asked before its last words are read
             self._hear(worker)

@@ -212,6 +212,39 @@ def test_a_scheduler_that_goes_away(tmp_path, by_hand):
     assert store.digest(quick) == digest_of(map(record_of, quick))
 
 
+class Lost:
+    """A client whose scheduler has just gone, and a future that was on its way; `error` is what they raise."""
+
+    def __init__(self, status, error):
+        self.status, self.error = status, error
+
+    def submit(self, *arguments, **options):
+        raise self.error
+
+    def result(self, timeout):
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("status", "error", "said"),
+    [
+        ("closed", Exception("Tried sending message after closing"), "is gone, or has dropped the runs"),
+        ("connecting", distributed.comm.CommClosedError("in <TCP>"), "is gone, or has dropped the runs"),
+        ("running", Exception("a fault of ours"), "a fault of ours"),  # the control
+    ],
+)
+def test_a_scheduler_that_goes_away_while_it_is_talked_to(tmp_path, status, error, said):
+    store, lost = RunStore(tmp_path), Lost(status, error)
+    session, spec = cluster.ClusterSession(Dask("tcp://nowhere:1"), lost, store, execute), specs_of(1)[0]
+    with pytest.raises(Exception, match=said) as failure:
+        session.start(spec, store.claim(spec))
+    assert isinstance(failure.value, OSError) is (said != "a fault of ours")
+    if isinstance(error, OSError):
+        session.attempts.append(cluster._Submitted(spec=spec, future=lost))
+        with pytest.raises(OSError, match=said):
+            session._hear(lost)
+
+
 @pytest.mark.filterwarnings("ignore:the scheduler at .* has no workers yet")
 def test_a_cluster_without_our_code(tmp_path, by_hand):
     _, dask = scheduler_of(by_hand, tmp_path, paths="")

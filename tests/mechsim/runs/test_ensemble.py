@@ -10,12 +10,14 @@ import threading
 import time
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_runs
 import pytest
 from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
 
 from mechsim.runs.ensemble import TRIES, run_all
+from mechsim.runs.executors import processes
 from mechsim.runs.executors.processes import AWAY, Processes, _interrupts_wait
 from mechsim.runs.record import RunSpec
 from mechsim.runs.record import execute as execute_run
@@ -116,6 +118,34 @@ def test_a_run_that_crashes_once_is_run_again(tmp_path):
     assert outcome.digest == digest_of(map(record_of, specs))
     assert starts(log).count(1) == 2
     assert not list((store.folder / "quarantine").iterdir())
+
+
+def test_a_note_of_earlier_failures_goes_with_a_run_that_is_found(tmp_path):
+    """Who made the run may have been killed before the note was deleted."""
+    store, specs = RunStore(tmp_path), specs_of(2)
+    for spec in specs:
+        store.write(record_of(spec))
+        store.quarantine(spec, ["some earlier trouble"])
+    assert run_all(specs[:1], store, execute=execute).reused == 1
+    assert [path.stem for path in (tmp_path / "quarantine").iterdir()] == [specs[1].key]
+
+
+@pytest.mark.parametrize(("away", "is_ended"), [(AWAY, False), (float("inf"), True)])
+def test_a_sleep_between_two_looks_is_no_fault_of_a_run(tmp_path, monkeypatch, away, is_ended):
+    """The machine sleeps while the driver reads or writes, not while it waits."""
+    monkeypatch.setattr(processes, "AWAY", away)
+    store, spec = RunStore(tmp_path), FakeSpec(1, 0, behaviour="hang")
+    session, claim = Processes(1, timeout=600.0).open(store, execute), store.claim(spec)
+    session.start(spec, claim)
+    (attempt,) = session.attempts
+    while not attempt.started:
+        session.listen(0.01)
+    later = SimpleNamespace(monotonic=lambda: time.monotonic() + 3600.0, sleep=time.sleep)
+    monkeypatch.setattr(processes, "time", later)
+    session.listen(0.0)
+    assert attempt.ended is is_ended
+    session.close()
+    claim.release()
 
 
 def test_a_pause_is_no_fault_of_a_run(tmp_path):

@@ -250,6 +250,22 @@ def test_a_full_disk_names_the_file_and_keeps_the_previous_one(tmp_path):
     assert not list(store.folder.glob(".*"))
 
 
+def test_a_new_folder_is_on_disk_before_its_runs(tmp_path, monkeypatch):
+    """Else a power failure takes the name of the folder, and with it all runs."""
+    synced, real = [], store_module.sync_folder
+
+    def sync(folder):
+        synced.append((folder, (tmp_path / "a" / "runs" / "format").exists()))
+        real(folder)
+
+    monkeypatch.setattr(store_module, "sync_folder", sync)
+    RunStore(tmp_path / "a" / "runs")
+    assert {(tmp_path, False), (tmp_path / "a", False)} <= set(synced)
+    synced.clear()
+    RunStore(tmp_path / "a" / "runs")
+    assert not synced  # the control: there is nothing new
+
+
 def test_what_a_killed_writer_left_is_taken_over(tmp_path):
     store = RunStore(tmp_path)
     (tmp_path / f".{SPEC.key}.run.tmp").write_bytes(b"x" * 100_000)
