@@ -10,6 +10,7 @@ import click
 
 from calibration.commands.shared import leave
 from kinetics.support.cli.options import echo_json
+from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -106,7 +107,8 @@ def validate_by_class(
     if csv_file:
         import pandas as pd
 
-        pd.concat([comparison.to_dataframe() for comparison in study.comparisons]).to_csv(csv_file, index=False)
+        curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
+        write_whole(csv_file, curves.to_csv(index=False))
     if as_json:
         echo_json(
             {
