@@ -1,12 +1,11 @@
 """Mirror images: what rules cannot see is the same to them, what has another shape is not."""
 
 from itertools import product
+from pathlib import Path
 
 import pytest
 
-from kinetics.assembly import Structure, check
-from kinetics.assembly.compiler.seeded import compile_seeded
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly import RuleBook, Structure, check
 from kinetics.assembly.compiler.verifying import exhausted
 from kinetics.assembly.deriving import mirror
 from kinetics.assembly.deriving.mirror import mirrored, same_to_rules
@@ -48,11 +47,10 @@ def test_another_hand_is_another_shape():
 
 def test_a_growth_may_end_in_either_image(monkeypatch):
     """The cube of eight grown from a corner (R3 of the review): two ends, each the mirror image of the other."""
-    asked = Target("block", BLOCK, breaks=False, seed=(0, 0, 0))
-    made = compile_seeded(asked, tries=20, growths=20, time_limit=float("inf"))
-    report = check(made.book)
+    book = RuleBook.load(Path(__file__).with_name("block_in_two_images.toml"))
+    report = check(book)
     assert report.findings == ()
     assert report.home.searched == (8,)
     monkeypatch.setattr(mirror, "LEFT_AND_RIGHT", ("two", "six"))  # the control: as if the images were told apart
-    assert exhausted(made.book).fault.startswith("growth ends with")
-    assert [finding.kind for finding in check(made.book).findings if finding.is_error] == ["dead end", "trap"]
+    assert exhausted(book).fault.startswith("growth ends with")
+    assert [finding.kind for finding in check(book).findings if finding.is_error] == ["dead end", "trap"]
