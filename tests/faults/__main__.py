@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from tests.faults import cluster, disks, outputs, shared
 from tests.faults.disks import Plan, Try
+from tests.faults.known_studies import Mutant, unchanged
 from tests.faults.mutants import MUTANTS
-from tests.faults.studies import Mutant, unchanged
 
 CAMPAIGNS: dict[str, Plan] = {
     "kills": disks.kills,

@@ -20,7 +20,7 @@ from fake_runs import specs_of, starts
 
 from mechsim.runs.store import RunStore
 from tests.faults.disks import Try
-from tests.faults.studies import Mutant, Study
+from tests.faults.known_studies import Mutant, Study
 
 PATHS = os.pathsep.join([str(Path(__file__).parents[2]), str(Path(fake_runs.__file__).parent)])
 ENVIRONMENT = os.environ | {"PYTHONPATH": PATHS, "OPENBLAS_NUM_THREADS": "1"}

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tests.faults.known_studies import Mutant, Study, kept
 from tests.faults.layer import DEAD, FAIL, HALF, HANG, KILL, Fault, read_trace
 from tests.faults.power import Disk, Tree, put
-from tests.faults.studies import Mutant, Study, kept
 
 HUNG_AFTER = 3.0  # s without progress
 

@@ -13,7 +13,7 @@ from mechsim.runs import store, turns
 from mechsim.runs.executors import processes
 from mechsim.runs.record import RunRecord, RunSpec
 from mechsim.runs.store import Claim, RunStore
-from tests.faults.studies import Mutant
+from tests.faults.known_studies import Mutant
 
 
 def _written_in_place() -> None:

@@ -17,9 +17,9 @@ from mechsim.runs.record import RunSpec
 from mechsim.runs.record import execute as execute_run
 from mechsim.scene import Scene
 from tests.faults.disks import Try
+from tests.faults.known_studies import Mutant, fork_workers, kept, note_what_is_kept
 from tests.faults.layer import DEAD, FAIL, HALF, KILL, Fault, Layer, read_trace
 from tests.faults.power import Disk, Tree, put
-from tests.faults.studies import Mutant, fork_workers, kept, note_what_is_kept
 from tests.faults.trying import OUTSIDE, Ending, in_child
 
 OLD, NEW = {"a.csv": "old a\n" * 300, "b.csv": "old b\n"}, {"a.csv": "new a\n" * 400, "b.csv": "new b\n"}

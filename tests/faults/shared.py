@@ -17,8 +17,8 @@ from mechsim.runs import store as store_module
 from mechsim.runs.executors import processes
 from mechsim.runs.store import FORMAT, HEADER, MAGIC, RunStore
 from tests.faults.disks import HUNG_AFTER, Try
+from tests.faults.known_studies import Mutant, Study, fork_workers, kept, note_what_is_kept
 from tests.faults.layer import KILL, Fault, Layer
-from tests.faults.studies import Mutant, Study, fork_workers, kept, note_what_is_kept
 from tests.faults.trying import MISTAKE, ended, in_child, start
 
 LATER = 3600.0  # s, by which a clock jumps

@@ -118,7 +118,7 @@ def test_each_change_is_there_and_nothing_else_is():
     assert_array_equal(net.rate_constants, np.arange(8.0))
     made_at_once = Network.from_sparse(
         net.species, net.channels, net.sparse_reactants, net.sparse_stoichiometry,
-        fed.ways, fed.rate_constants, "product", net.conserved, fed.laws, [feed], "refuse",
+        fed.ways, fed.rate_constants, "product", net.conserved, fed.laws, [feed], "refuse", time_unit="tu",
     )  # fmt: skip
     assert made_at_once.fingerprint == fed.fingerprint
     assert str(made_at_once) == str(fed)
