@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from calibration.commands.plan import Percentage, plan_tables
+from calibration.commands.plan import asked_of_a_plan, plan_tables
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 
@@ -29,32 +29,12 @@ from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
     metavar="N ...",
     help="Numbers of cubes of the held-out runs.  [default: 40, 80 and 160, likewise]",
 )
-@click.option(
-    "--along",
-    type=click.FloatRange(min=0),
-    multiple=True,
-    metavar="T ...",
-    help="Times on the predicted path at which tanks may be taken, tu.  [default: 0, 50, 200, 800, 2000]",
-)
-@click.option("--duration", metavar="T", type=float, help="Length of a calibration run, tu.  [default: 500]")
-@click.option("--held-out-duration", metavar="T", type=float, help="Length of a held-out run, tu.  [default: 2000]")
-@click.option(
-    "--width",
-    metavar="PERCENT",
-    type=Percentage(),
-    help="Half-width of the 95 % interval of every join's rate and of all breaks together.  [default: 10%]",
-)
-@click.option(
-    "--cpu-hours",
-    metavar="H",
-    type=click.FloatRange(min=0, min_open=True),
-    help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
-)
+@asked_of_a_plan
 @click.option(
     "--time-limit",
     metavar="SECONDS",
     type=click.FloatRange(min=0, min_open=True),
-    default=120,
+    default=600,
     show_default=True,
     help="Wall time allowed for the search of a rule book, s.",
 )
@@ -69,7 +49,7 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     """
     from calibration.pipeline.new_study import new_study
 
-    asked = {name: value for name, value in wanted.items() if value not in (None, ())}
+    asked = {name: value for name, value in wanted.items() if value != ()}
     made = new_study(target, folder or Path(target).stem, time_limit, **asked)
     planned = made.planned
     if as_json:

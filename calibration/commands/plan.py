@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,56 @@ class Percentage(click.ParamType):
         return share
 
 
+def asked_of_a_plan(command: Callable[..., None]) -> Any:
+    """The options that say what a plan is to reach, for the commands that make one."""
+    decorated: Any = command
+    for option in reversed(
+        (
+            click.option(
+                "--width",
+                metavar="PERCENT",
+                type=Percentage(),
+                default="10%",
+                show_default=True,
+                help="Half-width of the 95 % interval of every join's rate and of all breaks together.",
+            ),
+            click.option(
+                "--cpu-hours",
+                metavar="H",
+                type=click.FloatRange(min=0, min_open=True),
+                help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
+            ),
+            click.option(
+                "--along",
+                type=click.FloatRange(min=0),
+                multiple=True,
+                default=(0.0, 50.0, 200.0, 800.0, 2000.0),
+                show_default=True,
+                metavar="T ...",
+                help="Times on the predicted path at which tanks may be taken, tu.",
+            ),
+            click.option(
+                "--duration",
+                metavar="T",
+                type=float,
+                default=500.0,
+                show_default=True,
+                help="Length of a calibration run, tu.",
+            ),
+            click.option(
+                "--held-out-duration",
+                metavar="T",
+                type=float,
+                default=2000.0,
+                show_default=True,
+                help="Length of a held-out run, tu.",
+            ),
+        )
+    ):
+        decorated = option(decorated)
+    return decorated
+
+
 @click.command(cls=NumbersCommand)
 @click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "out": PLAN}))
 @click.option(
@@ -45,20 +96,7 @@ class Percentage(click.ParamType):
     callback=in_a_folder,
     help="The plan to write (TOML), which calibrate and validate then carry out.",
 )
-@click.option(
-    "--width",
-    metavar="PERCENT",
-    type=Percentage(),
-    default="10%",
-    show_default=True,
-    help="Half-width of the 95 % interval of every join's rate and of all breaks together, relative to the rate.",
-)
-@click.option(
-    "--cpu-hours",
-    metavar="H",
-    type=click.FloatRange(min=0, min_open=True),
-    help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
-)
+@asked_of_a_plan
 @click.option(
     "--rates",
     "rates_name",
@@ -74,18 +112,6 @@ class Percentage(click.ParamType):
     metavar="N ...",
     help="Numbers of cubes of the calibration.",
 )
-@click.option(
-    "--along",
-    type=click.FloatRange(min=0),
-    multiple=True,
-    default=(0.0, 50.0, 200.0, 800.0, 2000.0),
-    show_default=True,
-    metavar="T ...",
-    help="Times on the predicted path at which tanks may be taken, tu.",
-)
-@click.option(
-    "--duration", metavar="T", type=float, default=500.0, show_default=True, help="Length of a calibration run, tu."
-)
 @click.option("--each-break", is_flag=True, help="Reach the width for each break, not only for all of them together.")
 @click.option(
     "--held-out",
@@ -95,14 +121,6 @@ class Percentage(click.ParamType):
     show_default=True,
     metavar="N ...",
     help="Numbers of cubes of the held-out runs.",
-)
-@click.option(
-    "--held-out-duration",
-    metavar="T",
-    type=float,
-    default=2000.0,
-    show_default=True,
-    help="Length of a held-out run, tu.",
 )
 @click.option(
     "--shift",

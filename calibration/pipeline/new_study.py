@@ -40,7 +40,7 @@ class NewStudy:
     planned: PlannedStudy
 
 
-def new_study(name_or_path: str, folder: str | Path, time_limit: float = 120.0, **wanted: Any) -> NewStudy:
+def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, **wanted: Any) -> NewStudy:
     """Compile a target's rule book, and write it with a scene and a plan into a new folder, whole or not at all.
 
     name_or_path : a target, see `Target.load`; wanted : what the plan is to reach, see `PlanRequest`
