@@ -17,7 +17,7 @@ from calibration.estimating.diagnosing.diagnosis import Diagnosis
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.paper import paper_estimate
 from calibration.pipeline.plan import StudyPlan
-from calibration.pipeline.study_runs import assembly_specs, diagnosed, made, problems_of
+from calibration.pipeline.study_runs import assembly_specs, diagnosed, made, problems_of, sound_of
 from kinetics.rates import Rates
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome
@@ -60,10 +60,7 @@ class CalibrationStudy:
     @cached_property
     def sound(self) -> list[RunRecord]:
         """Runs that reached their end; ValueError where none did."""
-        sound = [record for record in self.outcome.records if record.completed]
-        if not sound:
-            raise ValueError(f"no calibration run reached its end; the first of them: {self.problems[0]}")
-        return sound
+        return sound_of(self.outcome)
 
     @cached_property
     def calibration(self) -> Calibration:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
-from calibration.pipeline.study_runs import made, problems_of
+from calibration.pipeline.study_runs import made, problems_of, sound_of
 from calibration.validating.growth_curves import GROUPS, MOST_GROUPS, GrowthComparison, compare_growth
 from kinetics.networkfree import growth_of
 from kinetics.rates import ClassRates
@@ -37,10 +37,7 @@ class ClassStudy:
     @cached_property
     def sound(self) -> list[RunRecord]:
         """Runs that reached their end; ValueError where none did."""
-        sound = [record for record in self.outcome.records if record.completed]
-        if not sound:
-            raise ValueError(f"no calibration run reached its end; the first of them: {self.problems[0]}")
-        return sound
+        return sound_of(self.outcome)
 
     @cached_property
     def calibration(self) -> ClassCalibration:

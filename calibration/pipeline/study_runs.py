@@ -56,3 +56,11 @@ def diagnosed(records: Sequence[RunRecord], fit: RateFit | Rates | None) -> Diag
     """By pieces too, where all records know the cubes of their events."""
     bonds = [record.arrays["bonds"] for record in records if "bonds" in record.arrays]
     return diagnose([record.path for record in records], fit, bonds if len(bonds) == len(records) else None)
+
+
+def sound_of(outcome: Outcome) -> list[RunRecord]:
+    """Calibration runs that reached their end; ValueError, with the first problem, where none did."""
+    sound = [record for record in outcome.records if record.completed]
+    if not sound:
+        raise ValueError(f"no calibration run reached its end; the first of them: {problems_of(outcome)[0]}")
+    return sound

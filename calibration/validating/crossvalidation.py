@@ -64,7 +64,7 @@ def crossvalidate(
         random numbers
     most_groups : number of groups for the events of channels where their first p-value is below 0.05
 
-    Rates without evidence are taken as exact: the band then holds intrinsic noise alone. At 120 cubes and 20 runs, a
+    Rates without evidence are taken as known: the band then holds intrinsic noise alone. At 120 cubes and 20 runs, a
     thousand groups of line4 cost about 0.4 s of CPU time.
     """
     counts = _held_out(network, paths, times)

@@ -95,7 +95,7 @@ def compare_first_times(
     """Compare first times of `paths` with the first-passage distribution of `network` from the same initial state.
 
     network : a network with rate constants
-    rate_draws : (groups, R) rate constants, for whose uncertainty the test allows; None: the rates are taken as exact
+    rate_draws : (groups, R) rate constants, for whose uncertainty the test allows; None: the rates are taken as known
     first_run : number of the first simulated run, see `Direct.simulate`
     max_states : with more states before the target than this, the distribution is that of 10,000 SSA runs
     horizon : time, tu, until which all runs would have been observed had they not ended with their first copy; None:

@@ -201,7 +201,7 @@ def compare_growth(
         p-value is below 0.05, so many other ones decide
     progress : called with the number of predicted runs finished and the time reached in the current one, tu
 
-    Events are those until the last of the times. Rates without evidence are taken as exact.
+    Events are those until the last of the times. Rates without evidence are taken as known.
     Cost: groups x runs network-free runs, or ten times as many.
     """
     if len(observed) < 2:
