@@ -1,18 +1,23 @@
 # Two commands for a fresh machine with Python 3.11 (venv) and make; both do all set-up.
 
 PYTHON ?= python3.11
-VENV := .venv
+VENV ?= .venv
 BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
+CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving)
 
-.PHONY: demo test lint validate faults benchmarks study clean
+.PHONY: demo test core lock lint validate faults benchmarks study clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
 
 test: lint
 	$(BIN)/python -m pytest -q $(SIDE_BY_SIDE)
+
+# The core without mechanics under another Python: make core PYTHON=python3.13 VENV=.venv-3.13
+core: $(READY)
+	$(BIN)/python -m pytest -q $(SIDE_BY_SIDE) kinetics $(CORE_TESTS)
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -46,10 +51,17 @@ study: $(READY)
 	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.study_pages
 
-$(READY): pyproject.toml constraints.txt
+# Every package by its hash, the one that builds ours among them; then ours.
+$(READY): pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[all,test]"
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $(READY)
+
+# constraints.txt says the versions, peers' and oracles' too; uv finds the hashes.
+lock:
+	uv pip compile pyproject.toml --extra all --extra test --constraint constraints.txt --universal --python-version 3.11 \
+		--generate-hashes --no-annotate --no-header --no-emit-index-url -q -o requirements.lock
 
 clean:
 	rm -rf $(VENV) demo-output faults.json
