@@ -7,7 +7,7 @@ SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving)
 
-.PHONY: demo test core lock lint validate faults benchmarks study clean
+.PHONY: demo test core lock lint validate faults mutation benchmarks study clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -30,6 +30,9 @@ validate: $(READY)
 
 faults: $(READY)
 	$(BIN)/python -m tests.faults --json faults.json
+
+mutation: $(READY)
+	$(BIN)/python -m tests.mutation --json mutation.json
 
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
@@ -64,4 +67,4 @@ lock:
 		--generate-hashes --no-annotate --no-header --no-emit-index-url -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output faults.json
+	rm -rf $(VENV) demo-output faults.json mutation.json

@@ -1,0 +1,100 @@
+"""Mutants are what they claim to be, and a test that cannot fail lets them live."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from tests.mutation.__main__ import ROOT, Room, Verdict, drawn, judged, rooms, score
+from tests.mutation.sites import mutants
+
+SOURCE = '''"""A docstring with 1 number."""
+
+def least(values: list[int], start=0):
+    """Another."""
+    found = start  # a comment
+    for value in values:
+        if value < found or not values:
+            found = value - 1 + 1
+    values.clear()
+    if found is None:
+        raise ValueError(f"{1 + 2}")
+    return found
+'''
+
+
+def test_every_kind_of_change_is_made_once():
+    changes = [mutant.change for mutant in mutants(SOURCE)]
+    assert "value < found -> value <= found" in changes
+    assert "value < found or not values -> value < found and (not values)" in changes
+    assert "not values -> values" in changes
+    assert "value - 1 -> value + 1" in changes
+    assert "value - 1 + 1 -> value - 1 - 1" in changes
+    assert "values.clear() -> pass" in changes
+    assert "found is None -> found is not None" in changes
+    assert "0 -> 1" in changes  # the default; nothing of docstrings and messages
+    assert changes.count("1 -> 2") == 2
+    assert len(changes) == 10
+
+
+def test_a_mutant_differs_in_its_change_alone():
+    sound = ast.dump(ast.parse(SOURCE))
+    told = {mutant.source: mutant for mutant in mutants(SOURCE)}
+    assert len(told) == 10
+    for text, mutant in told.items():
+        assert ast.dump(ast.parse(text)) != sound
+        assert SOURCE.splitlines()[mutant.line - 1].strip() == mutant.place
+
+
+@pytest.mark.parametrize("room", rooms().values(), ids=lambda room: room.name)
+def test_a_room_is_what_is_there(room):
+    """Its files exist, the draw is the same each time, and mutants accepted are mutants of it."""
+    assert all((ROOT / name).exists() for name in room.modules + room.tests)
+    once, again, other = (
+        [(module, mutant.line, mutant.change) for module, mutant in drawn(room, 5, seed)] for seed in (1, 1, 2)
+    )
+    assert once == again != other
+    every = {f"{mutant.place} | {mutant.change}" for _, mutant in drawn(room, 10_000, 1)}
+    assert len(every) > 50
+    assert room.accepted.keys() <= every
+
+
+def small_project(folder: Path, test: str) -> Path:
+    for name in ("kinetics", "mechsim", "calibration", "tests"):
+        (folder / name).mkdir()
+    (folder / "kinetics/least.py").write_text("def least(a, b):\n    return a if a < b else b + 0 * 7\n")
+    (folder / "tests/test_least.py").write_text(f"from kinetics.least import least\n\ndef test():\n    {test}\n")
+    return folder
+
+
+ROOM = Room(
+    "small", ("kinetics/least.py",), ("tests/test_least.py",), {"return a if a < b else b + 0 * 7 | 7 -> 8": "x"}
+)
+
+
+def test_what_is_tested_is_killed_and_what_is_not_lives(tmp_path):
+    root = small_project(tmp_path, "assert least(1, 2) == 1 and least(4, 3) == 3")
+    fates = {verdict.change: verdict.fate for verdict in judged(ROOM, 60, 1, 2, root)}
+    assert fates == {
+        "a < b -> a <= b": "lives",  # the same numbers where they are equal
+        "b + 0 * 7 -> b - 0 * 7": "lives",
+        "0 * 7 -> 0 / 7": "lives",
+        "0 -> 1": "killed",
+        "7 -> 8": "accepted",
+    }
+
+
+def test_a_test_that_cannot_fail_lets_all_live(tmp_path):
+    verdicts = judged(ROOM, 2, 2, 2, small_project(tmp_path, "assert True"))
+    assert score(verdicts) == 0
+
+
+def test_a_test_that_fails_without_any_mutant_is_no_judge(tmp_path):
+    with pytest.raises(RuntimeError, match="fails without any mutant"):
+        judged(ROOM, 60, 1, 1, small_project(tmp_path, "assert False"))
+
+
+def test_score():
+    fates = ["killed", "killed", "lives", "accepted"]
+    assert score([Verdict("m.py", 1, "", "", fate) for fate in fates]) == pytest.approx(2 / 3)
+    assert score([]) == 1.0
