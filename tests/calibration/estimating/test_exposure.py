@@ -5,7 +5,7 @@ import pytest
 from synthetic_runs import breaking_run, line_network, restarted_run
 
 from calibration import Exposure, by_age, by_initial, count, pooled
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import sample_path
 
@@ -129,3 +129,34 @@ def test_the_order_of_runs_changes_no_digit():
     np.testing.assert_array_equal(there, back)
     one_by_one = [sum(run.exposure for run in order) for order in (runs, runs[::-1])]
     assert (one_by_one[0] != one_by_one[1]).any()  # the control: added one after the other they differ
+
+
+def in_two_tanks():
+    """The same pair, seen for 7 tu in a tank of volume 8 and in one of 64."""
+    tanks = [Tank((2.0, 2.0, 2.0)), Tank((4.0, 4.0, 4.0))]
+    return [count(JumpPath(pair_network(), [2, 1], [], [], 7.0, tank=tank)) for tank in tanks]
+
+
+def test_exposures_are_those_of_the_first_tank():
+    """Two bodies meet an eighth as often in eight times the volume; one breaks as often wherever it is."""
+    small, large = in_two_tanks()
+    np.testing.assert_allclose(small.exposure, [28.0, 7.0])
+    np.testing.assert_allclose(large.in_tank(small.tank).exposure, [28.0 / 8, 7.0])
+    np.testing.assert_allclose(pooled([small, large]).exposure, [28.0 * (1 + 1 / 8), 14.0])
+    np.testing.assert_allclose(pooled([large, small]).exposure, [28.0 * (1 + 8), 14.0])
+    assert small.in_tank(small.tank) is small
+
+
+def test_a_tank_that_one_run_does_not_state():
+    small, _ = in_two_tanks()
+    unstated = count(JumpPath(pair_network(), [2, 1], [], [], 7.0))
+    for first, second in ((small, unstated), (unstated, small)):
+        with pytest.raises(ValueError, match="some runs state their tank and others do not"):
+            pooled([first, second])
+    assert unstated.in_tank(None) is unstated
+
+
+def test_the_second_run_is_of_the_same_network_too():
+    first = count(JumpPath(pair_network(), [2, 1], [], [], 7.0))
+    with pytest.raises(ValueError, match="ways"):
+        pooled([first, count(JumpPath(pair_network(ways=3.0), [2, 1], [], [], 7.0))])
