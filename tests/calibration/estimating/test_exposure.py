@@ -160,3 +160,12 @@ def test_the_second_run_is_of_the_same_network_too():
     first = count(JumpPath(pair_network(), [2, 1], [], [], 7.0))
     with pytest.raises(ValueError, match="ways"):
         pooled([first, count(JumpPath(pair_network(ways=3.0), [2, 1], [], [], 7.0))])
+
+
+def test_an_event_on_the_edge_of_two_ages_belongs_to_the_older():
+    path = JumpPath(pair_network(), [8, 0], [1.0, 3.0], [0, 0], 5.0)
+    assert count(path, (0.0, 1.0)).events.tolist() == [0, 0]
+    assert count(path, (1.0, 3.0)).events.tolist() == [1, 0]
+    assert count(path, (3.0, 5.0)).events.tolist() == [1, 0]
+    with pytest.raises(ValueError, match="ages"):
+        count(path, (3.0, 3.0))
