@@ -75,8 +75,7 @@ class Rule(Settings):
     @property
     def conditions(self) -> dict[str, tuple[str, ...] | None]:
         """Condition -> what it admits; None admits everything."""
-        skip = {"rule", "becomes"}
-        return {name: getattr(self, name) for name in type(self).model_fields if name not in skip}
+        return {name: value for name, value in vars(self).items() if name not in ("rule", "becomes")}
 
 
 class Combination(Rule):
