@@ -134,11 +134,11 @@ class BruteBook:
         """All ways to join two structures: a's cubes first, and whether some cube is squeezed in."""
         if (a, b) not in self._wholes:
             found = {}
-            orders = [(a, b), (b, a)] if self.book.semantics.update == "sequential" else [(a, b)]
-            for first, second in orders:
-                n = 0 if first is a else len(first)
-                for made in self._joined(first, second):
-                    whole = made.reordered((*range(n, len(made)), *range(n)))
+            for whole in self._joined(a, b):
+                found[whole] = _is_tight(whole, len(a))
+            if self.book.semantics.update == "sequential":  # either may be the first to write
+                for made in self._joined(b, a):
+                    whole = made.reordered((*range(len(b), len(made)), *range(len(b))))
                     found[whole] = _is_tight(whole, len(a))
             self._wholes[a, b] = list(found.items())
         return self._wholes[a, b]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure
+from kinetics.assembly.faces import scheme_of
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from kinetics.assembly.rules.rule_book import LivelockError
 from tests.helpers.brute_tanks import BruteBook, BruteTank
@@ -17,12 +18,14 @@ def random_book(seed):
     rng = np.random.default_rng([seed, 1])
     scheme = str(rng.choice(["one", "two", "two", "two", "six"]))
     letters = ("a", "b", "c", "d")[: int(rng.integers(2, 5))]
-    draw = _Draw(rng, letters, scheme)
+    roll, across, touched = scheme != "one" and rng.random() < 0.4, rng.random() < 0.2, rng.random() < 0.2
+    senses = Senses(faces=scheme, roll=bool(roll), across=across, touched=touched)
+    draw = _Draw(rng, letters, senses)
     book = RuleBook(
         f"random {seed}",
         letters,
         "a",
-        Senses(faces=scheme, roll=scheme == "six"),
+        senses,
         LONE,
         semantics=Semantics(
             gate="any" if rng.random() < 0.1 else "mutual",
@@ -59,9 +62,9 @@ def _first(draw):
 class _Draw:
     """Rules by chance."""
 
-    def __init__(self, rng, letters, scheme):
-        self.rng, self.letters = rng, letters
-        self.faces = {"one": ("f1",), "two": ("f1", "f2"), "six": ("f1", "f2", "f3")}[scheme]
+    def __init__(self, rng, letters, senses):
+        self.rng, self.letters, self.senses = rng, letters, senses
+        self.faces = {"one": ("f1",), "two": ("f1", "f2"), "six": ("f1", "f2", "f3")}[senses.faces]
 
     def letter(self):
         return self.letters[self.rng.integers(len(self.letters))]
@@ -78,6 +81,7 @@ class _Draw:
     def combinations(self, n):
         """A rule for each of the two that bond."""
         ends = [(self.letter(), self.face()) for _ in range(2)]
+        twist = self.roll()
         for own, other in (ends, ends[::-1]):
             yield Combination(
                 rule=f"{n} {own}" + ("" if own == ends[0] else " too"),
@@ -86,10 +90,32 @@ class _Draw:
                 partner=other[0],
                 partner_face=other[1],
                 neighbours=self.neighbours(1),
+                roll=twist,
+                across=self.across(),
+                touched=self.touched(other[0]),
                 becomes=self.letter(),
             )
             if ends[0] == ends[1]:
                 return
+
+    def roll(self):
+        """None, or a twist that the cubes sense."""
+        if not self.senses.roll or self.rng.random() < 0.5:
+            return None
+        twists = scheme_of(self.senses.faces).rolls
+        return twists[self.rng.integers(len(twists))]
+
+    def across(self):
+        """None, or what stands at the opposite face."""
+        if not self.senses.across or self.rng.random() < 0.5:
+            return None
+        return "" if self.rng.random() < 0.5 else self.letter()
+
+    def touched(self, partner):
+        """None, or all letters that are touched, the partner's among them."""
+        if not self.senses.touched or self.rng.random() < 0.5:
+            return None
+        return [partner, *(self.letter() for _ in range(self.rng.integers(2)))]
 
     def dissociation(self, n):
         return Dissociation(

@@ -29,6 +29,8 @@ def check(
     max_cubes, max_species : caps of the exploration, as in `derive`
     slow_waves : also let cubes collide while internal rules are still at work, each cube changing by itself; faults
         that occur only then are warnings
+
+    What forms is explored for any number of seeds, so that seeds may meet; the tanks that are searched hold one.
     """
     found = explore(replace(book), max_cubes, max_species, progress=progress)  # of a book that has fired no rule yet
     return report_of(Examined(found), slow_waves, progress)

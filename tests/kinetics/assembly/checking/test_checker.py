@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
+from kinetics.assembly import LivelockError, RuleBook, Semantics, Senses, Structure, check, derive
 from kinetics.assembly.checking.checker import SLOW
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from kinetics.commands import rules as command
@@ -129,6 +129,25 @@ def test_livelock_is_named():
     flip = [Internal(rule=f"flip {x}", letter=x, has=x, becomes=y) for x, y in ("bc", "cb")]
     finding = only(check(book("abc", [pair("a", "a", "b")], flip)), "livelock")
     assert "never come to rest" in finding.text
+
+
+def test_a_cube_that_never_rests_is_a_finding():
+    flip = [Internal(rule=f"flip {x}", letter=x, becomes=y) for x, y in ("ab", "ba")]
+    restless = book("ab", [pair("a", "a", "b")], flip, target="bb")
+    report = check(restless)
+    assert kinds(report) == ["livelock"]
+    assert report.findings[0].text.startswith("a cube by itself: ")
+    with pytest.raises(LivelockError):
+        derive(restless)
+
+
+def test_a_seed_that_becomes_a_free_cube_at_once_is_none():
+    settling = [Internal(rule="settle", letter="s", becomes="a")]
+    made = book("asb", [pair("a", "a", "b")], settling, target="bb", seed_letter="s", semantics=Semantics())
+    free = Dissociation(rule="free", neighbours=[], becomes="a")
+    report = check(replace(made, dissociate=(free,)))
+    assert report.is_correct
+    assert report.home.proven == "any tank"
 
 
 def test_what_is_left_out_may_still_make_the_target():

@@ -10,7 +10,7 @@ from kinetics.assembly.checking import examined, home, tanks
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.rules.conditions import Combination, Dissociation
 from tests.helpers.brute_tanks import BruteBook, BruteTank
-from tests.helpers.claims import claims_of, compared, drawn
+from tests.helpers.claims import claims_of, compared
 from tests.helpers.mutated_books import line3
 from tests.helpers.planted_faults import planted
 from tests.helpers.tree_books import tree_book
@@ -86,14 +86,19 @@ def trapping():
 
 
 WRONG = {
-    "all is proven": (tanks, "scope", lambda *_: "any tank", lambda: drawn(2)),
+    "all is proven": (tanks, "scope", lambda *_: "any tank", lambda: planted("holding", 0)[1]),
     "free cubes are enough": (tanks, "scope", lambda *_: "enough free cubes", exchanging),
     "seeds come and go": (home, "_keeps", lambda event, seeds: True, reseeding),
-    "all are lost": (examined, "lost_cubes", lambda found, _: list(home.sources_of_cubes(found)), lambda: drawn(0)),
+    "all are lost": (
+        examined,
+        "lost_cubes",
+        lambda found, _: list(home.sources_of_cubes(found)),
+        lambda: tree_book(0, 3),
+    ),
     "none are lost": (examined, "lost_cubes", lambda found, targets: [], trapping),
-    "nothing starves": (tanks, "_starving", lambda *_: None, lambda: drawn(2)),
-    "all is part of the target": (examined, "fits_into", lambda *_: True, lambda: drawn(0)),
-    "nothing is part of the target": (examined, "fits_into", lambda *_: False, lambda: drawn(1)),
+    "nothing starves": (tanks, "_starving", lambda *_: None, lambda: planted("holding", 0)[1]),
+    "all is part of the target": (examined, "fits_into", lambda *_: True, lambda: planted("off target", 0)[1]),
+    "nothing is part of the target": (examined, "fits_into", lambda *_: False, lambda: tree_book(0, 3)),
     "nothing is squeezed": (examined.Examined, "squeezes", lambda self: [], lambda: planted("squeezed", 0)[1]),
     "all comes to rest": (examined.Examined, "closure", lambda self: [], lambda: planted("restless", 0)[1]),
 }
