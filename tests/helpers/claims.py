@@ -122,7 +122,8 @@ def _forms(examined, report, brute):
         assert grows == ("target not final" in kinds), f"{name}: target not final was missed"
         assert all(map(brute.is_part, forms)) == ("off-target" not in kinds), f"{name}: off-target was missed"
     else:
-        assert not report.is_correct
+        assert not report.is_correct, name
+        assert report.home[:2] == ("nothing", ()), f"{name}: something is claimed where not all is known"
         assert "target not reached" not in kinds, name
     return forms
 

@@ -33,7 +33,12 @@ def test_claims_hold_where_everything_was_tried():
 
 @pytest.mark.validate
 def test_claims_hold_in_ten_thousand_books():
-    """NUMBERS"""
+    """Ten minutes of CPU time; as far as it was run (seeds 1000 to 1799) no claim was false.
+
+    Of these 793 books 212 were correct; 425 had off-target ends, 130 traps, 128 dead ends, 114 starved, 26 had no rest,
+    23 squeezed a cube. Compared: 432 cubes called lost and 3,685 that were not, 694 structures said to be finished with
+    enough free cubes, 540 tanks proven not to starve, 48 searched, 114 starving, 2,617 steps of findings.
+    """
     said = counted(range(1000, 11_200))
     assert said["books"] >= 10_000
     assert min(said[what] for what in ("correct", *CLAIMS, *FINDINGS)) >= 100, said
@@ -196,3 +201,18 @@ def test_free_cubes_that_become_seeds_are_no_proof():
     assert finding.text.startswith("3 cubes can end as seed + seed + seed, where nothing happens any more")
     assert report.home.proven == "enough free cubes"
     assert check(tree_book(0, 3, seeded=True)).home.proven == "any tank"
+
+
+def test_seeds_that_come_from_free_cubes_are_no_proof():
+    """Two free cubes pair at their sides and part as seeds: what there is grows, but in the end only seeds are left."""
+    bonds = [
+        Combination(rule="dock", letter="a", face="f1", partner="s", partner_face="f1", neighbours=[], becomes="b"),
+        Combination(rule="host", letter="s", face="f1", partner="a", partner_face="f1", neighbours=[], becomes="s"),
+        Combination(rule="pair", letter="a", face="f2", partner="a", partner_face="f2", neighbours=[], becomes="p"),
+    ]
+    parting = [Dissociation(rule="part", letter="p", becomes="s"), Dissociation(rule="go", letter="b", becomes="a")]
+    target = Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("s", "b"))
+    book = RuleBook("seeds", ("a", "s", "b", "p"), "a", Senses(faces="two"), target, "s", Semantics(),
+                    combine=tuple(bonds), dissociate=tuple(parting))  # fmt: skip
+    assert starves(book, 3) == (True, False)
+    assert check(book).home.proven == "enough free cubes"
