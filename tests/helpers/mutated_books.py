@@ -1,4 +1,4 @@
-"""Rule books with faults: shipped ones with rules dropped or changed, and planted traps."""
+"""Rule books with faults: right ones with rules dropped or changed, and a trap."""
 
 from dataclasses import replace
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from kinetics.assembly import RuleBook, Semantics, Structure
 from kinetics.assembly.rules.conditions import Combination, Dissociation
+from tests.helpers.tree_books import pairs_book, tree_book
 
-BASES = ("line3", "line4", "line4_pairs", "t5_bar")
+BASES = ("line3", "line4", "line4_pairs", "t5_bar", "tree", "tree", "seeded", "pairs")
 
 
 def line3():
@@ -22,8 +23,7 @@ def line3():
 def mutated(seed):
     """A book with one to three faults drawn at random; None where its rules contradict each other or its names."""
     rng = np.random.default_rng(seed)
-    name = BASES[rng.integers(len(BASES))]
-    book = line3() if name == "line3" else RuleBook.load(name)
+    book = _base(BASES[rng.integers(len(BASES))], rng)
     held = Semantics(
         gate=book.semantics.gate,
         conflict="first",
@@ -44,6 +44,16 @@ def mutated(seed):
         )
     except ValueError:
         return None
+
+
+def _base(name, rng):
+    if name == "line3":
+        return line3()
+    if name == "pairs":
+        return pairs_book(int(rng.integers(1 << 30)))
+    if name in ("tree", "seeded"):
+        return tree_book(int(rng.integers(1 << 30)), int(rng.integers(3, 5)), seeded=name == "seeded")
+    return RuleBook.load(name)
 
 
 def drop(fields, letters, rng):

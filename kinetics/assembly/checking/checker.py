@@ -29,20 +29,29 @@ def check(
     max_cubes, max_species : caps of the exploration, as in `derive`
     slow_waves : also let cubes collide while internal rules are still at work, each cube changing by itself; faults
         that occur only then are warnings
+
+    What forms is explored for any number of seeds, so that seeds may meet; the tanks that are searched hold one.
     """
-    book = replace(book)  # it has fired no rule yet
-    found = explore(book, max_cubes, max_species, progress=progress)
-    examined = Examined(found)
+    found = explore(replace(book), max_cubes, max_species, progress=progress)  # of a book that has fired no rule yet
+    return report_of(Examined(found), slow_waves, progress)
+
+
+def report_of(
+    examined: Examined, slow_waves: bool = True, progress: Callable[[int, int], None] | None = None
+) -> Report:
+    """The same about an exploration that is there already; slow waves are explored under ten times its caps."""
+    found, book = examined.found, examined.book
     findings = [*examined.closure(), *examined.shapes(), *examined.squeezes()]
     home, starving = in_tanks(examined)
     findings += starving
     waves = _why_no_waves(found, slow_waves)
     if not waves:
-        most = MORE_IN_WAVES * max_species
-        apart = explore(book, max_cubes, most, progress=progress, slow_waves=True)
+        most = MORE_IN_WAVES * found.max_species
+        apart = explore(book, found.max_cubes, most, progress=progress, slow_waves=True)
         known = {finding.kind for finding in findings}
-        examined = Examined(apart)
-        slow = (finding for finding in (*examined.closure(), *examined.shapes()) if finding.kind not in known)
+        in_waves = Examined(apart)
+        seen = (*in_waves.closure(), *in_waves.shapes(), *in_waves.squeezes(), *in_tanks(in_waves)[1])
+        slow = (finding for finding in seen if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]
         part = "" if apart.is_closed else " in part"
         waves = f"explored{part}: {len(apart.structures)} structures, those in the middle of waves among them"

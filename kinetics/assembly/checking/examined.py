@@ -24,6 +24,12 @@ class Examined:
         self.names = [names[structure] for structure in found.structures]
 
     @cached_property
+    def seed(self) -> int | None:
+        """The seed; None where there is none, or where its letter at once becomes that of a free cube."""
+        seed, free = (cube and cube.canonical(self.book.scheme) for cube in (self.book.seed(), self.book.monomer()))
+        return None if seed in (None, free) else 1  # explored right after the free cube
+
+    @cached_property
     def targets(self) -> frozenset[int]:
         """The target, and its mirror image in letters; empty where the book names none or never makes it."""
         target, scheme = self.book.target, self.book.scheme
@@ -60,7 +66,8 @@ class Examined:
             text = f"{len(off)} of {len(structures)} structures are no part of the target; the nearest"
             yield self.finding("off-target", True, text, worst)
         if not self.targets:
-            yield from self._missing(target)
+            if self.found.is_closed:  # else what was left out may still make it
+                yield from self._missing(target)
             return
         growing = [e for e in self.found.events if not self.targets.isdisjoint(e.before) and len(e.before) == 2]
         if growing:
@@ -77,7 +84,7 @@ class Examined:
         if same:
             text = f"its shape is made with other letters; the book's target is {canonical}"
             yield self.finding("target not reached", True, text, same[0])
-        elif not self.found.stopped:
+        else:
             yield Finding("target not reached", True, "no structure has the target's shape", (), canonical)
 
     def _lost(self) -> Iterable[Finding]:
@@ -114,7 +121,7 @@ class Examined:
 
     @cached_property
     def _shortest(self) -> tuple[list[float], dict[int, StructureEvent]]:
-        starts = range(1 if self.book.seed_letter is None else 2)
+        starts = {0} if self.seed is None else {0, self.seed}
         return shortest(len(self.found.structures), starts, self.found.events)
 
     def way(self, *indices: int) -> tuple[StructureEvent, ...]:

@@ -6,7 +6,7 @@ each of them happens sooner or later (Norris 1997, Markov Chains, section 3.5, d
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping, Set
 from typing import Literal
 
 from kinetics.assembly.checking.compositions import leading_to
@@ -26,15 +26,22 @@ def lost_cubes(found: Exploration, targets: Set[int]) -> list[Cube]:
     return sorted(set(sources) - home)
 
 
-def falling_apart(events: Iterable[StructureEvent], free: Iterable[int]) -> set[int]:
-    """The structures that can fall apart into the free ones, all by themselves."""
-    known = set(free)
+def falling_apart(events: Iterable[StructureEvent], into: Mapping[int, int]) -> dict[int, int]:
+    """The structures that can fall apart into given ones, all by themselves, each with how many seeds that leaves.
+
+    into : structure -> how many seeds it counts for
+    """
+    seeds = dict(into)
     alone = [event for event in events if len(event.before) == 1]
     while True:
-        more = {event.before[0] for event in alone if known.issuperset(event.after)} - known
+        more = {
+            event.before[0]: sum(seeds[n] for n in event.after)
+            for event in alone
+            if event.before[0] not in seeds and seeds.keys() >= set(event.after)
+        }
         if not more:
-            return known
-        known |= more
+            return seeds
+        seeds |= more
 
 
 def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> set[int]:
@@ -65,15 +72,23 @@ def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> 
         home |= more_home
 
 
-def scope(found: Exploration, free: Set[int], targets: Set[int], is_makeable: bool) -> Scope:
+def scope(found: Exploration, seed: int | None, targets: Set[int], is_makeable: bool) -> Scope:
     """For which tanks it is proven that every cube can come home.
 
-    free : the free cube, first, and the seed if there is one
-    is_makeable : whether a target can be made of exactly its own number of free cubes
+    seed : the structure that the tank holds once beside the free cubes, structure 0; None if there is none
+    is_makeable : whether a target can be made of exactly its own number of free cubes, the seed among them
     """
-    everything = set(range(len(found.structures)))
-    if is_makeable and falling_apart(found.events, {*free, *targets}) == everything:
+    n_structures, is_seeded = len(found.structures), int(seed is not None)
+    into = {0: 0} | dict.fromkeys(targets, is_seeded) | ({} if seed is None else {seed: 1})
+    seeds = falling_apart(found.events, into)
+    if is_makeable and len(seeds) == n_structures and all(_keeps(event, seeds) for event in found.events):
         return "any tank"
-    if finished(found.events, min(free), targets) == everything:
+    if len(finished(found.events, 0, targets)) == n_structures:
         return "enough free cubes"
     return "nothing"
+
+
+def _keeps(event: StructureEvent, seeds: Mapping[int, int]) -> bool:
+    """Whether an event leaves as many seeds as there were: free cubes could become seeds, which wait for free cubes."""
+    before, after = (sum(seeds[n] for n in side) for side in event)
+    return before == after

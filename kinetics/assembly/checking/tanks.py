@@ -18,16 +18,15 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
 
     Tanks from one target's cubes to two targets' are searched where there is no proof for all of them.
     """
-    found, targets, book = examined.found, examined.targets, examined.book
+    found, targets = examined.found, examined.targets
     if not targets or not found.is_closed:
         return Home("nothing", (), "not examined, because there is no target, or no end to what can be assembled"), []
     if examined.lost:
         return Home("nothing", (), "no: some cubes never become part of a target"), []
-    size, seeded = len(found.structures[min(targets)]), book.seed_letter is not None
-    free = (0, 1) if seeded else (0,)
+    size, seeded = len(found.structures[min(targets)]), examined.seed is not None
     first = compositions(_start(size, seeded), found.events)
     is_makeable = first is not None and any(not targets.isdisjoint(state) for state in first)
-    proven = scope(found, set(free), targets, is_makeable)
+    proven = scope(found, examined.seed, targets, is_makeable)
     if proven == "any tank":
         parts = "free cubes and the seed" if seeded else "free cubes"
         text = (

@@ -133,7 +133,12 @@ class _Explorer:
         self.beyond: Join | None = None
 
     def run(self, first_beyond: bool, progress: Callable[[int, int], None] | None) -> None:
-        for start in (self.book.monomer(), self.book.seed()):
+        try:
+            starts = (self.book.monomer(), self.book.seed())
+        except LivelockError as error:
+            self.livelocks.append(f"a cube by itself: {error}")
+            return
+        for start in starts:
             if start is not None:
                 self.entered(start, "the start")
         while self.waiting:

@@ -3,12 +3,16 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
-from kinetics.assembly.rules.conditions import Combination, Internal
+from kinetics.assembly import LivelockError, RuleBook, Semantics, Senses, Structure, check, derive
+from kinetics.assembly.checking.checker import SLOW
+from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from kinetics.commands import rules as command
+from tests.helpers.planted_faults import squeezed
+from tests.helpers.tree_books import tree_book
 
 LINE4, T5 = RuleBook.load("line4"), RuleBook.load("t5")
 HOLD = Semantics(bonds="hold")
@@ -125,6 +129,67 @@ def test_livelock_is_named():
     flip = [Internal(rule=f"flip {x}", letter=x, has=x, becomes=y) for x, y in ("bc", "cb")]
     finding = only(check(book("abc", [pair("a", "a", "b")], flip)), "livelock")
     assert "never come to rest" in finding.text
+
+
+def test_a_cube_that_never_rests_is_a_finding():
+    flip = [Internal(rule=f"flip {x}", letter=x, becomes=y) for x, y in ("ab", "ba")]
+    restless = book("ab", [pair("a", "a", "b")], flip, target="bb")
+    report = check(restless)
+    assert kinds(report) == ["livelock"]
+    assert report.findings[0].text.startswith("a cube by itself: ")
+    with pytest.raises(LivelockError):
+        derive(restless)
+
+
+def test_a_seed_that_becomes_a_free_cube_at_once_is_none():
+    settling = [Internal(rule="settle", letter="s", becomes="a")]
+    made = book("asb", [pair("a", "a", "b")], settling, target="bb", seed_letter="s", semantics=Semantics())
+    free = Dissociation(rule="free", neighbours=[], becomes="a")
+    report = check(replace(made, dissociate=(free,)))
+    assert report.is_correct
+    assert report.home.proven == "any tank"
+
+
+def test_what_is_left_out_may_still_make_the_target():
+    """Pairs part into c and c, which make the target; with a cap before that, nothing is said about it."""
+    made = replace(book("abc", [pair("a", "a", "c"), pair("c", "c", "b")], target="bb"), semantics=Semantics())
+    assert only(check(replace(made, combine=made.combine[:1])), "target not reached").is_error
+    assert kinds(check(made, max_species=2)) == ["not proven"]
+    assert "target not reached" not in kinds(check(made))
+
+
+def test_slow_waves_may_starve():
+    """A pair that breaks while one cube has followed and the other has not leaves a cube that waits for its like."""
+    waiting = [
+        Dissociation(rule="wait", letter="p", neighbours=[], becomes="z"),
+        Dissociation(rule="back", letter="b", becomes="a"),
+    ]
+    follow = [Internal(rule="follow", letter="p", becomes="b")]
+    made = book("abpz", [pair("a", "a", "p"), pair("z", "z", "p")], follow, target="bb", semantics=Semantics())
+    report = check(replace(made, dissociate=tuple(waiting)))
+    finding = only(report, SLOW + "starvation")
+    assert not finding.is_error
+    assert finding.steps[-1].startswith("dimer")
+    assert "2 cubes can end as" in finding.text
+    assert report.home.proven == "any tank"  # while waves come to rest at once
+    assert "starvation" not in kinds(report)
+
+
+def test_slow_waves_may_squeeze():
+    """The place between two cubes is offered only while its host has not yet followed."""
+    sound = tree_book(0, 5, bonds="hold", seeded=True, has_gap=True)
+    faulty = squeezed(sound, np.random.default_rng(0))
+    host = faulty.combine[0].partner[0]
+    late = tuple(
+        rule.model_copy(
+            update={"partner": ("y",)} if n == 0 else {"letter": ("y",)} if n == 1 else {"becomes": "y"}
+            if rule.becomes == host else {}
+        )
+        for n, rule in enumerate(faulty.combine)
+    )  # fmt: skip
+    report = check(replace(faulty, combine=late, internal=(Internal(rule="follow", letter="y", becomes=host),)))
+    assert "squeezed" not in kinds(report)
+    assert not only(report, SLOW + "squeezed").is_error
 
 
 def test_a_cube_squeezed_between_two_is_seen():

@@ -6,97 +6,66 @@ from dataclasses import replace
 import pytest
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
-from kinetics.assembly.checking import home
+from kinetics.assembly.checking import examined, home, tanks
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.rules.conditions import Combination, Dissociation
-from tests.helpers.brute_tanks import BruteTank, marked
-from tests.helpers.mutated_books import line3, mutated
+from tests.helpers.brute_tanks import BruteBook, BruteTank
+from tests.helpers.claims import claims_of, compared
+from tests.helpers.mutated_books import line3
+from tests.helpers.planted_faults import planted
+from tests.helpers.tree_books import tree_book
 
-MOST_STATES = 600
-
-
-def compared(book):
-    """What was claimed, in words to be counted; AssertionError where a claim is false or a fault was missed."""
-    report = check(book, max_cubes=7, max_species=60, slow_waves=False)
-    found = explore(book, 7, 60)
-    target = book.target.canonical(book.scheme)
-    if not found.is_closed or target not in found.structures:
-        return ["no end or no target"]
-    said = []
-    lost = home.lost_cubes(found, {found.structures.index(target)})
-    claimed = {marked(found.structures[c.structure], c.number).canonical(book.scheme) for c in lost}
-    starving = [finding for finding in report.findings if finding.kind == "starvation"]
-    for cubes in (len(target), len(target) + 1):
-        tank = BruteTank(book, cubes, MOST_STATES)
-        if not tank.is_complete:
-            said.append("too many states")
-            break
-        seen, good = tank.homeless()
-        assert claimed.isdisjoint(good), f"{book.name}: a cube called lost comes home in a tank of {cubes}"
-        said.append("lost" if claimed & seen else "none lost")
-        can_starve, must_starve = tank.starves()
-        if report.home.proven == "any tank":
-            assert not can_starve, f"{book.name}: {cubes} cubes starve"
-            said.append("any tank")
-        if starving and cubes == report.home.searched[-1]:
-            assert can_starve
-            assert starving[0].is_error == must_starve
-            said.append("starvation")
-        elif cubes in report.home.searched:
-            assert not can_starve
-            said.append("searched")
-        if can_starve:
-            assert starving or not report.is_correct, f"{book.name}: starving with {cubes} cubes was missed"
-    return said
+CLAIMS = ("cubes called lost", "cubes not called lost", "finished with enough cubes", "tanks proven not to starve",
+          "tanks said not to starve", "starving tanks", "steps repeated", "books with waves")  # fmt: skip
+FINDINGS = ("off-target", "trap", "dead end", "starvation", "livelock", "squeezed", "target not reached", "not closed")
 
 
 def counted(seeds):
-    said = Counter()
-    for book in filter(None, map(mutated, seeds)):
-        said.update(compared(book))
-    return said
+    return sum(map(claims_of, seeds), Counter())
 
 
 def test_claims_hold_where_everything_was_tried():
-    """Of 150 faulty books; no claim is false, no tank starves unseen."""
-    said = counted(range(150))
-    assert min(said[what] for what in ("lost", "none lost", "any tank", "searched", "starvation")) >= 3, said
+    """A share of the long test below."""
+    said = counted(range(100))
+    assert said["correct"] >= 10
+    assert min(said[what] for what in (*CLAIMS, *FINDINGS)) >= 1, said
 
 
 @pytest.mark.validate
 def test_claims_hold_in_ten_thousand_books():
-    said = counted(range(1000, 11_000))
-    assert min(said[what] for what in ("lost", "none lost", "any tank", "searched", "starvation")) >= 100, said
+    """Twelve minutes of CPU time; as far as it was run (seeds 1000 to 2599) no claim was false.
+
+    Of these 1,581 books 429 were correct; 840 had off-target ends, 275 traps, 266 dead ends, 226 starved, 48 had no
+    rest, 45 squeezed a cube. Compared: 957 cubes called lost and 7,504 that were not, 1,363 structures said to be
+    finished with enough free cubes, 1,043 tanks proven not to starve, 116 searched, 226 starving, 5,161 steps.
+    """
+    said = counted(range(1000, 11_200))
+    assert said["books"] >= 10_000
+    assert min(said[what] for what in ("correct", *CLAIMS, *FINDINGS)) >= 100, said
 
 
-class Everything(set):
-    """Equal to whatever it is compared with."""
-
-    __hash__ = None
-
-    def __eq__(self, other):
-        return True
+def starves(book, cubes):
+    return BruteTank.of_free_cubes(BruteBook(book), cubes).starves()
 
 
-@pytest.mark.parametrize(
-    "mutant",
-    [
-        {"falling_apart": lambda events, free: Everything()},
-        {"lost_cubes": lambda found, targets: home.sources_of_cubes(found).keys() - {(min(targets), 0)}},
-        {"lost_cubes": lambda found, targets: [], "falling_apart": lambda events, free: Everything()},
-    ],
-    ids=["all fall apart", "all are lost", "none are lost"],
-)
-def test_a_wrong_argument_is_found_out(mutant, monkeypatch):
-    """The control: proofs that prove too much, or find too much lost."""
-    from kinetics.assembly.checking import examined
+def exchanging():
+    """Pairs part into y and z, which take each other alone: no tank starves, but free cubes are no help to either."""
+    rules = [
+        Combination(rule=f"pair {own}", letter=own, partner=partners, face="f1", partner_face="f1", neighbours=[],
+                    becomes="b")
+        for own, partners in (("a", ["a", "b"]), ("y", ["z", "b"]), ("z", ["y", "b"]))
+    ]  # fmt: skip
+    parting = (
+        Dissociation(rule="y", letter="b", lost="b", becomes="y"),
+        Dissociation(rule="z", letter="b", lost="y", becomes="z"),
+    )
+    return replace(pairs(), letters=("a", "b", "y", "z"), combine=tuple(rules), dissociate=parting)
 
-    for name, wrong in mutant.items():
-        monkeypatch.setattr(home, name, wrong)
-        if hasattr(examined, name):
-            monkeypatch.setattr(examined, name, wrong)
-    with pytest.raises(AssertionError):
-        counted(range(150))
+
+def reseeding():
+    """Lone cubes become seeds, so that free cubes run out in a tank that at first holds one seed."""
+    book = tree_book(0, 3, seeded=True)
+    return replace(book, dissociate=tuple(r.model_copy(update={"becomes": "0"}) for r in book.dissociate))
 
 
 def trapping():
@@ -119,6 +88,35 @@ def trapping():
         combine=(*book.combine, *catching),
         dissociate=(fall, *letting, *apart),
     )
+
+
+WRONG = {
+    "all is proven": (tanks, "scope", lambda *_: "any tank", lambda: planted("holding", 0)[1]),
+    "free cubes are enough": (tanks, "scope", lambda *_: "enough free cubes", exchanging),
+    "seeds come and go": (home, "_keeps", lambda event, seeds: True, reseeding),
+    "all are lost": (
+        examined,
+        "lost_cubes",
+        lambda found, _: list(home.sources_of_cubes(found)),
+        lambda: tree_book(0, 3),
+    ),
+    "none are lost": (examined, "lost_cubes", lambda found, targets: [], trapping),
+    "nothing starves": (tanks, "_starving", lambda *_: None, lambda: planted("holding", 0)[1]),
+    "all is part of the target": (examined, "fits_into", lambda *_: True, lambda: planted("off target", 0)[1]),
+    "nothing is part of the target": (examined, "fits_into", lambda *_: False, lambda: tree_book(0, 3)),
+    "nothing is squeezed": (examined.Examined, "squeezes", lambda self: [], lambda: planted("squeezed", 0)[1]),
+    "all comes to rest": (examined.Examined, "closure", lambda self: [], lambda: planted("restless", 0)[1]),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_argument_is_found_out(wrong, monkeypatch):
+    """The control: proofs that prove too much, or find too much lost."""
+    where, name, instead, book = WRONG[wrong]
+    compared(book())
+    monkeypatch.setattr(where, name, instead)
+    with pytest.raises(AssertionError):
+        compared(book())
 
 
 def test_endless_pairing_is_an_error():
@@ -164,7 +162,7 @@ def test_tanks_are_searched_up_to_two_targets():
     assert [finding.kind for finding in report.findings] == ["starvation"]
     assert report.home.searched == (2, 3, 4)
     assert report.findings[0].text.startswith("4 cubes can end as")
-    assert [BruteTank(book, cubes).starves() for cubes in (2, 3, 4)] == [(False, False)] * 2 + [(True, False)]
+    assert [starves(book, cubes) for cubes in (2, 3, 4)] == [(False, False)] * 2 + [(True, False)]
 
 
 def test_one_lost_structure_is_enough():
@@ -189,18 +187,32 @@ def test_what_is_proven_is_said():
 
 
 def test_what_free_cubes_alone_do_not_finish_is_not_proven():
-    """Pairs part into y and z, which take each other alone: no tank starves, but free cubes are no help to either."""
-    rules = [
-        Combination(rule=f"pair {own}", letter=own, partner=partners, face="f1", partner_face="f1", neighbours=[],
-                    becomes="b")
-        for own, partners in (("a", ["a", "b"]), ("y", ["z", "b"]), ("z", ["y", "b"]))
-    ]  # fmt: skip
-    parting = (
-        Dissociation(rule="y", letter="b", lost="b", becomes="y"),
-        Dissociation(rule="z", letter="b", lost="y", becomes="z"),
-    )
-    book = replace(pairs(), letters=("a", "b", "y", "z"), combine=tuple(rules), dissociate=parting)
+    book = exchanging()
     report = check(book)
     assert report.findings == ()
     assert report.home == ("nothing", (2, 3, 4), "searched: tanks of 2 to 4 cubes, none of which starves")
-    assert not any(BruteTank(book, cubes).starves()[0] for cubes in (2, 3, 4, 5))
+    assert not any(starves(book, cubes)[0] for cubes in (2, 3, 4, 5))
+
+
+def test_free_cubes_that_become_seeds_are_no_proof():
+    """All falls apart into free cubes and seeds, but three seeds wait for free cubes for ever."""
+    report = check(reseeding())
+    (finding,) = report.findings
+    assert finding.text.startswith("3 cubes can end as seed + seed + seed, where nothing happens any more")
+    assert report.home.proven == "enough free cubes"
+    assert check(tree_book(0, 3, seeded=True)).home.proven == "any tank"
+
+
+def test_seeds_that_come_from_free_cubes_are_no_proof():
+    """Two free cubes pair at their sides and part as seeds: what there is grows, but in the end only seeds are left."""
+    bonds = [
+        Combination(rule="dock", letter="a", face="f1", partner="s", partner_face="f1", neighbours=[], becomes="b"),
+        Combination(rule="host", letter="s", face="f1", partner="a", partner_face="f1", neighbours=[], becomes="s"),
+        Combination(rule="pair", letter="a", face="f2", partner="a", partner_face="f2", neighbours=[], becomes="p"),
+    ]
+    parting = [Dissociation(rule="part", letter="p", becomes="s"), Dissociation(rule="go", letter="b", becomes="a")]
+    target = Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("s", "b"))
+    book = RuleBook("seeds", ("a", "s", "b", "p"), "a", Senses(faces="two"), target, "s", Semantics(),
+                    combine=tuple(bonds), dissociate=tuple(parting))  # fmt: skip
+    assert starves(book, 3) == (True, False)
+    assert check(book).home.proven == "enough free cubes"
