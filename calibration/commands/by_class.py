@@ -37,6 +37,7 @@ def calibrate_by_class(
     runs: int,
     duration: float,
     breaks: str | None,
+    share: str,
     runs_folder: str,
     workers: Executor,
     part: ShardWork | None,
@@ -68,7 +69,7 @@ def calibrate_by_class(
         part.make(specs, runs_folder, workers, progress, as_json)
         return
     study = run_class_calibration(
-        specs, settings, runs_folder, breaks=asked or "auto", workers=workers, progress=progress
+        specs, settings, runs_folder, breaks=asked or "auto", share=share, workers=workers, progress=progress
     )
     study.rates.save(target)
     if as_json:
@@ -93,6 +94,7 @@ def validate_by_class(
     specs: Sequence[RunSpec],
     rates_name: str,
     csv_file: str | None,
+    plot_file: str | None,
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -109,6 +111,8 @@ def validate_by_class(
 
         curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
         write_whole(csv_file, curves.to_csv(index=False))
+    if plot_file:
+        _plot(study, plot_file)
     if as_json:
         echo_json(
             {
@@ -145,8 +149,21 @@ def _rates_table(study: ClassStudy) -> str:
     return "\n".join([*lines, study.source])
 
 
+def _plot(study: GrowthStudy, name: str) -> None:
+    """One figure of all comparisons, above each other."""
+    from kinetics.support import plots
+
+    def draw(figure: Any) -> None:
+        parts = figure.subfigures(len(study.comparisons), 1, squeeze=False)
+        for part, comparison in zip(parts.flat, study.comparisons, strict=True):
+            comparison.plot(part)
+
+    rows = sum(-(-len(comparison.curves) // 3) for comparison in study.comparisons)
+    plots.save_figure(name, draw, (9.0, 0.6 + 2.1 * rows))
+
+
 def _growth_tables(study: GrowthStudy) -> str:
     parts = []
     for comparison in study.comparisons:
-        parts += [comparison.table(), comparison.verdict.sentence, ""]
+        parts += [comparison.table(), comparison.sentence, ""]
     return "\n".join(parts[:-1])

@@ -28,11 +28,13 @@ class ClassStudy:
     """Runs of one or several books and the class rates that they give. Runs that the guard stopped are left out.
 
     breaks : name of a break model, or `auto` for the one that the runs choose
+    share : what the classes of one constant have in common, or `auto`
     """
 
     outcome: Outcome
     settings: dict[str, Any]
     breaks: str = "auto"
+    share: str = "auto"
 
     @cached_property
     def sound(self) -> list[RunRecord]:
@@ -48,6 +50,7 @@ class ClassStudy:
         return calibrate_classes(
             [BookRuns(book_of(rules)[1], tuple(r.path for r in records)) for rules, records in books.items()],
             self.breaks,
+            self.share,
         )
 
     @property
@@ -108,6 +111,7 @@ def run_class_calibration(
     runs_folder: str | Path,
     *,
     breaks: str = "auto",
+    share: str = "auto",
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> ClassStudy:
@@ -115,7 +119,7 @@ def run_class_calibration(
 
     settings : what the evidence says of them
     """
-    return ClassStudy(made(specs, runs_folder, workers, progress), settings, breaks)
+    return ClassStudy(made(specs, runs_folder, workers, progress), settings, breaks, share)
 
 
 def run_growth_validation(
