@@ -95,6 +95,7 @@ def validate_by_class(
     rates_name: str,
     csv_file: str | None,
     plot_file: str | None,
+    groups: int | None,
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -102,10 +103,14 @@ def validate_by_class(
 ) -> None:
     """Compare held-out growth with network-free runs under draws of the class rates."""
     from calibration.pipeline.class_study import run_growth_validation
+    from calibration.validating.growth_curves import GROUPS, MOST_GROUPS
     from kinetics.rates import ClassRates
 
     rates = ClassRates.load(rates_name)
-    study = run_growth_validation(specs, rates, runs_folder, workers=workers, progress=progress)
+    number = MOST_GROUPS if groups is None else groups
+    study = run_growth_validation(
+        specs, rates, runs_folder, groups=min(GROUPS, number), most_groups=number, workers=workers, progress=progress
+    )
     if csv_file:
         import pandas as pd
 

@@ -72,6 +72,13 @@ if TYPE_CHECKING:
     help="Write the events seen and expected to this CSV file; for rates by class the curves.",
 )
 @click.option(
+    "--groups",
+    metavar="N",
+    type=click.IntRange(min=19),
+    help="For rates by class: number of predicted groups that decide where a p-value is small. The report says which "
+    "checks so few cannot fail.  [default: 1999]",
+)
+@click.option(
     "--plot",
     "plot_file",
     metavar="FILE",
@@ -90,6 +97,7 @@ def validate(
     duration: float,
     control_name: str | None,
     csv_file: str | None,
+    groups: int | None,
     plot_file: str | None,
     report: str | None,
     runs_folder: str,
@@ -136,10 +144,10 @@ def validate(
         if part is not None:
             part.make(specs, runs_folder, workers, progress, as_json)
         else:
-            validate_by_class(specs, rates_name, csv_file, plot_file, runs_folder, workers, progress, as_json)
+            validate_by_class(specs, rates_name, csv_file, plot_file, groups, runs_folder, workers, progress, as_json)
         return
-    if plot_file:
-        raise ValueError("--plot is for rates by class; for those by channel take --report")
+    if plot_file or groups:
+        raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
     rates = Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:
