@@ -79,6 +79,7 @@ def calibrate_by_class(
                 "classes": study.calibration.table(),
                 "not_measured": study.calibration.not_measured,
                 "fits": study.calibration.fits_table(),
+                "spreads": [spread.to_dict() for spread in study.spreads],
                 "breaks": {"model": study.rates.breaks.model, "shape": study.rates.breaks.shape},
                 "evidence": study.rates.evidence,
                 "problems": study.problems,
@@ -134,6 +135,8 @@ def validate_by_class(
 
 
 def _rates_table(study: ClassStudy) -> str:
+    from calibration.estimating.class_spread import flagged
+
     rows = [
         (
             row["class"],
@@ -151,6 +154,9 @@ def _rates_table(study: ClassStudy) -> str:
     missed = study.calibration.not_measured
     if missed:
         lines.append(f"{len(missed)} classes were not there to be measured; a more general entry stands for them")
+    off = flagged(study.spreads)
+    said = "; ".join(spread.sentence for spread in off) if off else "none that these runs show at 1 %"
+    lines.append(f"rates that differ within a constant ({len(study.spreads)} tests): {said}")
     return "\n".join([*lines, study.source])
 
 

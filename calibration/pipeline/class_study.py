@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
+from calibration.estimating.class_spread import ClassSpread, class_spreads
 from calibration.pipeline.study_runs import made, problems_of, sound_of
 from calibration.validating.growth_curves import GROUPS, MOST_GROUPS, GrowthComparison, compare_growth
 from kinetics.networkfree import growth_of
@@ -44,14 +45,19 @@ class ClassStudy:
     @cached_property
     def calibration(self) -> ClassCalibration:
         """Pooled over all books."""
+        return calibrate_classes(self._books, self.breaks, self.share)
+
+    @cached_property
+    def spreads(self) -> tuple[ClassSpread, ...]:
+        """Of each constant, whether it serves all that is pooled in it."""
+        return class_spreads(self._books, self.calibration)
+
+    @cached_property
+    def _books(self) -> list[BookRuns]:
         books: dict[str, list[RunRecord]] = {}
         for record in self.sound:
             books.setdefault(record.spec.scene.rules, []).append(record)
-        return calibrate_classes(
-            [BookRuns(book_of(rules)[1], tuple(r.path for r in records)) for rules, records in books.items()],
-            self.breaks,
-            self.share,
-        )
+        return [BookRuns(book_of(rules)[1], tuple(r.path for r in records)) for rules, records in books.items()]
 
     @property
     def problems(self) -> list[str]:
