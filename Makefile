@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint validate faults benchmarks study clean
+.PHONY: demo test lint validate faults benchmarks study pyramid clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -45,6 +45,13 @@ study: $(READY)
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
 	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.study_pages
+
+# The held-out growth of the pyramid whose bonds break, beside class rates of jacks, and the block of its page.
+PYRAMID := results/pyramid45/breaking
+pyramid: $(READY)
+	$(BIN)/wellmixed validate $(PYRAMID)/plan.toml --rates results/jack13/classes.toml --groups 899 \
+		--runs-folder $(PYRAMID)/runs --plot $(PYRAMID)/by_jacks.svg --json > $(PYRAMID)/by_jacks.json
+	$(BIN)/python -m tests.results.pyramid_page
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
