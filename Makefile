@@ -7,7 +7,7 @@ SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving)
 
-.PHONY: demo test core lock lint validate faults mutation benchmarks study clean
+.PHONY: demo test core lock lint validate faults mutation benchmarks study pyramid clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -53,6 +53,13 @@ study: $(READY)
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
 	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.study_pages
+
+# The held-out growth of the pyramid whose bonds break, beside class rates of jacks, and the block of its page.
+PYRAMID := results/pyramid45/breaking
+pyramid: $(READY)
+	$(BIN)/wellmixed validate $(PYRAMID)/plan.toml --rates results/jack13/classes.toml --groups 899 \
+		--runs-folder $(PYRAMID)/runs --plot $(PYRAMID)/by_jacks.svg --json > $(PYRAMID)/by_jacks.json
+	$(BIN)/python -m tests.results.pyramid_page
 
 # Every package by its hash, the one that builds ours among them; then ours.
 $(READY): pyproject.toml requirements.lock

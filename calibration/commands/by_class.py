@@ -37,6 +37,7 @@ def calibrate_by_class(
     runs: int,
     duration: float,
     breaks: str | None,
+    share: str,
     runs_folder: str,
     workers: Executor,
     part: ShardWork | None,
@@ -68,7 +69,7 @@ def calibrate_by_class(
         part.make(specs, runs_folder, workers, progress, as_json)
         return
     study = run_class_calibration(
-        specs, settings, runs_folder, breaks=asked or "auto", workers=workers, progress=progress
+        specs, settings, runs_folder, breaks=asked or "auto", share=share, workers=workers, progress=progress
     )
     study.rates.save(target)
     if as_json:
@@ -78,6 +79,7 @@ def calibrate_by_class(
                 "classes": study.calibration.table(),
                 "not_measured": study.calibration.not_measured,
                 "fits": study.calibration.fits_table(),
+                "spreads": [spread.to_dict() for spread in study.spreads],
                 "breaks": {"model": study.rates.breaks.model, "shape": study.rates.breaks.shape},
                 "evidence": study.rates.evidence,
                 "problems": study.problems,
@@ -93,6 +95,8 @@ def validate_by_class(
     specs: Sequence[RunSpec],
     rates_name: str,
     csv_file: str | None,
+    plot_file: str | None,
+    groups: int | None,
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -100,15 +104,21 @@ def validate_by_class(
 ) -> None:
     """Compare held-out growth with network-free runs under draws of the class rates."""
     from calibration.pipeline.class_study import run_growth_validation
+    from calibration.validating.growth_curves import GROUPS, MOST_GROUPS
     from kinetics.rates import ClassRates
 
     rates = ClassRates.load(rates_name)
-    study = run_growth_validation(specs, rates, runs_folder, workers=workers, progress=progress)
+    number = MOST_GROUPS if groups is None else groups
+    study = run_growth_validation(
+        specs, rates, runs_folder, groups=min(GROUPS, number), most_groups=number, workers=workers, progress=progress
+    )
     if csv_file:
         import pandas as pd
 
         curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
         write_whole(csv_file, curves.to_csv(index=False))
+    if plot_file:
+        _plot(study, plot_file)
     if as_json:
         echo_json(
             {
@@ -125,6 +135,8 @@ def validate_by_class(
 
 
 def _rates_table(study: ClassStudy) -> str:
+    from calibration.estimating.class_spread import flagged
+
     rows = [
         (
             row["class"],
@@ -142,11 +154,27 @@ def _rates_table(study: ClassStudy) -> str:
     missed = study.calibration.not_measured
     if missed:
         lines.append(f"{len(missed)} classes were not there to be measured; a more general entry stands for them")
+    off = flagged(study.spreads)
+    said = "; ".join(spread.sentence for spread in off) if off else "none that these runs show at 1 %"
+    lines.append(f"rates that differ within a constant ({len(study.spreads)} tests): {said}")
     return "\n".join([*lines, study.source])
+
+
+def _plot(study: GrowthStudy, name: str) -> None:
+    """One figure of all comparisons, above each other."""
+    from kinetics.support import plots
+
+    def draw(figure: Any) -> None:
+        parts = figure.subfigures(len(study.comparisons), 1, squeeze=False)
+        for part, comparison in zip(parts.flat, study.comparisons, strict=True):
+            comparison.plot(part)
+
+    rows = sum(-(-len(comparison.curves) // 3) for comparison in study.comparisons)
+    plots.save_figure(name, draw, (9.0, 0.6 + 2.1 * rows))
 
 
 def _growth_tables(study: GrowthStudy) -> str:
     parts = []
     for comparison in study.comparisons:
-        parts += [comparison.table(), comparison.verdict.sentence, ""]
+        parts += [comparison.table(), comparison.sentence, ""]
     return "\n".join(parts[:-1])

@@ -81,6 +81,14 @@ if TYPE_CHECKING:
     metavar="SCENE|PLAN",
     help="For rates by class: one more scene or plan whose runs are pooled; may be repeated.",
 )
+@click.option(
+    "--share",
+    type=click.Choice(["auto", "event", "faces", "sizes"]),
+    default="auto",
+    show_default=True,
+    help="For rates by class: what the classes of one constant have in common. It is the event alone, also the faces, "
+    "or also the sizes; auto lets the runs choose, of joins and of breaks.",
+)
 @events_options
 @report_option
 @run_options
@@ -95,6 +103,7 @@ def calibrate(
     breaks: str | None,
     by: str | None,
     also: tuple[str, ...],
+    share: str,
     events: str | None,
     run_table: str | None,
     tank: tuple[float, float, float] | None,
@@ -140,9 +149,12 @@ def calibrate(
         if is_plan(scene):
             refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
         calibrate_by_class(
-            (scene, *also), target, cubes, runs, duration, breaks, runs_folder, workers, part, progress, seed, as_json
-        )
+            (scene, *also), target, cubes, runs, duration, breaks, share, runs_folder, workers, part, progress, seed,
+            as_json,
+        )  # fmt: skip
         return
+    if share != "auto":
+        raise ValueError(f"--share {share} is for rates by class; leave it out, or ask for --by class")
     study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
         from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration

@@ -14,7 +14,7 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
-from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, picture_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, or_study_folder, rates_of
 from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
@@ -71,6 +71,20 @@ if TYPE_CHECKING:
     callback=in_a_folder,
     help="Write the events seen and expected to this CSV file; for rates by class the curves.",
 )
+@click.option(
+    "--groups",
+    metavar="N",
+    type=click.IntRange(min=19),
+    help="For rates by class: number of predicted groups that decide where a p-value is small. The report says which "
+    "checks so few cannot fail.  [default: 1999]",
+)
+@click.option(
+    "--plot",
+    "plot_file",
+    metavar="FILE",
+    callback=picture_of,
+    help="For rates by class: draw each curve beside its prediction to this PNG, PDF or SVG file.",
+)
 @report_option
 @run_options
 @seed_option(2)
@@ -83,6 +97,8 @@ def validate(
     duration: float,
     control_name: str | None,
     csv_file: str | None,
+    groups: int | None,
+    plot_file: str | None,
     report: str | None,
     runs_folder: str,
     workers: Executor,
@@ -98,10 +114,8 @@ def validate(
     the plan and the rates, and gets report and runs.
 
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
-    size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
-
-    Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
-    size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
+    size, of targets and of the largest structure, joins and breaks. The report says how surely so many runs would have
+    shown joins or breaks that are off, and which checks could not fail. What follows is of rates by channel.
 
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
@@ -130,8 +144,10 @@ def validate(
         if part is not None:
             part.make(specs, runs_folder, workers, progress, as_json)
         else:
-            validate_by_class(specs, rates_name, csv_file, runs_folder, workers, progress, as_json)
+            validate_by_class(specs, rates_name, csv_file, plot_file, groups, runs_folder, workers, progress, as_json)
         return
+    if plot_file or groups:
+        raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
     rates = Rates.load(rates_name)
     check_held_out(described, rates, seed)
     if part is not None:

@@ -10,10 +10,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.estimating.named_partners import may_have_broken
 from calibration.estimating.rate_model import RateModel
 from kinetics.breaks import WALL, BreakModel, ShapeParameter, pairs
 from kinetics.network import Network, Tank
-from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, JumpPath
+from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 
 
@@ -74,18 +75,13 @@ class BreakRates(RateModel):
         return [factor * part for factor, part in zip(factors, parts, strict=True)]
 
     def named_parts(self, path: JumpPath) -> NDArray[np.bool_] | None:
-        """The partner of each break (E, P); all but the wall where several struck at once, all where it is not known.
-
-        Walls alone are recorded as the wall, so of several one at least is a body. That they are shared out among all
-        bodies as the model has it is right where a break by any body is as often one of several.
-        """
+        """The partners that the run's record of each break allows (E, P), as `may_have_broken` has it."""
         if not self.by_partner or path.partners is None:
             return None
         names = self.breaks.partners(path.network)
-        numbers = [BY_WALL if name == WALL else path.network.species_places.get(name, BY_UNKNOWN) for name in names]
-        by = path.partners[:, None]
-        not_the_wall = np.array([name != WALL for name in names])
-        return (by == numbers) | (by == BY_UNKNOWN) | ((by == BY_SEVERAL) & not_the_wall)
+        places = {name: place for place, name in enumerate(names)}
+        column = np.array([places.get(name, -1) for name in path.network.species])
+        return may_have_broken(path.partners, column, places.get(WALL), len(names))
 
     def mixture(self) -> Floats:
         """The weights of the partners (1, P)."""

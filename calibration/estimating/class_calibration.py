@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from calibration.estimating.class_evidence import BookRuns, ClassEvidence, class_evidence
-from calibration.estimating.class_fit import GROUPINGS, ClassFit, simplest
+from calibration.estimating.class_fit import GROUPINGS, ClassFit, Grouping, simplest
 from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
 from kinetics.rates import BreakTerms, ClassRates
 
@@ -19,6 +19,7 @@ class ClassCalibration:
 
     joins, breaks : the evidence of each
     models : the break models to choose from, all of them with weights by size
+    groupings : what classes may have in common to share a constant, to choose from
 
     Which classes share a constant, and which break model holds, is decided by AIC: the fewest parameters within 2 of
     the smallest. Where a model with partners wins and the runs name the partners, its constants and shape come from the
@@ -29,18 +30,19 @@ class ClassCalibration:
     breaks: ClassEvidence
     faces: str
     models: tuple[BreakModel, ...]
+    groupings: tuple[Grouping, ...] = GROUPINGS
 
     @cached_property
     def join_fits(self) -> tuple[ClassFit, ...]:
         """One a grouping; none where nothing joins."""
-        return tuple(ClassFit(self.joins, grouping) for grouping in GROUPINGS) if self.joins.exposure.any() else ()
+        return tuple(ClassFit(self.joins, grouping) for grouping in self.groupings) if self.joins.exposure.any() else ()
 
     @cached_property
     def break_fits(self) -> tuple[ClassFit, ...]:
         """One a break model and grouping; none where nothing could break."""
         if not self.breaks.exposure.any():
             return ()
-        return tuple(ClassFit(self.breaks, grouping, model) for model in self.models for grouping in GROUPINGS)
+        return tuple(ClassFit(self.breaks, grouping, model) for model in self.models for grouping in self.groupings)
 
     @cached_property
     def chosen_joins(self) -> ClassFit | None:
@@ -141,17 +143,21 @@ def _title(fit: ClassFit) -> str:
     return words[fit.grouping] + ("" if fit.breaks is None else f", {fit.breaks.name}")
 
 
-def calibrate_classes(books: Iterable[BookRuns], breaks: str = "auto") -> ClassCalibration:
+def calibrate_classes(books: Iterable[BookRuns], breaks: str = "auto", share: str = "auto") -> ClassCalibration:
     """Estimate the constants of all rate classes from runs of any books, seeded or not.
 
     breaks : name of a break model, or `auto` for the one that the runs choose
+    share : what the classes of one constant have in common (`event`, `faces` or `sizes`), or `auto`
 
     Cost: one pass over the paths, then a second or so for the shape.
-    ValueError: as `class_evidence`; a break model whose weights are not given by sizes.
+    ValueError: as `class_evidence`; a break model whose weights are not given by sizes; another `share`.
     """
+    groupings = tuple(grouping for grouping in GROUPINGS if share in ("auto", grouping))
+    if not groupings:
+        raise ValueError(f"share = {share!r}; expected auto, {', '.join(GROUPINGS)}")
     groups = [BookRuns(derivation, tuple(paths)) for derivation, paths in books]
     joins, broken = class_evidence(groups)
-    return ClassCalibration(joins, broken, groups[0].derivation.book.scheme, _asked(breaks))
+    return ClassCalibration(joins, broken, groups[0].derivation.book.scheme, _asked(breaks), groupings)
 
 
 def _asked(name: str) -> tuple[BreakModel, ...]:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.estimating.exposure import count, sojourns
+from calibration.estimating.named_partners import may_have_broken
 from kinetics.assembly import Derivation, RateClass
 from kinetics.network import Tank
-from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, RESTART, JumpPath
+from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 
@@ -35,7 +36,7 @@ class ClassEvidence:
     ways : (L, K) ways by class of each sort of channel; a channel that has ways of several classes fires for any
     sorts : (n,) sort of the channel of each event
     at_events : (n, C) pairs with each partner at each event; of joins one column of ones
-    named : (n, C) the partners that may have caused it; None where nobody watched
+    named : (n, C) the partners that the record of it allows; None where nobody watched
     exposure : (K, C) integral over time of the ways of a class times their pairs, tu, in the tank `tank`
     sizes : (C - 2,) the partners are bodies of these sizes, then the wall, then nobody; none for joins
     """
@@ -158,7 +159,7 @@ def _breaks(groups: Sequence[BookRuns], tank: Tank | None) -> ClassEvidence:
             there[np.arange(rows.size), of - 1] -= 1
             at_events.append(factors * there)
             if is_watched and path.partners is not None:
-                named.append(_named(path.partners[rows], sizes, there))
+                named.append(may_have_broken(path.partners[rows], sizes - 1, columns - 2, columns))
     return ClassEvidence(
         "break",
         sorts.classes,
@@ -185,17 +186,3 @@ def _wholes(path: JumpPath, rows: NDArray[np.intp], whole: Ints, broken: NDArray
     of_channel = np.zeros(len(path.network.channels), dtype=np.int64)
     of_channel[broken] = whole
     return of_channel[path.channels[rows]]
-
-
-def _named(partners: Ints, sizes: Ints, there: Floats) -> NDArray[np.bool_]:
-    """The columns (n, C) that each event's partner allows, of the pairs that were there.
-
-    All of them where the partner is gone: of two breaks at one blow the second comes after the first has changed the
-    state.
-    """
-    named = np.zeros(there.shape, dtype=bool)
-    named[partners == BY_WALL, -2] = True
-    bodies = np.flatnonzero(partners >= 0)
-    named[bodies, sizes[partners[bodies]] - 1] = True
-    named[(partners == BY_SEVERAL) | (partners == BY_UNKNOWN) | ~(named & (there > 0)).any(axis=1)] = True
-    return named

@@ -17,6 +17,7 @@ import numpy as np
 
 from calibration.estimating.class_evidence import ClassEvidence
 from calibration.estimating.mixed_evidence import MixedEvidence
+from calibration.estimating.named_partners import of_the_named
 from calibration.estimating.rate_fit import ImpossibleEventError
 from calibration.estimating.shape_posterior import posterior_of
 from calibration.estimating.shape_search import least
@@ -89,7 +90,7 @@ class ClassFit:
         known = self.evidence
         if not self.by_partner or known.named is None:
             return known.at_events
-        return np.where(known.named, known.at_events, 0.0)
+        return of_the_named(known.at_events, known.named)
 
     @cached_property
     def parameters(self) -> tuple[ShapeParameter, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.estimating.exposure import require_same, sojourns
 from calibration.estimating.mixed_evidence import MixedEvidence
+from calibration.estimating.named_partners import of_the_named
 from calibration.estimating.rate_model import RateModel
 from calibration.estimating.shape_search import least
 from kinetics.runs import JumpPath
@@ -145,7 +146,7 @@ class PathLikelihood:
         at_events = np.array([path.network.ways[fired] * h[rows, fired] * speed for h in terms]).T
         named = model.named_parts(path)
         if named is not None:
-            at_events = np.where(named[rows], at_events, 0.0)
+            at_events = of_the_named(at_events, named[rows])
         return _OfPath((gathered * path.open_channels)[:, chosen], fired, at_events)
 
     def value(self, coefficients: Floats) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
+from calibration.estimating.class_spread import ClassSpread, class_spreads
 from calibration.pipeline.study_runs import made, problems_of, sound_of
 from calibration.validating.growth_curves import GROUPS, MOST_GROUPS, GrowthComparison, compare_growth
 from kinetics.networkfree import growth_of
@@ -28,11 +29,13 @@ class ClassStudy:
     """Runs of one or several books and the class rates that they give. Runs that the guard stopped are left out.
 
     breaks : name of a break model, or `auto` for the one that the runs choose
+    share : what the classes of one constant have in common, or `auto`
     """
 
     outcome: Outcome
     settings: dict[str, Any]
     breaks: str = "auto"
+    share: str = "auto"
 
     @cached_property
     def sound(self) -> list[RunRecord]:
@@ -42,13 +45,19 @@ class ClassStudy:
     @cached_property
     def calibration(self) -> ClassCalibration:
         """Pooled over all books."""
+        return calibrate_classes(self._books, self.breaks, self.share)
+
+    @cached_property
+    def spreads(self) -> tuple[ClassSpread, ...]:
+        """Of each constant, whether it serves all that is pooled in it."""
+        return class_spreads(self._books, self.calibration)
+
+    @cached_property
+    def _books(self) -> list[BookRuns]:
         books: dict[str, list[RunRecord]] = {}
         for record in self.sound:
             books.setdefault(record.spec.scene.rules, []).append(record)
-        return calibrate_classes(
-            [BookRuns(book_of(rules)[1], tuple(r.path for r in records)) for rules, records in books.items()],
-            self.breaks,
-        )
+        return [BookRuns(book_of(rules)[1], tuple(r.path for r in records)) for rules, records in books.items()]
 
     @property
     def problems(self) -> list[str]:
@@ -108,6 +117,7 @@ def run_class_calibration(
     runs_folder: str | Path,
     *,
     breaks: str = "auto",
+    share: str = "auto",
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> ClassStudy:
@@ -115,7 +125,7 @@ def run_class_calibration(
 
     settings : what the evidence says of them
     """
-    return ClassStudy(made(specs, runs_folder, workers, progress), settings, breaks)
+    return ClassStudy(made(specs, runs_folder, workers, progress), settings, breaks, share)
 
 
 def run_growth_validation(

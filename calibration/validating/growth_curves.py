@@ -6,6 +6,7 @@ many runs as were held out, each group under its own draw of the class rates. Th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration.validating.growth_power import KINDS, growth_powers
+from calibration.validating.power import LEVEL, Power
 from calibration.validating.predictive import DOUBTFUL, least_p, predictive_p, shown_p
 from calibration.validating.scores import central_band, mean_misfit
 from calibration.validating.verdict import ConsistencyCheck, Verdict, judged
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 GROUPS = 199
 MOST_GROUPS = 1999  # where a p-value is small: with eight checks .00125 is asked for
 SECOND = 1_000_003  # added to the seed where more groups are asked for
-KINDS = ("joins", "breaks")
+POWER, POWER_GROUPS = 2_000_003, 50  # the same for groups at rates that are off; so many for each sign
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class GrowthComparison:
     low, high : predicted band of the mean of as many runs, from their noise and the uncertainty of the rates
     misfit, p_misfit : (V,) mean squared z of a curve among predicted groups, about 1; share of groups with as much
     coverage : (V,) share of times after 0 at which the observed mean lies inside the band
+    most_groups : how many groups there would have been where a p-value had asked for more
+    powers : how surely so many runs show joins and breaks that are off, by their number
     """
 
     label: str
@@ -68,10 +73,12 @@ class GrowthComparison:
     p_misfit: Floats
     coverage: Floats
     events: tuple[GrowthEvents, ...]
+    most_groups: int = 0
+    powers: tuple[Power, ...] = ()
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Joins, breaks and every curve together."""
+        """Joins, breaks and every curve together; see `cannot_fail` for the checks that so few groups never fail."""
         least = 1 / (self.groups + 1)
         checks = [
             ConsistencyCheck(
@@ -87,12 +94,32 @@ class GrowthComparison:
             )
             for name, misfit, p in zip(self.curves, self.misfit, self.p_misfit, strict=True)
         ]
-        return judged(checks)
+        return judged(checks, self.powers)
 
     @property
     def is_consistent(self) -> bool:
         """Whether no check failed at 1 %, corrected for their number."""
         return self.verdict.is_consistent
+
+    @property
+    def cannot_fail(self) -> tuple[str, ...]:
+        """The checks that no held-out runs could fail, because the p-values of so few groups are not small enough."""
+        asked = LEVEL / (len(self.events) + len(self.curves))
+        groups = max(self.groups, self.most_groups)
+        events = [e.kind for e in self.events] if least_p(groups) > asked else []
+        return (*events, *(self.curves if 1 / (groups + 1) > asked else ()))
+
+    @property
+    def sentence(self) -> str:
+        """The verdict; where some checks cannot fail, which, and how many groups it takes."""
+        if not self.cannot_fail:
+            return self.verdict.sentence
+        needed = math.ceil(2 * (len(self.events) + len(self.curves)) / LEVEL) - 1
+        words = (
+            f"{max(self.groups, self.most_groups)} groups cannot fail {', '.join(self.cannot_fail)}; "
+            f"give at least {needed}"
+        )
+        return f"{'not decided' if self.is_consistent else self.verdict.sentence}: {words}"
 
     @property
     def is_clear(self) -> bool:
@@ -156,7 +183,9 @@ class GrowthComparison:
             "runs": self.runs,
             "groups": self.groups,
             "is_consistent": self.is_consistent,
-            "verdict": self.verdict.sentence,
+            "verdict": self.sentence,
+            "cannot_fail": list(self.cannot_fail),
+            "powers": [vars(power) for power in self.powers],
             "events": [vars(e) for e in self.events],
             "times": self.times.tolist(),
             "curves": {
@@ -173,15 +202,29 @@ class GrowthComparison:
             },
         }
 
-    def plot(self, ax: Any) -> Any:
-        """Predicted means with their bands, and the observed means as points; returns `ax`."""
+    def plot(self, figure: Any) -> Any:
+        """One panel a curve, each with an axis of its own: predicted mean with its band, observed means as points.
+
+        figure : a Matplotlib figure, which it fills; returned
+        """
         from kinetics.support import plots
 
-        plots.bands(ax, self.times, self.predicted, self.low, self.high, list(self.curves))
-        for v in range(len(self.curves)):
-            ax.plot(self.times, self.observed[:, v], ".", color=plots.colour(v), markersize=4)
-        ax.set_ylabel(f"mean of {self.runs} runs (points), predicted band (95 %)")
-        return ax
+        across = min(3, len(self.curves))
+        panels = figure.subplots(-(-len(self.curves) // across), across, sharex=True, squeeze=False)
+        for v, ax in enumerate(panels.flat):
+            if v >= len(self.curves):
+                ax.remove()
+                continue
+            ax.fill_between(self.times, self.low[:, v], self.high[:, v], color=plots.colour(0), alpha=0.2, linewidth=0)
+            ax.plot(self.times, self.predicted[:, v], color=plots.colour(0))
+            ax.plot(self.times, self.observed[:, v], ".", color=plots.colour(5), markersize=4)
+            ax.set_title(self.curves[v], fontsize="medium")
+            if v + across >= len(self.curves):
+                ax.tick_params(labelbottom=True)
+                ax.set_xlabel("time (tu)")
+        words = f"{self.label}: points, mean of {self.runs} runs; line and band (95 %), predicted"
+        figure.suptitle(words, fontsize="medium")
+        return figure
 
 
 def compare_growth(
@@ -192,6 +235,7 @@ def compare_growth(
     groups: int = GROUPS,
     most_groups: int = MOST_GROUPS,
     seed: int = 0,
+    power_groups: int = POWER_GROUPS,
     progress: Callable[[int, float], None] | None = None,
 ) -> GrowthComparison:
     """Compare held-out growth (one book, one initial state) with network-free runs under draws of class rates.
@@ -199,10 +243,11 @@ def compare_growth(
     times : (T,) tu, rising, none after the end of a run
     groups, most_groups : number of draws of the rates, each with as many runs as there are held-out ones; where a
         p-value is below 0.05, so many other ones decide
+    power_groups : groups a sign and kind of event, at rates 20 % off, for the power that is stated; 0 for none
     progress : called with the number of predicted runs finished and the time reached in the current one, tu
 
     Events are those until the last of the times. Rates without evidence are taken as known.
-    Cost: groups x runs network-free runs, or ten times as many.
+    Cost: groups x runs network-free runs, or ten times as many; for the power 4 x power_groups x runs.
     """
     if len(observed) < 2:
         raise ValueError(f"{len(observed)} held-out runs; a mean with a scatter needs at least 2")
@@ -215,14 +260,24 @@ def compare_growth(
     end, n = float(grid[-1]), len(observed)
     seen = Growths(tuple(observed))
 
-    def predicted(number: int, own_seed: int) -> GrowthComparison:
-        made = grow(book, rates, start, end, n * number, own_seed, progress, draws=number)
-        if made.interrupted:
+    def made(by: ClassRates, number: int, own_seed: int) -> Growths:
+        runs = grow(book, by, start, end, n * number, own_seed, progress, draws=number)
+        if runs.interrupted:
             raise KeyboardInterrupt
-        return _beside(seen, made, grid, label, number, seed)
+        return runs
 
-    first = predicted(groups, seed)
-    return first if first.is_clear else predicted(most_groups, seed + SECOND).with_clear_ones_of(first)
+    def totals_off(by: ClassRates, part: int) -> Ints:
+        return _totals(made(by, power_groups, seed + POWER + part), end, power_groups)
+
+    simulated = made(rates, groups, seed)
+    found = _beside(seen, simulated, grid, label, groups, seed)
+    checks = len(found.events) + len(found.curves)
+    totals = _totals(simulated, end, groups)
+    powers = growth_powers(rates, totals.astype(float), totals_off, checks) if power_groups else ()
+    if not found.is_clear:
+        more = _beside(seen, made(rates, most_groups, seed + SECOND), grid, label, most_groups, seed)
+        found = more.with_clear_ones_of(found)
+    return replace(found, most_groups=most_groups, powers=powers)
 
 
 def _beside(seen: Growths, made: Growths, grid: Floats, label: str, groups: int, seed: int) -> GrowthComparison:
@@ -267,12 +322,17 @@ def _counted(growths: Growths, end: float) -> Ints:
     return table
 
 
+def _totals(growths: Growths, end: float, groups: int) -> Ints:
+    """Joins and breaks (groups, 2) of all runs of each group."""
+    return np.asarray(_counted(growths, end).reshape(-1, groups, 2).sum(axis=0))
+
+
 def _events(
     seen: Growths, made: Growths, end: float, groups: int, rng: np.random.Generator
 ) -> tuple[GrowthEvents, ...]:
     """Joins and breaks of all runs among those of the groups."""
     own = _counted(seen, end).sum(axis=0)
-    others = _counted(made, end).reshape(-1, groups, 2).sum(axis=0).astype(float)
+    others = _totals(made, end, groups).astype(float)
     low, high = central_band(others)
     p = predictive_p(own.astype(float), others, rng)
     return tuple(

@@ -15,7 +15,7 @@ from kinetics.support.cli.options import counts_of
 if TYPE_CHECKING:
     from kinetics.formats import NetworkModel
     from kinetics.predicting.observables import Observables
-    from kinetics.rates import Rates
+    from kinetics.rates import BookRates, Rates
 
 MOST_SHOWN = 30  # species that are shown without being asked for
 
@@ -32,7 +32,7 @@ class Start:
 
     network: Network
     state: Ints
-    rates: Rates | None = None
+    rates: Rates | BookRates | None = None
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tank: Tank | None = None
     notes: tuple[str, ...] = ()
@@ -149,25 +149,23 @@ def start(
 def _by_class(
     source: str, rates_name: str, cubes: int | None, initial: str | None, edges: tuple[float, float, float] | None
 ) -> Start:
-    """A book's network under rates by class, which are taken as known."""
+    """A book's network, and its rates by class."""
     from kinetics.assembly import RuleBook, derive
-    from kinetics.rates import ClassRates
+    from kinetics.rates import BookRates, ClassRates
 
-    if edges is not None:
-        raise ValueError(f"rates by class hold in their own tank; leave out --tank, or calibrate in {Tank(edges)}")
-    rates, derivation = ClassRates.load(rates_name), derive(RuleBook.load(source))
-    network = rates.apply(derivation)
-    book = derivation.book
+    rates = BookRates(ClassRates.load(rates_name), derive(RuleBook.load(source)))
+    book, network = rates.derivation.book, rates.derivation.network
     if cubes is None:
         counts = counts_of(initial or "")
     else:
-        counts = {network.species[derivation.species_of(book.monomer())]: cubes}
+        counts = {network.species[rates.derivation.species_of(book.monomer())]: cubes}
         seed = book.seed()
         if seed is not None:
-            counts[network.species[derivation.species_of(seed)]] = 1
-    note = "rates by class are taken as known here; `wellmixed rules grow --draws` spreads runs over draws of them"
-    breaks = f"breaks: {rates.breaks.model}" + "".join(f", {k} = {v:.3g}" for k, v in rates.breaks.shape.items())
-    return Start(network, network.state(counts), notes=(breaks, note))
+            counts[network.species[rates.derivation.species_of(seed)]] = 1
+    tank = None if edges is None else Tank(edges)
+    if tank is not None and rates.measured_in is None:
+        raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
+    return Start(network, network.state(counts), rates, tank=tank)
 
 
 def network_of_book(name: str) -> tuple[Network, str]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.chain import Chain, Sensitivity, passage_sensitivity
 from kinetics.network import Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
-from kinetics.rates import Rates, RatesPosterior
+from kinetics.rates import BookRates, Rates, RatesPosterior
 from kinetics.support.arrays import Floats, rising_times
 from kinetics.support.intervals import student_quantile
 
@@ -96,7 +96,7 @@ class Elasticities:
 
 def count_elasticities(
     network: Network,
-    rates: Rates,
+    rates: Rates | BookRates,
     initial: ArrayLike,
     times: ArrayLike,
     drawn: DrawMeans | None = None,
@@ -133,7 +133,12 @@ def count_elasticities(
 
 
 def passage_elasticities(
-    network: Network, rates: Rates, initial: ArrayLike, species: str, copies: int = 1, tank: Tank | None = None
+    network: Network,
+    rates: Rates | BookRates,
+    initial: ArrayLike,
+    species: str,
+    copies: int = 1,
+    tank: Tank | None = None,
 ) -> Elasticities:
     """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite."""
 
@@ -179,7 +184,7 @@ def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
     one, two = (moved[0] - moved[1]) / (2 * STEP), (moved[2] - moved[3]) / (4 * STEP)
     by_shape = (4.0 * one - two) / 3.0
     held = np.where((constants == 0.0) & by_shape.any(axis=0), TINY * constants.max(), constants)
-    by_rate = (posterior.expansion.base_of == np.arange(n)[:, None]) & (held > 0.0)
+    by_rate = posterior.parts(middle) * (held > 0.0)
     by_shape = np.divide(by_shape, held, out=np.zeros_like(by_shape), where=held > 0.0)
     return held, np.vstack([by_rate, by_shape])
 

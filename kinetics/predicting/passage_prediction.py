@@ -11,7 +11,7 @@ from kinetics.network import Network, Tank
 from kinetics.passage import Passage, first_passage
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
-from kinetics.rates import Rates
+from kinetics.rates import BookRates, Rates
 from kinetics.support.arrays import whole_number
 
 
@@ -39,7 +39,7 @@ class PassagePrediction:
 
 def predict_passage(
     network: Network,
-    rates: Rates | None,
+    rates: Rates | BookRates | None,
     initial: ArrayLike,
     species: str,
     copies: int = 1,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network, Tank
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import DrawMeans, runs_over_draws
-from kinetics.rates import Rates
+from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
 from kinetics.solving import Distribution, SolvingMethod, solve
@@ -82,7 +82,7 @@ class Prediction:
 
 def predict(
     network: Network,
-    rates: Rates | None,
+    rates: Rates | BookRates | None,
     initial: ArrayLike,
     times: ArrayLike,
     method: SamplingMethod | SolvingMethod | None = None,
@@ -172,7 +172,7 @@ def predict(
     )
 
 
-def evidence_notes(rates: Rates | None) -> tuple[str, ...]:
+def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
         return ("no interval: the network's own rates are taken as known",)

@@ -10,10 +10,12 @@ from kinetics.rates.by_class import (
     over_classes,
     with_prior,
 )
+from kinetics.rates.of_book import BookRates
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 
 __all__ = [
+    "BookRates",
     "BreakTerms",
     "ChannelRate",
     "ClassRate",

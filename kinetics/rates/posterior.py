@@ -17,7 +17,7 @@ from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 
 @dataclass(frozen=True, eq=False)
 class RatesPosterior:
-    """What is known of P parameters: the rates of R channels, then the K shape parameters of the break model.
+    """What is known of P parameters: the rates of R channels, then the shape parameters of the break model.
 
     expansion : the network in which breaks have partners
     breaks : the break model, and the posterior of its shape
@@ -34,7 +34,7 @@ class RatesPosterior:
     expansion: Expansion
     breaks: BreakTerms
     rates: tuple[float, ...]
-    events: tuple[int | None, ...]
+    events: tuple[float | None, ...]
     exposure: tuple[float | None, ...]
     exposures: tuple[tuple[float, ...] | None, ...]
     scales: Floats
@@ -42,7 +42,25 @@ class RatesPosterior:
     @property
     def names(self) -> tuple[str, ...]:
         """Names (P,) of the parameters."""
-        return (*self.expansion.base.channels, *self.breaks.shape)
+        return (*self.rate_names, *self.breaks.shape)
+
+    @property
+    def rate_names(self) -> tuple[str, ...]:
+        """Names of the rates: of their channels."""
+        return self.expansion.base.channels
+
+    def coefficients(self, rates: Floats) -> Floats:
+        """Coefficients (n, R) of the channels, from rates (n, R): the same."""
+        return rates
+
+    def parts(self, parameters: Floats) -> Floats:  # noqa: ARG002
+        """The part (R, R') that each rate has in each rate constant at parameters (P,): all of its own channel's."""
+        return (self.expansion.base_of == np.arange(len(self.rates))[:, None]).astype(float)
+
+    def exposures_at(self, points: Floats) -> list[Floats | None]:
+        """Exposure (G,) of each rate at shapes (G, K); None where it does not depend on them."""
+        weights = self._weights_at(points)
+        return [None if parts is None else weights @ np.array(parts) for parts in self.exposures]
 
     @cached_property
     def mean(self) -> Floats:
@@ -74,15 +92,23 @@ class RatesPosterior:
         table = np.asarray(parameters, dtype=float)
         rates, shapes = np.split(table.copy(), [len(self.rates)], axis=1)
         points, which = np.unique(shapes, axis=0, return_inverse=True)
-        base, model, names = self.expansion.base, self.breaks.break_model, self.breaks.shape
-        by_point = np.array([model.weights(base, dict(zip(names, point, strict=True))) for point in points.tolist()])
-        weights = by_point[which.ravel()]
-        for r, (whole, parts) in enumerate(zip(self.exposure, self.exposures, strict=True)):
-            if parts is not None and whole is not None:
+        rates *= self.factors_at(points)[which.ravel()]
+        weights = self._weights_at(points)[which.ravel()]
+        return self.expansion.constants(self.coefficients(rates), weights) * self.scales
+
+    def factors_at(self, points: Floats) -> Floats:
+        """What rates (G, R) are multiplied with at shapes (G, K), so that as many breaks are expected at each."""
+        factors = np.ones((len(points), len(self.rates)))
+        for r, (whole, at) in enumerate(zip(self.exposure, self.exposures_at(points), strict=True)):
+            if at is not None and whole is not None:
                 # the exposure that goes with this shape, where there is any
-                exposure = weights @ np.array(parts)
-                rates[:, r] *= np.divide(whole, exposure, out=np.ones(len(rates)), where=exposure > 0)
-        return self.expansion.constants(rates, weights) * self.scales
+                np.divide(whole, at, out=factors[:, r], where=at > 0)
+        return factors
+
+    def _weights_at(self, points: Floats) -> Floats:
+        """Weights (G, P') of the partners at shapes (G, K)."""
+        base, model, names = self.expansion.base, self.breaks.break_model, self.breaks.shape
+        return np.array([model.weights(base, dict(zip(names, point, strict=True))) for point in points.tolist()])
 
     def expected_constants(self) -> Floats:
         """Posterior means (R',) of the rate constants, 1/tu, in closed form.

@@ -82,7 +82,12 @@ def grouped_bars(
 
 
 def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int = 150) -> None:
-    """Write one figure as PNG, PDF or SVG, by the end of its name, whole or not at all. `draw(ax)` fills it.
+    """Write a figure with one pair of axes, which `draw(ax)` fills; as `save_figure`."""
+    save_figure(path, lambda figure: draw(figure.add_subplot()), size, dpi)
+
+
+def save_figure(path: str, draw: Any, size: tuple[float, float], dpi: int = 150) -> None:
+    """Write one figure as PNG, PDF or SVG, by the end of its name, whole or not at all. `draw(figure)` fills it.
 
     size : width and height, inches
     The same drawing gives the same bytes.
@@ -92,7 +97,7 @@ def save(path: str, draw: Any, size: tuple[float, float] = (6.4, 4.0), dpi: int 
 
     kind, undated = Path(path).suffix.lower()[1:], {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     figure, picture = Figure(figsize=size, layout="constrained"), io.BytesIO()
-    draw(figure.add_subplot())
+    draw(figure)
     words_as_they_are(figure)
     with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
         figure.savefig(picture, format=kind, dpi=dpi, metadata=undated.get(kind))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from calibration.estimating.class_spread import flagged
 from calibration.pipeline.class_study import run_class_calibration
 from calibration.pipeline.plan import StudyPlan
 from kinetics.assembly import RuleBook, check
@@ -34,6 +35,20 @@ def test_the_runs_give_the_rates():
     assert study.rates.breaks.model == stored.breaks.model == "collision-wall"
 
 
+def test_the_control_has_one_constant_for_all_breaks():
+    study = run_class_calibration(
+        PLAN.specs(PLAN.calibration), {}, FOLDER / "runs", breaks="first-order", share="event", progress=False
+    )
+    stored = ClassRates.load(FOLDER / "control.toml")
+    assert set(stored.classes) == {"join", "break"}
+    assert stored.breaks.model == "first-order"
+    for key, entry in stored.classes.items():
+        assert study.rates.classes[key].rate == pytest.approx(entry.rate, rel=1e-3)
+    assert "break" in {spread.key for spread in flagged(study.spreads)}  # it pools what differs
+    page = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert f"({stored.classes['break'].events:.0f} events in\n{stored.classes['break'].exposure:,.0f} tu)" in page
+
+
 def test_the_page_has_the_figures_of_the_validation():
     (done,) = json.loads((FOLDER / "validation.json").read_text(encoding="utf-8"))["comparisons"]
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
@@ -42,5 +57,8 @@ def test_the_page_has_the_figures_of_the_validation():
         assert (
             f"| {row['kind']} | {row['seen']} | {row['expected']:.0f} ({row['low']:.0f} to {row['high']:.0f})" in page
         )
+    shown = [f"{power['in_row']:.2f}".lstrip("0") for power in done["powers"]]
+    assert f"in their row with probability {shown[0]}, and breaks 20 % off with {shown[1]}." in page
+    assert not done["cannot_fail"]
     largest = done["curves"]["largest"]
     assert f"| {largest['observed'][-1]:.1f} | {largest['predicted'][-1]:.1f} (" in page

@@ -13,12 +13,13 @@ from scipy.stats import binom
 from calibration.estimating.class_calibration import BookRuns, calibrate_classes
 from calibration.estimating.class_evidence import class_evidence
 from calibration.estimating.class_fit import ClassFit, simplest
+from calibration.estimating.named_partners import of_the_named
 from kinetics.assembly import Derivation, RateClass
 from kinetics.breaks import break_model
 from kinetics.network import Tank
 from kinetics.networkfree import grow, growth_of, path_of
 from kinetics.rates import ClassRates
-from kinetics.runs import BY_WALL, NO_BREAK, JumpPath
+from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, JumpPath
 
 TANK = Tank((2.0, 2.0, 2.0))
 LINE, T5, JACK = derived("line4"), derived("t5"), derived("jack13")
@@ -103,7 +104,11 @@ def test_events_and_exposures_by_hand():
     assert not breaks.exposure[np.arange(len(breaks.classes)) != of].any()
     # broken by another arm that broke at the same blow, so that it is there no more: by anyone
     by_dimer = replace(path, partners=np.array([NO_BREAK, species.index(dimer)]))
-    assert class_evidence([BookRuns(JACK, (by_dimer,))])[1].named.all()
+    _, gone = class_evidence([BookRuns(JACK, (by_dimer,))])
+    assert_allclose(of_the_named(gone.at_events, gone.named), gone.at_events)
+    # by several at once: by any body, but not by the wall alone
+    crowded = replace(path, partners=np.array([NO_BREAK, BY_SEVERAL]))
+    assert np.flatnonzero(~class_evidence([BookRuns(JACK, (crowded,))])[1].named[0]).tolist() == [len(breaks.sizes)]
     # the same in a tank of twice the volume, for constants of the first
     larger = JumpPath(JACK.network, initial, path.times, path.channels, 9.0, tank=Tank((4.0, 2.0, 2.0)))
     both, _ = class_evidence([BookRuns(JACK, (path, larger))])

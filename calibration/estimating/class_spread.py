@@ -1,0 +1,163 @@
+"""Whether one rate constant serves all that is pooled in it: by structure, by sizes, by cubes that a place touches.
+
+Given its exposure, each group of channels has its part of the events of a constant by the exposures alone. The test
+asks whether the parts seen are out of the ordinary among multinomial ones: by the likelihood ratio, whose law is
+simulated, so that few events in many groups do no harm. Exposures that follow from the events make it approximate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calibration.estimating.class_calibration import BookRuns, ClassCalibration
+from calibration.estimating.class_fit import ClassFit
+from calibration.estimating.exposure import count, sojourns
+from kinetics.assembly import Derivation
+from kinetics.network import Tank
+from kinetics.rates import class_keys
+from kinetics.runs import RESTART, JumpPath
+from kinetics.support.arrays import Floats, Ints
+
+SIMULATED = 9999  # studies without spread, for the p-value
+STUDIES = 400  # with spread, for the power
+SPREAD = 0.5  # relative standard deviation of the rates of groups for which the power is given
+LEVEL = 0.01
+FEWEST = 5  # events of a constant, below which nothing can be told
+WAYS = ("structure", "sizes", "cubes touched")
+
+
+@dataclass(frozen=True, eq=False)
+class ClassSpread:
+    """One constant, its events told apart by one property.
+
+    key : of the constant; by : the property, one of WAYS
+    groups : (G,) values of the property; events, exposure : (G,) of each, exposure in tu
+    p : of the likelihood ratio among multinomial parts; p at most a has probability a at most where one rate serves all
+        and exposures are as they were
+    power : probability of p <= 1 % where the rates of groups scatter by half (Gamma, relative standard deviation 0.5)
+    """
+
+    key: str
+    by: str
+    groups: tuple[str, ...]
+    events: Ints
+    exposure: Floats
+    p: float
+    power: float
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        rates = [
+            f"{name}: {n} in {x:.3g} tu" for name, n, x in zip(self.groups, self.events, self.exposure, strict=True)
+        ]
+        shown = "; ".join(rates) if len(rates) <= 4 else f"{len(rates)} groups"
+        return f"{self.key} by {self.by} ({shown}): p = {self.p:.2g}, power {self.power:.2f}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        return vars(self) | {"events": self.events.tolist(), "exposure": self.exposure.tolist()}
+
+
+def class_spreads(books: Iterable[BookRuns], calibration: ClassCalibration, seed: int = 0) -> tuple[ClassSpread, ...]:
+    """Test all chosen constants of at least five events that serve several groups.
+
+    Channels with ways of several constants are left out. Breaks count in the exposure that the fitted model gives them.
+    Cost: a pass over the paths, then some 10,000 multinomial draws a test.
+    """
+    known: dict[tuple[str, str], dict[Hashable, Floats]] = {}
+    for derivation, paths in books:
+        for fit in (calibration.chosen_joins, calibration.chosen_breaks):
+            if fit is None:
+                continue
+            keys = [_only_key(fit, ways) for ways in derivation.events.values()]
+            totals = sum((_counted(fit, derivation, path) for path in paths), start=np.zeros((len(keys), 2)))
+            properties = [_properties(derivation, event) for event in derivation.events]
+            for key, found, row in zip(keys, properties, totals, strict=True):
+                if key is not None and row[1] > 0:
+                    for by, value in zip(WAYS, found, strict=True):
+                        groups = known.setdefault((key, by), {})
+                        groups[value] = groups.get(value, np.zeros(2)) + row
+    rng = np.random.default_rng(seed)
+    tested = []
+    for (key, by), groups in known.items():
+        table = np.array(list(groups.values()))
+        if len(groups) > 1 and table[:, 0].sum() >= FEWEST:
+            tested.append(_tested(key, by, tuple(map(str, groups)), table, rng))
+    return tuple(tested)
+
+
+def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[ClassSpread, ...]:
+    """Those with a spread, at this level by Holm's correction for their number."""
+    ordered = sorted(spreads, key=lambda each: each.p)
+    for i, each in enumerate(ordered):
+        if each.p > level / (len(ordered) - i):
+            return tuple(ordered[:i])
+    return tuple(ordered)
+
+
+def _only_key(fit: ClassFit, ways: Iterable[Any]) -> str | None:
+    """The constant of a channel; None where it is of another kind, or has several."""
+    known = {key for c in ways if c.event == fit.evidence.event for key in class_keys(c) if key in fit.keys}
+    return known.pop() if len(known) == 1 else None
+
+
+def _properties(derivation: Derivation, event: Any) -> tuple[str, str, int]:
+    """Of a channel: the largest structure that takes part, the sizes of the two sides, bonds that form or break."""
+    species = derivation.network.species
+    structures = list(derivation.structures.values())
+    apart, whole = (event.before, event.after[0]) if len(event.before) == 2 else (event.after, event.before[0])
+    sizes = sorted(len(structures[s]) for s in apart)
+    bonds = len(structures[whole].bonds) - sum(len(structures[s].bonds) for s in apart)
+    largest = max(event.before, key=lambda s: len(structures[s]))
+    return f"{derivation.book.name} {species[largest]}", " + ".join(map(str, sizes)), bonds
+
+
+def _counted(fit: ClassFit, derivation: Derivation, path: JumpPath) -> Floats:
+    """Events and exposure (R, 2) of each channel, ways counted, in the tank of the fit."""
+    here: Tank | None = fit.evidence.tank
+    if fit.breaks is None:
+        seen = count(path)
+        rarer = 1.0 if here is None or path.tank is None else here.dilution(path.tank)
+        return np.column_stack([seen.events, rarer * seen.exposure])
+    begin, end, _ = sojourns(path)
+    sizes = np.array([len(s) for s in derivation.structures.values()])
+    bodies, wall, alone = fit.breaks.by_size(sizes.astype(float), fit.shape)
+    rarer, walls = 1.0, 1.0
+    if here is not None and path.tank is not None:
+        rarer, walls = here.dilution(path.tank), here.wall_factor(path.tank)
+    weight = rarer * (path.states @ bodies) + walls * wall + alone  # of all partners in each state, (E + 1,)
+    held = path.states.T @ ((end - begin) * weight) - rarer * bodies * (path.states.T @ (end - begin))
+    whole = np.array([event.before[0] for event in derivation.events])
+    ways = derivation.network.ways * path.open_channels
+    fired = np.bincount(path.channels[path.channels != RESTART], minlength=whole.size)
+    return np.column_stack([fired, ways * held[whole]])
+
+
+def _tested(key: str, by: str, groups: tuple[str, ...], table: Floats, rng: np.random.Generator) -> ClassSpread:
+    events, exposure = table[:, 0].astype(np.int64), table[:, 1]
+    part, n = exposure / exposure.sum(), int(events.sum())
+    nulls = np.sort(_ratio(rng.multinomial(n, part, size=SIMULATED), part))
+    scatter = part * rng.gamma(1 / SPREAD**2, size=(STUDIES, part.size))
+    others = rng.multinomial(n, scatter / scatter.sum(axis=1, keepdims=True))
+    p = _ranks(_ratio(events[None, :], part), nulls)[0]
+    power = float((_ranks(_ratio(others, part), nulls) <= LEVEL).mean())
+    return ClassSpread(key, by, groups, events, exposure, float(p), power)
+
+
+def _ratio(counts: Ints, part: Floats) -> Floats:
+    """Twice the log-likelihood ratio (n,) of counts (n, G) against their parts of the total."""
+    from scipy.special import xlogy
+
+    total = counts.sum(axis=1, keepdims=True)
+    return np.asarray(2 * (xlogy(counts, counts) - xlogy(counts, total * part)).sum(axis=1))
+
+
+def _ranks(values: Floats, nulls: Floats) -> Floats:
+    """P-values (n,): share of the sorted null values, and of each value itself, that are as large."""
+    above = nulls.size - np.searchsorted(nulls, values * (1 - 1e-12) - 1e-12)
+    return np.asarray((above + 1) / (nulls.size + 1))
