@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.estimating.joins_and_breaks import joins_and_breaks
-from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, in_tank
+from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, VerdictRules, in_tank
 from calibration.pipeline.run_costs import Cost
 from calibration.planning.allocation import affordable, allocate, events_for, half_width
 from calibration.planning.candidates import Candidate, candidates, wanted_rates
@@ -126,7 +126,7 @@ class PlannedStudy:
     @property
     def held_out_seconds(self) -> float:
         """CPU seconds of all held-out runs."""
-        return sum(runs * self.held_out_costs[cubes] for cubes, runs in self.held_out_runs.items())
+        return spent(self.held_out_runs, self.held_out_costs)
 
     def narrower(self, test: HeldOutTest) -> float:
         """The half-width with which a calibration like this one would just allow a test to reach its power."""
@@ -192,6 +192,7 @@ class PlannedStudy:
             scene=request.scene,
             calibration=PlannedRuns(seed=request.seed, tanks=tuple(planned)),
             held_out=PlannedRuns(seed=request.seed + 1, tanks=tuple(held_out)),
+            verdict=rules_for(request.shift),
         )
 
     def tank_rows(self) -> list[dict[str, Any]]:
@@ -309,11 +310,34 @@ def held_out_tests(
 
 
 def chosen_runs(tests: Sequence[HeldOutTest], costs: dict[int, float], budget: float) -> dict[int, int]:
-    """Held-out runs of each number of cubes within a budget, CPU seconds: two at least, then the cheapest tests."""
+    """Held-out runs of each number of cubes within a budget, CPU seconds: two at least, then the cheapest tests.
+
+    What is left of a finite budget goes in equal shares to the sizes that still fall short.
+    """
     chosen = dict.fromkeys(costs, FEWEST)
     possible = [(test.needed, test) for test in tests if test.needed is not None]
     for needed, test in sorted(possible, key=lambda item: item[0] * costs[item[1].cubes]):
         raised = chosen | {test.cubes: max(needed, chosen[test.cubes])}
-        if sum(runs * costs[cubes] for cubes, runs in raised.items()) <= budget:
+        if spent(raised, costs) <= budget:
             chosen = raised
+    most = {n: max(test.needed or MOST_RUNS for test in tests if test.cubes == n) for n in costs}
+    while math.isfinite(budget):
+        able = [n for n in costs if chosen[n] < most[n] and spent(chosen, costs) + costs[n] <= budget]
+        if not able:
+            break
+        chosen[min(able, key=lambda n: chosen[n] * costs[n])] += 1
     return chosen
+
+
+def spent(runs: dict[int, int], costs: dict[int, float]) -> float:
+    """CPU seconds of runs by number of cubes."""
+    return sum(n * costs[cubes] for cubes, n in runs.items())
+
+
+def rules_for(shift: float) -> VerdictRules:
+    """Rules that rates off by a share break: seen / expected within three quarters of it, or half of it over all sizes.
+
+    They count where the events' own scatter is smaller: two standard deviations of 6 / shift^2 events are 0.8 of it.
+    """
+    ratio, pooled = ((round(1 - part * shift, 4), round(1 + part * shift, 4)) for part in (0.75, 0.5))
+    return VerdictRules(ratio=ratio, pooled_ratio=pooled, from_events=round(6 / shift**2, 1))

@@ -11,7 +11,7 @@ from kinetics.rates.by_class import (
     with_prior,
 )
 from kinetics.rates.posterior import RatesPosterior
-from kinetics.rates.rates import ChannelRate, Convention, Rates
+from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
 
 __all__ = [
     "BreakTerms",
@@ -22,6 +22,7 @@ __all__ = [
     "Rates",
     "RatesPosterior",
     "ShapePosterior",
+    "about_priors",
     "are_by_class",
     "class_keys",
     "measured_class",
