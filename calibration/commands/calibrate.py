@@ -18,7 +18,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
-from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
+from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def calibrate(
     if also and by == "channel":
         raise ValueError("--also pools books, whose channels differ; leave it out, or ask for --by class")
     if events is None and (also or by == "class" or (by is None and is_seeded(scene))):
-        if report:
+        if report and not is_filled("report"):
             raise ValueError("--report shows rates by channel; for rates by class use --json")
         if is_plan(scene):
             refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")

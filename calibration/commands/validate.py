@@ -15,7 +15,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
-from kinetics.support.cli.study_folder import PLAN, RUNS, or_study_folder, rates_of
+from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
 
@@ -100,9 +100,6 @@ def validate(
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
     size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
 
-    Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
-    size, of targets and of the largest structure, joins and breaks. What follows is of rates by channel.
-
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
     rates; those of events, scatter, mean counts and single runs are exact. Coverage is the share of times and species
@@ -124,7 +121,7 @@ def validate(
         raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
     described = Scene.load(plan.scene if plan else scene)
     if are_by_class(rates_name):
-        if report or control_name:
+        if (report and not is_filled("report")) or control_name:
             raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
         specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
         if part is not None:

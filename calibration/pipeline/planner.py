@@ -87,6 +87,19 @@ class HeldOutTest:
     needed: int | None
     limit: float
 
+    def to_dict(self, runs: int) -> dict[str, Any]:
+        """With so many runs planned, ready for JSON."""
+        return {
+            "cubes": self.cubes,
+            "group": self.power.group,
+            "events_of_a_run": self.power.expected,
+            "relative_sd_from_calibration": self.power.rates_sd,
+            "runs_needed": self.needed,
+            "runs": runs,
+            "power": self.power.power(runs),
+            "largest_power": self.limit,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class PlannedStudy:
@@ -128,10 +141,6 @@ class PlannedStudy:
         """CPU seconds of all held-out runs."""
         return spent(self.held_out_runs, self.held_out_costs)
 
-    def narrower(self, test: HeldOutTest) -> float:
-        """The half-width with which a calibration like this one would just allow a test to reach its power."""
-        return self.width * widest_sd(test.power, self.request.power) / test.power.rates_sd
-
     @property
     def shortfalls(self) -> list[str]:
         """What was asked for and is not reached, in sentences."""
@@ -141,23 +150,7 @@ class PlannedStudy:
                 f"the budget of {wanted.cpu_hours:g} CPU hours reaches a half-width of {self.width:.1%}; "
                 f"{wanted.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs"
             )
-        for test in self.tests:
-            has = self.held_out_runs[test.cubes]
-            what = f"{test.power.group} off by {wanted.shift:.0%} at {test.cubes} cubes"
-            if test.limit < wanted.power:
-                found.append(
-                    f"no number of held-out runs shows {what} with power {wanted.power:.0%}: the uncertainty of the "
-                    f"calibration allows {test.limit:.0%} at most; a width of {self.narrower(test):.1%} is needed"
-                )
-            elif test.needed is None:
-                found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {wanted.power:.0%}")
-            elif has < test.needed:
-                found.append(
-                    f"{test.needed} held-out runs would show {what}, for "
-                    f"{(test.needed - has) * self.held_out_costs[test.cubes] / 3600:.3g} CPU hours more; "
-                    f"the plan has {has}, with power {test.power.power(has):.0%}"
-                )
-        return found
+        return found + held_out_shortfalls(wanted, self.tests, self.held_out_runs, self.held_out_costs, self.width)
 
     @cached_property
     def plan(self) -> StudyPlan:
@@ -222,25 +215,12 @@ class PlannedStudy:
     def to_dict(self) -> dict[str, Any]:
         """All of it, ready for JSON."""
         rates = [{"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()]
-        tests = [
-            {
-                "cubes": test.cubes,
-                "group": test.power.group,
-                "events_of_a_run": test.power.expected,
-                "relative_sd_from_calibration": test.power.rates_sd,
-                "runs_needed": test.needed,
-                "runs": self.held_out_runs[test.cubes],
-                "power": test.power.power(self.held_out_runs[test.cubes]),
-                "largest_power": test.limit,
-            }
-            for test in self.tests
-        ]
         return {
             "request": asdict(self.request),
             "tanks": self.tank_rows(),
             "rates": rates,
             "half_width": self.width,
-            "held_out": tests,
+            "held_out": [test.to_dict(self.held_out_runs[test.cubes]) for test in self.tests],
             "calibration_cpu_seconds": self.calibration_seconds,
             "held_out_cpu_seconds": self.held_out_seconds,
             "wanted_calibration_cpu_seconds": self.wanted_seconds,
@@ -307,6 +287,31 @@ def held_out_tests(
         powers = group_powers(forecast, events, groups, start, request.held_out_duration, request.shift)
         tests += [HeldOutTest(n, power, runs_for(power, request.power), power.power(math.inf)) for power in powers]
     return tuple(tests)
+
+
+def held_out_shortfalls(
+    request: PlanRequest, tests: Iterable[HeldOutTest], runs: dict[int, int], costs: dict[int, float], width: float
+) -> list[str]:
+    """What so many held-out runs of each size do not show after a calibration to a half-width, in sentences."""
+    found = []
+    for test in tests:
+        has = runs[test.cubes]
+        what = f"{test.power.group} off by {request.shift:.0%} at {test.cubes} cubes"
+        if test.limit < request.power:
+            narrower = width * widest_sd(test.power, request.power) / test.power.rates_sd
+            found.append(
+                f"no number of held-out runs shows {what} with power {request.power:.0%}: the uncertainty of the "
+                f"calibration allows {test.limit:.0%} at most; a width of {narrower:.1%} is needed"
+            )
+        elif test.needed is None:
+            found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {request.power:.0%}")
+        elif has < test.needed:
+            found.append(
+                f"{test.needed} held-out runs would show {what}, for "
+                f"{(test.needed - has) * costs[test.cubes] / 3600:.3g} CPU hours more; the plan has {has}, with power "
+                f"{test.power.power(has):.0%}"
+            )
+    return found
 
 
 def chosen_runs(tests: Sequence[HeldOutTest], costs: dict[int, float], budget: float) -> dict[int, int]:
