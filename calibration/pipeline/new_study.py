@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -57,14 +59,15 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
         derivation = derive(compiled.book)
         write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
-        scene = scene_for(target.name, derivation)
+        name = plain_name(target.name)
+        scene = scene_for(name, derivation)
         write_toml(scene.model_dump(mode="json", exclude_none=True), made / SCENE)
         scale = math.prod(scene.tank.size) / math.prod(PLACE)
         least = 1 if compiled.book.seed() is None else SPARE * len(target)
         sizes = {
             name: tuple(dict.fromkeys(max(round(n * scale), least) for n in cubes)) for name, cubes in CUBES.items()
         }
-        request = PlanRequest(name=target.name, scene=str(made / SCENE), **sizes | wanted)
+        request = PlanRequest(name=name, scene=str(made / SCENE), **sizes | wanted)
         costs = RunCosts(made / RUNS)
         planned = (
             make_plan(request, guessed_rates(derivation, scene.tank.size), costs)
@@ -74,6 +77,12 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
         planned.plan.save(made / PLAN)
     here = replace(planned, request=replace(request, scene=str(goal / SCENE)))
     return NewStudy(goal, compiled, scene, here)
+
+
+def plain_name(name: str) -> str:
+    """The name of a target without accents and spaces, as the names of plans, scenes and their files have to be."""
+    ascii_only = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", ascii_only).lstrip("._-")[:80] or "study"
 
 
 def scene_for(name: str, derivation: Derivation) -> Scene:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calibration.pipeline.new_study import BREAK, JOIN, PLACE, extent, guessed_rates, new_study, scene_for
+from calibration.pipeline.new_study import BREAK, JOIN, PLACE, extent, guessed_rates, new_study, plain_name, scene_for
 from calibration.pipeline.plan import StudyPlan
 from calibration.reporting import overview
 from kinetics.assembly import RuleBook, derive
@@ -22,6 +22,8 @@ ROW_OF_THREE, S_OF_FOUR = 'layers = ["###"]\n', 'layers = ["""\n##.\n.##"""]\n'
 SEEDED = 'layers = ["###"]\nseed = [1, 0, 0]\nbreaks = false\n'
 SHORT = ("--cubes", "12", "--held-out", "12", "--duration", "20", "--held-out-duration", "20")
 SMALL = (*SHORT, "--along", "800")
+RUN = {"composition": {"monomer": 2}, "runs": 2, "duration": 1.0}
+PLAN = {"scene": "line4", "calibration": {"seed": 1, "tanks": [RUN]}, "held_out": {"seed": 2, "tanks": [RUN]}}
 LARGE = ("--cubes", "60", "--held-out", "40", "--along", "200", "--duration", "200", "--held-out-duration", "500")
 
 
@@ -143,6 +145,18 @@ def test_the_guess_follows_the_tank():
     for name, channel in small.channels.items():
         factor = 8.0 if name in joins else 1.0
         assert channel.rate == pytest.approx(factor * large.channels[name].rate)
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [("mine", "mine"), ("mein Würfel", "mein-Wurfel"), ("._3x3", "3x3"), ("立方", "study"), ("a" * 99, "a" * 80)],
+)
+def test_a_study_is_named_after_its_target(name, plain):
+    assert plain_name(name) == plain
+    assert StudyPlan.model_validate(PLAN | {"name": plain}).name == plain
+    if name != plain:
+        with pytest.raises(ValueError, match="name"):
+            StudyPlan.model_validate(PLAN | {"name": name})
 
 
 def test_a_scene_suits_its_target():
