@@ -110,8 +110,9 @@ def calibrate(
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
-    are used. A channel without events is named: the runs give it no more than an upper limit. Exit code 4: some runs
-    were stopped by the guard or given up; the rates come from the others.
+    are used. A channel without events is named: the runs give it no more than an upper limit. One whose reactants no
+    run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
+    by the guard or given up; the rates come from the others.
 
     Rates by class (--by class) belong to pairs of faces and sizes, as far as the runs tell them apart, and serve
     `rules grow`, `rules rank`, `predict` and `validate` for any book. Books that grow from a seed have no others: see
@@ -187,6 +188,7 @@ def calibrate(
                 "out": out,
                 "channels": study.calibration.table(),
                 "not_seen": not_seen(study.calibration),
+                "not_measured": study.rates.not_measured,
                 "breaks": None if study.break_models is None else study.break_models.to_dict(),
                 "evidence": study.rates.evidence,
                 "diagnostics": study.diagnosis.to_dict(),

@@ -56,7 +56,13 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
     with new_folder(goal) as made:
         target = Target.load(name_or_path)
         compiled = compile_book(target, time_limit=time_limit)
-        derivation = derive(compiled.book)
+        try:
+            derivation = derive(compiled.book)
+        except ValueError as error:
+            raise ValueError(
+                f"{target.name} has a book, but mechanics runs are read by a list of all structures: {error}; grow it "
+                "without a network by `wellmixed rules compile` and `wellmixed rules grow`"
+            ) from None
         write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
         name = plain_name(target.name)
