@@ -18,7 +18,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
-from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
+from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -119,8 +119,9 @@ def calibrate(
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
-    are used. A channel without events is named: the runs give it no more than an upper limit. Exit code 4: some runs
-    were stopped by the guard or given up; the rates come from the others.
+    are used. A channel without events is named: the runs give it no more than an upper limit. One whose reactants no
+    run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
+    by the guard or given up; the rates come from the others.
 
     Rates by class (--by class) belong to pairs of faces and sizes, as far as the runs tell them apart, and serve
     `rules grow`, `rules rank`, `predict` and `validate` for any book. Books that grow from a seed have no others: see
@@ -144,7 +145,7 @@ def calibrate(
     if also and by == "channel":
         raise ValueError("--also pools books, whose channels differ; leave it out, or ask for --by class")
     if events is None and (also or by == "class" or (by is None and is_seeded(scene))):
-        if report:
+        if report and not is_filled("report"):
             raise ValueError("--report shows rates by channel; for rates by class use --json")
         if is_plan(scene):
             refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
@@ -199,6 +200,7 @@ def calibrate(
                 "out": out,
                 "channels": study.calibration.table(),
                 "not_seen": not_seen(study.calibration),
+                "not_measured": study.rates.not_measured,
                 "breaks": None if study.break_models is None else study.break_models.to_dict(),
                 "evidence": study.rates.evidence,
                 "diagnostics": study.diagnosis.to_dict(),

@@ -45,8 +45,11 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
 
     TARGET is a shipped target or a .toml file, as `wellmixed rules compile` takes it; FOLDER is by default its name.
     Nothing is simulated but a few short trials for the cost. The plan follows the path that rates like those of lines
-    and Ts predict. Then simulate, calibrate, predict and validate take the folder for all that they need.
+    and Ts predict. A target that grows from a seed is studied by rate class instead, in growth from its beginning, so
+    that --along says nothing there. Then simulate, calibrate, predict and validate take the folder for all that they
+    need.
     """
+    from calibration.pipeline.growth_planner import PlannedGrowth
     from calibration.pipeline.new_study import new_study
 
     asked = {name: value for name, value in wanted.items() if value != ()}
@@ -67,7 +70,7 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     else:
         click.echo(f"{made.folder}: a book of {made.compiled.letters} letters; cubes sense: {made.compiled.capability}")
         click.echo("\n".join(made.compiled.verified))
-        click.echo(plan_tables(planned))
+        click.echo(planned.tables() if isinstance(planned, PlannedGrowth) else plan_tables(planned))
         steps = "\n".join(
             f"  wellmixed {step} {made.folder}" for step in ("simulate", "calibrate", "predict", "validate")
         )

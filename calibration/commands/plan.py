@@ -50,6 +50,22 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
                 help="Half-width of the 95 % interval of every join's rate and of all breaks together.",
             ),
             click.option(
+                "--shift",
+                metavar="PERCENT",
+                type=Percentage(),
+                default="20%",
+                show_default=True,
+                help="Held-out runs are to show joins, or breaks, whose rates are off by this share.",
+            ),
+            click.option(
+                "--power",
+                metavar="PERCENT",
+                type=Percentage(),
+                default="90%",
+                show_default=True,
+                help="Probability with which they are to show it, at level 1 %.",
+            ),
+            click.option(
                 "--cpu-hours",
                 metavar="H",
                 type=click.FloatRange(min=0, min_open=True),
@@ -121,22 +137,6 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     show_default=True,
     metavar="N ...",
     help="Numbers of cubes of the held-out runs.",
-)
-@click.option(
-    "--shift",
-    metavar="PERCENT",
-    type=Percentage(),
-    default="20%",
-    show_default=True,
-    help="Held-out runs are to show joins, or breaks, whose rates are off by this share.",
-)
-@click.option(
-    "--power",
-    metavar="PERCENT",
-    type=Percentage(),
-    default="90%",
-    show_default=True,
-    help="Probability with which they are to show it, at level 1 %.",
 )
 @click.option(
     "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank of all runs.  [default: the scene's]"

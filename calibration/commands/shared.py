@@ -121,6 +121,8 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
 
 def comparison_table(study: ValidationStudy) -> str:
     """One line a size, for people."""
+    from kinetics.rates import about_priors
+
     rows = []
     for row in study.summary():
         first = ("-", "-", "-", "-")
@@ -159,6 +161,8 @@ def comparison_table(study: ValidationStudy) -> str:
     if any(not comparison.is_exact for comparison in study.comparisons):
         note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
     diagnosed = diagnosis_lines(study.diagnosis)
+    if prior := about_priors(study.rates.not_measured):
+        note += f"\n{prior}"
     return "\n".join(
         [text_table(titles, rows), note, "", _event_table(study), "", *diagnosed, "", study.verdict.sentence]
     )

@@ -15,7 +15,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, picture_of
-from kinetics.support.cli.study_folder import PLAN, RUNS, or_study_folder, rates_of
+from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
 
@@ -138,7 +138,7 @@ def validate(
         raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
     described = Scene.load(plan.scene if plan else scene)
     if are_by_class(rates_name):
-        if report or control_name:
+        if (report and not is_filled("report")) or control_name:
             raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
         specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
         if part is not None:

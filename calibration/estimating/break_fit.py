@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.estimating.break_rates import BreakRates
-from calibration.estimating.estimate import Calibration
+from calibration.estimating.estimate import Calibration, prior_of
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
@@ -112,7 +112,14 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
     exposures = [evidence.exposure for evidence in parts.parts(model)]
     channels = {name: channel.model_dump(exclude_none=True) for name, channel in plain.channels.items()}
     weights = model.mixture()[0]
+    seen, watched = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
+    places = [calibration.network.channel_places[name] for name in fit.channels]
+    seen[places] = calibration.total.events[places]
+    watched[places] = [weights @ exposure for exposure in exposures]
     for i, name in enumerate(fit.channels):
+        if watched[places[i]] <= 0:
+            channels[name] |= prior_of(name, calibration.network, seen, watched)
+            continue
         low, high = fit.interval(f"b {name}")
         b = float(fit.best.coefficients[0, i])
         channels[name] |= {

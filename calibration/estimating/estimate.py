@@ -9,8 +9,10 @@ from math import factorial, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from calibration.estimating.exposure import Exposure, count, pooled, require_same
+from calibration.estimating.joins_and_breaks import joins_and_breaks
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
@@ -121,18 +123,16 @@ class Calibration:
     def rates(self, evidence: Mapping[str, Any] | None = None) -> Rates:
         """The estimates as a rates table with 95 % intervals; `evidence` says where they come from.
 
-        ValueError: a channel is not measured, and a prediction needs every rate.
+        A join or break that no run could fire gets a prior from the others, and is marked, see `ChannelRate.prior`.
+        ValueError: no channel of its kind was measured either.
         """
         from kinetics.rates import ChannelRate, Rates
 
-        if self.not_measured:
-            raise ValueError(
-                f"no run could fire {', '.join(self.not_measured)}: not measured; "
-                "add runs whose initial state holds the reactants"
-            )
         channels = {
             row["channel"]: {key: row[key] for key in ChannelRate.model_fields if key in row} for row in self.table()
         }
+        for name in self.not_measured:
+            channels[name] |= prior_of(name, self.network, self.total.events, self.total.exposure)
         tank = self.total.tank
         return Rates.model_validate(
             {
@@ -194,6 +194,26 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
     if not runs:
         raise ValueError("no runs to estimate from; give at least one path or exposure")
     return Calibration(runs[0].network, runs)
+
+
+def prior_of(channel: str, network: Network, events: ArrayLike, exposures: ArrayLike) -> dict[str, Any]:
+    """What stands in for the evidence of a join or break that no run could fire, by the fields of `ChannelRate`.
+
+    events, exposures : (R,) of all channels; of joins, or of breaks, they are pooled
+    ValueError: a channel that is neither, or a group of which no channel was measured.
+    """
+    seen, watched = np.asarray(events, dtype=float), np.asarray(exposures, dtype=float)
+    for group, members in joins_and_breaks(network).items():
+        total = float(watched[members].sum())
+        if members[network.channel_places[channel]] and total > 0:
+            shape, rate = jeffreys_posterior(float(seen[members].sum()), total)
+            exposure = 0.5 * rate / shape  # half an event at the mean of the group
+            high = float(exact_limits(0, exposure)[1])
+            return {"rate": 0.0, "low": 0.0, "high": high, "events": 0, "exposure": exposure, "prior": group}
+    raise ValueError(
+        f"no run could fire {channel}, or another channel of its kind: not measured; add runs whose initial state "
+        "holds the reactants"
+    )
 
 
 def per_combination(network: Network) -> Floats:

@@ -95,15 +95,7 @@ class CalibrationStudy:
 
     @cached_property
     def rates(self) -> Rates:
-        """The estimates with their evidence, ready to be saved.
-
-        ValueError: a channel never had its reactants, and a prediction needs every rate.
-        """
-        if missed := self.calibration.not_measured:
-            raise ValueError(
-                f"no run held the reactants of {some_of(missed)}: not measured; make more or longer runs, or take more "
-                "cubes"
-            )
+        """The estimates with their evidence, ready to be saved; see `Calibration.rates` for what was not measured."""
         paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
         evidence = {
             "scene": self.scene.name,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.pipeline.growth_planner import SPARE, PlannedGrowth, make_growth_plan
 from calibration.pipeline.planner import PlannedStudy, PlanRequest, make_plan
 from calibration.pipeline.run_costs import RunCosts
 from kinetics.assembly import Derivation, Structure, derive
@@ -37,7 +40,7 @@ class NewStudy:
     folder: Path
     compiled: Compiled
     scene: Scene
-    planned: PlannedStudy
+    planned: PlannedStudy | PlannedGrowth
 
 
 def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, **wanted: Any) -> NewStudy:
@@ -46,29 +49,46 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
     name_or_path : a target, see `Target.load`; wanted : what the plan is to reach, see `PlanRequest`
 
     The plan's path is predicted by rates like those of lines and Ts (`guessed_rates`), because nothing has run yet.
-    ValueError: the folder is there already; the book grows from a seed.
+    A target that grows from a seed is studied by rate class, see `make_growth_plan`.
+    ValueError: the folder is there already; the structures of its growth are too many to be listed.
     """
     goal = Path(folder)
     with new_folder(goal) as made:
         target = Target.load(name_or_path)
         compiled = compile_book(target, time_limit=time_limit)
-        derivation = derive(compiled.book)
-        if compiled.book.seed() is not None:
+        try:
+            derivation = derive(compiled.book)
+        except ValueError as error:
             raise ValueError(
-                f"{target.name} grows from a seed: a tank holds one growing structure, and no plan measures all its "
-                "channels; compile its book by `wellmixed rules compile` and simulate its growth"
-            )
+                f"{target.name} has a book, but mechanics runs are read by a list of all structures: {error}; grow it "
+                "without a network by `wellmixed rules compile` and `wellmixed rules grow`"
+            ) from None
         write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
-        scene = scene_for(target.name, derivation)
+        name = plain_name(target.name)
+        scene = scene_for(name, derivation)
         write_toml(scene.model_dump(mode="json", exclude_none=True), made / SCENE)
         scale = math.prod(scene.tank.size) / math.prod(PLACE)
-        sizes = {name: tuple(round(n * scale) for n in cubes) for name, cubes in CUBES.items()}
-        request = PlanRequest(name=target.name, scene=str(made / SCENE), **sizes | wanted)
-        planned = make_plan(request, guessed_rates(derivation, scene.tank.size), RunCosts(made / RUNS))
+        least = 1 if compiled.book.seed() is None else SPARE * len(target)
+        sizes = {
+            name: tuple(dict.fromkeys(max(round(n * scale), least) for n in cubes)) for name, cubes in CUBES.items()
+        }
+        request = PlanRequest(name=name, scene=str(made / SCENE), **sizes | wanted)
+        costs = RunCosts(made / RUNS)
+        planned = (
+            make_plan(request, guessed_rates(derivation, scene.tank.size), costs)
+            if compiled.book.seed() is None
+            else make_growth_plan(request, JOIN / scale, costs)
+        )
         planned.plan.save(made / PLAN)
     here = replace(planned, request=replace(request, scene=str(goal / SCENE)))
     return NewStudy(goal, compiled, scene, here)
+
+
+def plain_name(name: str) -> str:
+    """The name of a target without accents and spaces, as the names of plans, scenes and their files have to be."""
+    ascii_only = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", ascii_only).lstrip("._-")[:80] or "study"
 
 
 def scene_for(name: str, derivation: Derivation) -> Scene:

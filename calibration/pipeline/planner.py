@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.estimating.joins_and_breaks import joins_and_breaks
-from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, in_tank
+from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, VerdictRules, in_tank
 from calibration.pipeline.run_costs import Cost
 from calibration.planning.allocation import affordable, allocate, events_for, half_width
 from calibration.planning.candidates import Candidate, candidates, wanted_rates
@@ -87,6 +87,19 @@ class HeldOutTest:
     needed: int | None
     limit: float
 
+    def to_dict(self, runs: int) -> dict[str, Any]:
+        """With so many runs planned, ready for JSON."""
+        return {
+            "cubes": self.cubes,
+            "group": self.power.group,
+            "events_of_a_run": self.power.expected,
+            "relative_sd_from_calibration": self.power.rates_sd,
+            "runs_needed": self.needed,
+            "runs": runs,
+            "power": self.power.power(runs),
+            "largest_power": self.limit,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class PlannedStudy:
@@ -126,11 +139,7 @@ class PlannedStudy:
     @property
     def held_out_seconds(self) -> float:
         """CPU seconds of all held-out runs."""
-        return sum(runs * self.held_out_costs[cubes] for cubes, runs in self.held_out_runs.items())
-
-    def narrower(self, test: HeldOutTest) -> float:
-        """The half-width with which a calibration like this one would just allow a test to reach its power."""
-        return self.width * widest_sd(test.power, self.request.power) / test.power.rates_sd
+        return spent(self.held_out_runs, self.held_out_costs)
 
     @property
     def shortfalls(self) -> list[str]:
@@ -141,23 +150,7 @@ class PlannedStudy:
                 f"the budget of {wanted.cpu_hours:g} CPU hours reaches a half-width of {self.width:.1%}; "
                 f"{wanted.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs"
             )
-        for test in self.tests:
-            has = self.held_out_runs[test.cubes]
-            what = f"{test.power.group} off by {wanted.shift:.0%} at {test.cubes} cubes"
-            if test.limit < wanted.power:
-                found.append(
-                    f"no number of held-out runs shows {what} with power {wanted.power:.0%}: the uncertainty of the "
-                    f"calibration allows {test.limit:.0%} at most; a width of {self.narrower(test):.1%} is needed"
-                )
-            elif test.needed is None:
-                found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {wanted.power:.0%}")
-            elif has < test.needed:
-                found.append(
-                    f"{test.needed} held-out runs would show {what}, for "
-                    f"{(test.needed - has) * self.held_out_costs[test.cubes] / 3600:.3g} CPU hours more; "
-                    f"the plan has {has}, with power {test.power.power(has):.0%}"
-                )
-        return found
+        return found + held_out_shortfalls(wanted, self.tests, self.held_out_runs, self.held_out_costs, self.width)
 
     @cached_property
     def plan(self) -> StudyPlan:
@@ -192,6 +185,7 @@ class PlannedStudy:
             scene=request.scene,
             calibration=PlannedRuns(seed=request.seed, tanks=tuple(planned)),
             held_out=PlannedRuns(seed=request.seed + 1, tanks=tuple(held_out)),
+            verdict=rules_for(request.shift),
         )
 
     def tank_rows(self) -> list[dict[str, Any]]:
@@ -221,25 +215,12 @@ class PlannedStudy:
     def to_dict(self) -> dict[str, Any]:
         """All of it, ready for JSON."""
         rates = [{"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()]
-        tests = [
-            {
-                "cubes": test.cubes,
-                "group": test.power.group,
-                "events_of_a_run": test.power.expected,
-                "relative_sd_from_calibration": test.power.rates_sd,
-                "runs_needed": test.needed,
-                "runs": self.held_out_runs[test.cubes],
-                "power": test.power.power(self.held_out_runs[test.cubes]),
-                "largest_power": test.limit,
-            }
-            for test in self.tests
-        ]
         return {
             "request": asdict(self.request),
             "tanks": self.tank_rows(),
             "rates": rates,
             "half_width": self.width,
-            "held_out": tests,
+            "held_out": [test.to_dict(self.held_out_runs[test.cubes]) for test in self.tests],
             "calibration_cpu_seconds": self.calibration_seconds,
             "held_out_cpu_seconds": self.held_out_seconds,
             "wanted_calibration_cpu_seconds": self.wanted_seconds,
@@ -308,12 +289,60 @@ def held_out_tests(
     return tuple(tests)
 
 
+def held_out_shortfalls(
+    request: PlanRequest, tests: Iterable[HeldOutTest], runs: dict[int, int], costs: dict[int, float], width: float
+) -> list[str]:
+    """What so many held-out runs of each size do not show after a calibration to a half-width, in sentences."""
+    found = []
+    for test in tests:
+        has = runs[test.cubes]
+        what = f"{test.power.group} off by {request.shift:.0%} at {test.cubes} cubes"
+        if test.limit < request.power:
+            narrower = width * widest_sd(test.power, request.power) / test.power.rates_sd
+            found.append(
+                f"no number of held-out runs shows {what} with power {request.power:.0%}: the uncertainty of the "
+                f"calibration allows {test.limit:.0%} at most; a width of {narrower:.1%} is needed"
+            )
+        elif test.needed is None:
+            found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {request.power:.0%}")
+        elif has < test.needed:
+            found.append(
+                f"{test.needed} held-out runs would show {what}, for "
+                f"{(test.needed - has) * costs[test.cubes] / 3600:.3g} CPU hours more; the plan has {has}, with power "
+                f"{test.power.power(has):.0%}"
+            )
+    return found
+
+
 def chosen_runs(tests: Sequence[HeldOutTest], costs: dict[int, float], budget: float) -> dict[int, int]:
-    """Held-out runs of each number of cubes within a budget, CPU seconds: two at least, then the cheapest tests."""
+    """Held-out runs of each number of cubes within a budget, CPU seconds: two at least, then the cheapest tests.
+
+    What is left of a finite budget goes in equal shares to the sizes that still fall short.
+    """
     chosen = dict.fromkeys(costs, FEWEST)
     possible = [(test.needed, test) for test in tests if test.needed is not None]
     for needed, test in sorted(possible, key=lambda item: item[0] * costs[item[1].cubes]):
         raised = chosen | {test.cubes: max(needed, chosen[test.cubes])}
-        if sum(runs * costs[cubes] for cubes, runs in raised.items()) <= budget:
+        if spent(raised, costs) <= budget:
             chosen = raised
+    most = {n: max(test.needed or MOST_RUNS for test in tests if test.cubes == n) for n in costs}
+    while math.isfinite(budget):
+        able = [n for n in costs if chosen[n] < most[n] and spent(chosen, costs) + costs[n] <= budget]
+        if not able:
+            break
+        chosen[min(able, key=lambda n: chosen[n] * costs[n])] += 1
     return chosen
+
+
+def spent(runs: dict[int, int], costs: dict[int, float]) -> float:
+    """CPU seconds of runs by number of cubes."""
+    return sum(n * costs[cubes] for cubes, n in runs.items())
+
+
+def rules_for(shift: float) -> VerdictRules:
+    """Rules that rates off by a share break: seen / expected within three quarters of it, or half of it over all sizes.
+
+    They count where the events' own scatter is smaller: two standard deviations of 6 / shift^2 events are 0.8 of it.
+    """
+    ratio, pooled = ((round(1 - part * shift, 4), round(1 + part * shift, 4)) for part in (0.75, 0.5))
+    return VerdictRules(ratio=ratio, pooled_ratio=pooled, from_events=round(6 / shift**2, 1))

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
-from kinetics.rates import Rates
+from kinetics.rates import Rates, about_priors
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
@@ -108,7 +108,8 @@ def not_seen(calibration: Calibration) -> list[str]:
 def about_not_seen(calibration: Calibration) -> str:
     """What is known of channels without events, in a sentence; nothing where all were seen."""
     names = ", ".join(not_seen(calibration))
-    return names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
+    unseen = names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
+    return " ".join(filter(None, (unseen, about_priors(calibration.not_measured))))
 
 
 def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:

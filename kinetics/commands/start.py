@@ -27,7 +27,7 @@ class Start:
     rates : to be applied to it; None where the network has its own, as one from a file has
     tank : where it happens; None for the tank of the rates
     observables : name -> weight of each species in the sum
-    notes : remarks on how a network file was read
+    notes : remarks on how a network file was read, or on rates that were not measured
     """
 
     network: Network
@@ -47,13 +47,13 @@ class Start:
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """The same in a line for people; for a network with rates of its own, the remarks on how it was read."""
+        """The same in a line for people, where it applies, and the notes."""
         if self.rates is None:
             return self.notes
         breaks, tank = self.rates.breaks, self.tank or self.rates.measured_in
         shape = ", ".join(f"{name} = {value:.3g}" for name, value in breaks.shape.items())
         words = f"breaks: {breaks.model}{f' ({shape})' if shape else ''}; "
-        return (words + ("a tank that the rates do not state" if tank is None else f"tank {tank}"),)
+        return (words + ("a tank that the rates do not state" if tank is None else f"tank {tank}"), *self.notes)
 
     @property
     def convention(self) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def start(
             f"--set {next(iter(chosen))} is of a parameter of a network file; {source} is a rule book, whose rates "
             f"come by --rates"
         )
-    from kinetics.rates import Rates, are_by_class
+    from kinetics.rates import Rates, about_priors, are_by_class
 
     if rates_name is None:
         raise ValueError("a rule book has no rates; name some, as in --rates table3")
@@ -143,7 +143,8 @@ def start(
     tank = None if edges is None else Tank(edges)
     if tank is not None and rates.tank is None:
         raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
-    return Start(network, network.state(counts), rates, tank=tank)
+    notes = (about_priors(rates.not_measured),) if rates.not_measured else ()
+    return Start(network, network.state(counts), rates, tank=tank, notes=notes)
 
 
 def _by_class(

@@ -12,7 +12,7 @@ from kinetics.rates.by_class import (
 )
 from kinetics.rates.of_book import BookRates
 from kinetics.rates.posterior import RatesPosterior
-from kinetics.rates.rates import ChannelRate, Convention, Rates
+from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
 
 __all__ = [
     "BookRates",
@@ -24,6 +24,7 @@ __all__ = [
     "Rates",
     "RatesPosterior",
     "ShapePosterior",
+    "about_priors",
     "are_by_class",
     "class_keys",
     "measured_class",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -56,11 +57,14 @@ class ChannelRate(MeasuredRate):
     ways : number of ways N of one combination of reactants
     exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted
         as the model weights its partners
+    prior : of a channel that no run could fire, the group whose mean rate stands in for evidence: the exposure is that
+        in which half an event of such a rate is expected, the events are 0; None where runs are the evidence
     """
 
     events: int | None = Field(default=None, ge=0)
     ways: float = Field(gt=0)
     exposures: tuple[float, ...] | None = None
+    prior: Literal["joins", "breaks"] | None = None
 
 
 class Rates(Settings):
@@ -155,7 +159,7 @@ class Rates(Settings):
         extra = [name for name in self.channels if name not in network.channel_places]
         if missing or extra:
             parts = [
-                f"{what} {', '.join(names[:8])}{f' and {len(names) - 8} more' if len(names) > 8 else ''}"
+                f"{what} {_some(names)}"
                 for what, names in (("missing", missing), ("not in the network:", extra))
                 if names
             ]
@@ -189,6 +193,25 @@ class Rates(Settings):
         """Whether any channel has events and exposure."""
         return len(self.without_evidence()) < len(self.channels)
 
+    @property
+    def not_measured(self) -> list[str]:
+        """Channels of which only a prior is known."""
+        return [name for name, channel in self.channels.items() if channel.prior is not None]
+
     def without_evidence(self) -> list[str]:
         """Channels whose rate has no events and exposure, and therefore no known uncertainty."""
         return [name for name, channel in self.channels.items() if channel.exposure is None]
+
+
+def about_priors(names: Sequence[str]) -> str:
+    """What is known of channels that no run could fire, in a sentence; nothing where there are none."""
+    if not names:
+        return ""
+    return (
+        f"Not measured: {_some(names)}. No run held the reactants: a prior from the mean rate of all joins, or of all "
+        "breaks, stands in, open from 0 to 7 times that mean."
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:8])}{f' and {len(names) - 8} more' if len(names) > 8 else ''}"

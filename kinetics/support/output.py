@@ -67,7 +67,10 @@ def new_folder(path: str | Path) -> Iterator[Path]:
     if not goal.absolute().parent.is_dir():
         raise ValueError(f"the folder of {goal} does not exist; make it first")
     made = goal.absolute().parent / f".wellmixed-{secrets.token_hex(8)}.part"
-    made.mkdir()
+    try:
+        made.mkdir()
+    except OSError as error:  # of the name that was asked for
+        raise type(error)(error.errno, f"no folder can be made here, {error.strerror}", str(goal)) from None
     try:
         yield made
         made.rename(goal)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
-from kinetics.support.cli.study_folder import RUNS, SCENE, cubes_of, is_filled, or_study_folder
+from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
 from mechsim.commands.options import PARTIAL, run_options
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "cubes": cubes_of}))
+@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "initial": start_of}))
 @click.option(
     "--cubes",
     metavar="N",
@@ -113,7 +113,7 @@ def simulate(
         described = known.scene(described)
     described = described.without(*without)
     derivation = book_of(described.rules)[1]
-    start = _composition(derivation, None if initial is not None and is_filled("cubes") else cubes, initial)
+    start = _composition(derivation, cubes, None if cubes is not None and is_filled("initial") else initial)
     # A picture needs poses of its run: those at the start and the end, where no others are asked for.
     often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]

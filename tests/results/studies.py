@@ -9,11 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from calibration.pipeline.plan import StudyPlan
 from kinetics.rates import Rates
 
 ROOT = Path(__file__).parents[2]
-STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5")}
+STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5", "s4", "plate2x2")}
 
 
 class Study:
@@ -28,6 +30,11 @@ class Study:
         if name not in self._stored:
             self._stored[name] = json.loads((self.folder / name).read_text(encoding="utf-8"))
         return self._stored[name]
+
+    @property
+    def events(self) -> pd.DataFrame:
+        """Held-out events, seen and expected."""
+        return pd.DataFrame(self.stored("validation.json")["events"])
 
     @property
     def summaries(self) -> list[dict[str, Any]]:
@@ -67,7 +74,7 @@ def ratio(seen: float, expected: float) -> str:
 
 def cubes_in(composition: dict[str, int]) -> int:
     sizes = {"monomer": 1, "dimer": 2, "trimer": 3, "quadmer": 4}
-    return sum(sizes[name] * n for name, n in composition.items())
+    return sum(sizes[name.split(".")[0]] * n for name, n in composition.items())
 
 
 def only(values: Any) -> Any:

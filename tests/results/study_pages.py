@@ -21,10 +21,11 @@ from kinetics.rates import Rates
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
+from tests.results.new_studies import made_for_new, planned_by_new, purpose
 from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
 
 PAGES = (ROOT / "docs" / "line_of_four.md", *(folder / "README.md" for folder in STUDIES.values()))
-BLOCK = re.compile(r"(<!-- (line4|t5): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(rf"(<!-- ({'|'.join(STUDIES)}): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
 
 
@@ -125,7 +126,7 @@ def model_table(study: Study) -> str:
         (
             f"`{row['model']}`" + (" (chosen)" if row["is_chosen"] else ""), str(row["free_parameters"]),
             f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}", f"{row['deviance']:.1f} ({row['freedom']})",
-            f"{row['p_deviance']:.2g}", row["shape"],
+            f"{row['p_deviance']:.2g}" if row["freedom"] > 0 else "-", row["shape"],
         )
         for row in pd.read_csv(study.folder / "calibration_breaks.csv").to_dict("records")
     ]  # fmt: skip
@@ -217,7 +218,7 @@ def made_so_far(study: Study) -> str:
 
 def event_table(study: Study) -> str:
     """Joins and breaks, a line a size, from events.csv."""
-    rows = pd.read_csv(study.folder / "events.csv")
+    rows = study.events
     runs = {row["label"]: row["runs"] for row in study.summaries}
     runs["all sizes"] = sum(runs.values())
     lines = []
@@ -246,7 +247,7 @@ def verdict(study: Study) -> str:
 def missed(study: Study) -> str:
     """Rows of events that a rule on their ratio does not allow, to one digit more than the rules show."""
     allowed, least = study.plan.verdict.ratio, study.plan.verdict.from_events
-    rows = pd.read_csv(study.folder / "events.csv")
+    rows = study.events
     shown = rows[rows["group"].isin(("joins", "breaks")) & (rows["expected"] >= least) & (rows["size"] != "all sizes")]
     off = shown[~(shown["seen"] / shown["expected"]).between(*allowed)]
     if off.empty:
@@ -347,6 +348,9 @@ def beside_the_paper(study: Study) -> str:
 
 
 BLOCKS: dict[str, Callable[[Study], str]] = {
+    "purpose": purpose,
+    "planned": planned_by_new,
+    "all": made_for_new,
     "plan": planned,
     "made": made,
     "rates": rate_table,

@@ -19,17 +19,18 @@ from mechsim.inspection.poses import record_at
 from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
-from tests.results.studies import Study
+from tests.results.studies import STUDIES, Study
 from tests.results.study_pages import PAGES, filled, numbers
 
 LINE4 = Study("line4")
 STUDY, RUNS = LINE4.folder, LINE4.folder / "runs"
-SECTION, OWN, T5 = (page.read_text(encoding="utf-8") for page in PAGES)
+TEXTS = [page.read_text(encoding="utf-8") for page in PAGES]
+SECTION = TEXTS[0]
 # What is told of the past, whose data are no longer kept: physics 1 to 3, a threshold, seeds; and a level of 1 %.
 TOLD = {"1", "2", "3", "0.008", "101", "202", "24"}  # and the runs of t5
 
 
-@pytest.mark.parametrize("page", [SECTION, OWN, T5], ids=["line_of_four", "line4", "t5"])
+@pytest.mark.parametrize("page", TEXTS, ids=["line_of_four", *STUDIES])
 def test_pages_say_what_the_files_hold(page):
     assert filled(page) == page
     changed = re.sub(r"(?<=\d\.)\d", lambda digit: str((int(digit[0]) + 1) % 10), page)  # control: other decimals

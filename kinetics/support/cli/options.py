@@ -14,7 +14,7 @@ import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
-from kinetics.support.cli.study_folder import BOOK, cubes_of, is_filled, or_study_folder, rates_of
+from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.output import check_target
 
 DURATION = 2000.0  # tu, the paper's
@@ -194,8 +194,8 @@ def starting_options(command: Callable[..., None]) -> Any:
     @wraps(command)
     def with_start(**given: Any) -> None:
         asked = AskedStart(*(given.pop(name) for name in AskedStart._fields))
-        if asked.initial is not None and is_filled("cubes"):
-            asked = asked._replace(cubes=None)
+        if asked.cubes is not None and is_filled("initial"):
+            asked = asked._replace(initial=None)
         command(asked=asked, **given)
 
     decorated: Any = with_start
@@ -223,7 +223,7 @@ def starting_options(command: Callable[..., None]) -> Any:
             help="Rate constants: a shipped table such as table3, or a .toml file.",
         ),
         click.argument(
-            "source", metavar="NETWORK|FOLDER", **or_study_folder(BOOK, {"rates_name": rates_of, "cubes": cubes_of})
+            "source", metavar="NETWORK|FOLDER", **or_study_folder(BOOK, {"rates_name": rates_of, "initial": start_of})
         ),
     ):
         decorated = decorate(decorated)

@@ -60,7 +60,7 @@ def is_filled(name: str) -> bool:
     return click.get_current_context().get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
 
-def cubes_of(folder: Path) -> int:
-    """The number of cubes of the first held-out runs that a study has planned."""
+def start_of(folder: Path) -> str:
+    """What the tank holds at the start of the first held-out runs that a study has planned: `monomer=40`."""
     composition = read_toml(folder / PLAN)["held_out"]["tanks"][0]["composition"]
-    return int(sum(composition.values()))
+    return ",".join(f"{name}={n}" for name, n in composition.items())

@@ -4,7 +4,7 @@ from scipy.stats import gamma, poisson
 from synthetic_runs import line_network, restarted_run
 
 from calibration import Exposure, RateEstimate, count, estimate, exact_limits, paper_estimate
-from kinetics.rates import Rates
+from kinetics.rates import Rates, about_priors
 from kinetics.runs import JumpPath
 
 
@@ -44,8 +44,26 @@ def test_closed_channel_is_not_measured():
     assert calibrated.not_measured == ("4->2+2",)
     assert calibrated.table()[-1]["note"] == "not measured"
     assert calibrated["1+2->3"].rate == 0.0  # watched, but never seen: an upper limit
-    with pytest.raises(ValueError, match=r"no run could fire 4->2\+2"):
-        calibrated.rates()
+
+
+def test_what_was_not_measured_gets_a_prior_from_its_kind():
+    """Half an event at the mean rate of all breaks; as wide as that is, and marked."""
+    network = line_network()
+    known = [400.0, 400, 400, 400, 100, 100, 200, 0]
+    rates = estimate([Exposure(network, [5, 0, 1, 2, 3, 4, 1, 0], known)]).rates()
+    prior = rates.channels["4->2+2"]
+    assert rates.not_measured == ["4->2+2"]
+    assert (prior.rate, prior.low, prior.events, prior.prior) == (0.0, 0.0, 0, "breaks")
+    assert prior.exposure == pytest.approx(0.5 * 400 / 8.5)  # eight breaks of the others, and Jeffreys' half
+    assert rates.posterior(network).mean[-1] == pytest.approx(8.5 / 400)
+    draws = rates.draw_constants(network, np.random.default_rng(1), 20_000)[:, -1]
+    assert np.quantile(draws, [0.025, 0.975]) == pytest.approx(8.5 / 400 * np.array([0.00098, 5.02]), rel=0.15)
+    assert about_priors(rates.not_measured).startswith("Not measured: 4->2+2. No run held the reactants")
+    whole = estimate([Exposure(network, [5, 0, 1, 2, 3, 4, 1, 0], [400.0] * 8)]).rates()  # the control
+    assert (whole.not_measured, about_priors(whole.not_measured)) == ([], "")
+    none = Exposure(network, [5, 0, 1, 2, 0, 0, 0, 0], [400.0] * 4 + [0.0] * 4)
+    with pytest.raises(ValueError, match="no run could fire 2->1\\+1, or another channel of its kind"):
+        estimate([none]).rates()
 
 
 def test_rates_file_round_trip(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 from synthetic_runs import line_network
 
 from calibration import Exposure, estimate
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.pipeline.calibration_study import CalibrationStudy, check_measurable
 from calibration.reporting.overview import about_not_seen, not_seen
 from kinetics.sampling import sample_path
@@ -45,12 +46,19 @@ def study_of(end, settings):
     return CalibrationStudy(None, SimpleNamespace(records=records, quarantined=()), settings, "first-order")
 
 
-def test_channels_without_reactants_are_not_measured():
-    """And no rate is made up for them; the control held everything."""
-    with pytest.raises(
-        ValueError, match=r"no run held the reactants of 1\+3->4, .*: not measured; make more or longer"
-    ):
-        _ = study_of(0.2, {}).rates
+def test_channels_without_reactants_have_priors():
+    """Breaks by the fit of their model, in its units; the control held everything."""
+    calibration = study_of(0.2, {}).calibration
+    paths = [sample_path(line_network(), [40, 0, 0, 0], 0.2, seed=1, run=run) for run in range(4)]
+    missed = list(calibration.not_measured)
+    assert {"1+3->4", "4->2+2"} <= set(missed)
+    for model in ("first-order", "collision"):
+        rates = rates_with_breaks(calibration, BreakComparison.asked_for(model, paths))
+        assert rates.not_measured == missed
+        assert {rates.channels[name].prior for name in missed} == {"joins", "breaks"}
+        dimer, never = rates.channels["2->1+1"], rates.channels["4->2+2"]
+        assert never.exposure == pytest.approx(0.5 * dimer.exposure / (dimer.events + 0.5))
+        assert (rates.expected(line_network()).known_rates > 0).all()
     assert study_of(50.0, {}).calibration.not_measured == ()
 
 
@@ -63,5 +71,7 @@ def test_channels_without_events_are_named():
     """Those that could fire: the last one could not."""
     runs = [Exposure(line_network(), [5, 0, 1, 2, 3, 4, 0, 0], [9.0] * 7 + [0.0])]
     assert not_seen(estimate(runs)) == ["1+2->3", "4->1+3"]
-    assert about_not_seen(estimate(runs)).startswith("Not seen: 1+2->3, 4->1+3. Of a rate without events ")
+    said = about_not_seen(estimate(runs))
+    assert said.startswith("Not seen: 1+2->3, 4->1+3. Of a rate without events ")
+    assert "Not measured: 4->2+2. " in said
     assert about_not_seen(estimate([Exposure(line_network(), [1] * 8, [9.0] * 8)])) == ""

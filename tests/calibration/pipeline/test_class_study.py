@@ -168,7 +168,6 @@ def test_what_is_refused(wellmixed_here, place, calibrated):
     with pytest.raises(ValueError, match="no rate for class 'break"):
         run_growth_validation(held_out, joins, place / "runs")
     for options, said in (
-        (["--by", "channel"], "not measured; make more or longer runs"),
         (["--report", "x.html"], "--report shows rates by channel"),
         (["--by", "channel", "--also", "line4"], "--also pools books"),
         (["--cubes", "9"], "--cubes is fixed by the plan"),

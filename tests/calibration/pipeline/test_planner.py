@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from synthetic_runs import line_network
 
 from calibration.pipeline.pilot import pilot_rates
-from calibration.pipeline.plan import StudyPlan, is_plan
-from calibration.pipeline.planner import HeldOutTest, PlanRequest, chosen_runs, make_plan
+from calibration.pipeline.plan import StudyPlan, VerdictRules, is_plan
+from calibration.pipeline.planner import HeldOutTest, PlanRequest, chosen_runs, make_plan, rules_for
 from calibration.validating.power import GroupPower
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
@@ -95,8 +95,18 @@ def test_held_out_runs_within_a_budget():
     tests = [HeldOutTest(20, power, 30, 1.0), HeldOutTest(40, power, 10, 1.0), HeldOutTest(40, power, None, 0.5)]
     costs = {20: 1.0, 40: 2.0}
     assert chosen_runs(tests, costs, np.inf) == {20: 30, 40: 10}
-    assert chosen_runs(tests, costs, 30.0) == {20: 2, 40: 10}
-    assert chosen_runs(tests, costs, 10.0) == {20: 2, 40: 2}
+    assert chosen_runs(tests, costs, 24.0) == {20: 4, 40: 10}
+    assert chosen_runs(tests, costs, 12.0) == {20: 6, 40: 3}, "what is left goes to both alike"
+    assert chosen_runs(tests[:2], costs, 1e3) == {20: 30, 40: 10}, "and no further than is asked for"
+
+
+def test_rules_are_as_coarse_as_the_shift():
+    """By default those of a plan that states none; rates off by twice the shift are beyond any of them."""
+    assert rules_for(0.2) == VerdictRules()
+    wide = rules_for(0.6)
+    assert (wide.ratio, wide.pooled_ratio, wide.from_events) == ((0.55, 1.45), (0.7, 1.3), 16.7)
+    planned = make_plan(request(), pilot(), seconds)
+    assert planned.plan.verdict == wide
 
 
 def test_another_tank():

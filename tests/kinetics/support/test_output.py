@@ -235,3 +235,13 @@ def test_a_new_folder_is_there_whole_or_not_at_all(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     with pytest.raises(ValueError, match="is there already"), new_folder(tmp_path / "link"):
         pass
+
+
+def test_a_folder_that_cannot_be_made_is_named_as_it_was_asked_for(tmp_path, monkeypatch):
+    def refused(path, *_):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    said = "no folder can be made here, Permission denied: .*made'$"
+    with pytest.raises(PermissionError, match=said), new_folder(tmp_path / "made"):
+        pass
