@@ -132,6 +132,19 @@ class Plan:
             found[broken.c].update(broken[:2])
         return {part: frozenset(left) for part, left in found.items()}
 
+    def foreign_of(self, a: int, b: int) -> list[Docking]:
+        """What two cubes read where the parts a >= b meet and would make no part of the target."""
+        if len(self.parts[a]) + len(self.parts[b]) > len(self.parts[-1]):
+            return list(self.excess(a, b))
+        return self._foreign.get((a, b), [])
+
+    @cached_property
+    def _foreign(self) -> dict[tuple[int, int], list[Docking]]:
+        found: dict[tuple[int, int], list[Docking]] = {}
+        for docking, meeting in self.foreign.items():
+            found.setdefault((meeting.a, meeting.b), []).append(docking)
+        return found
+
     @property
     def n_unknowns(self) -> int:
         """How many letters are asked for, at most."""

@@ -30,7 +30,7 @@ NEEDS = dict.fromkeys(FEWEST, "two face types") | {
     "plate2x2": "two face types, roll, across, touched",
     "screw": "six face types, roll",
 }
-JOINS = {"line4": 3, "line5": 3, "l3": 2, "t5": 3, "corner": 4, "screw": 5, "plate2x2": 3}
+JOINS = {"line4": 3, "line5": 3, "l3": 2, "t5": 3, "corner": 5, "screw": 5, "plate2x2": 3}
 
 
 @pytest.fixture(scope="module")
