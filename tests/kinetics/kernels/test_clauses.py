@@ -38,9 +38,8 @@ def test_random_clauses_as_by_trying_all_values():
     rng = np.random.default_rng(0)
     counts = [0, 0]
     for _ in range(500):
-        n, clauses = 8, []
-        for size in rng.choice([1, 2, 3], int(rng.integers(20, 45)), p=[0.05, 0.1, 0.85]):
-            clauses.append([int(2 * v + rng.integers(2)) for v in rng.choice(n, size, replace=False)])
+        n, sizes = 8, rng.choice([1, 2, 3], int(rng.integers(20, 45)), p=[0.05, 0.1, 0.85])
+        clauses = [[int(2 * v + rng.integers(2)) for v in rng.choice(n, size, replace=False)] for size in sizes]
         assumed = [int(2 * v + rng.integers(2)) for v in rng.choice(n, int(rng.integers(3)), replace=False)]
         asked = [*clauses, *([literal] for literal in assumed)]
         status, values = solved(n, clauses, assumed)
