@@ -110,12 +110,17 @@ class Clauses:
                 self.add(*(self.has(c, letter) ^ 1 for c, letter in zip(cells, letters, strict=True)), found[key])
         return self._counted[cells]
 
-    def prefer(self, letters: np.ndarray) -> None:
-        """Look for cells with these letters first, whatever was found before; -1: for none first. (n_cells,)"""
+    def prefer(self, letters: np.ndarray, first: list[int]) -> None:
+        """Look for cells with these letters (n_cells,), whatever was found before; -1: for none; and before that, for
+        values with which the literals `first` are true.
+        """
         self._write()
         self.phase[:] = False
         chosen = letters >= 0
         self.phase[np.array(self.cells, np.int64)[chosen] // 2 + letters[chosen]] = True
+        wanted = np.array(first, np.int64) // 2
+        self.phase[wanted] = True
+        self.activity[wanted] += self.activity.max(initial=0.0) + 1.0
 
     def solve(self, assumed: Iterable[int] = ()) -> bool:
         """Whether there are values for which all clauses hold and the assumed literals are true.

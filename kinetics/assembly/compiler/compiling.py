@@ -30,7 +30,7 @@ MAX_LETTERS = 8
 TIME_LIMIT = 600.0  # s
 MOST_PARTS = 64  # of a target whose cubes are turned; the work grows with their square
 # Steps for one kind of senses, and for one of those that are tried to say what would be enough.
-RUNG_STEPS, REMEDY_STEPS = 20_000, 10_000
+RUNG_STEPS, REMEDY_STEPS = 30_000, 10_000
 
 # What is tried in this order where the target does not say what its cubes sense.
 LADDER = tuple(

@@ -21,6 +21,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 
 STEPS = 4_000  # of the first search with each number of letters
 SET_STEPS = 1_000  # where one set of joins is tried of many
+CHOICE_STEPS = 1_000  # to find these sets
 MOST_UNDECIDED = 2  # numbers of letters, after which more are not tried
 SETS = 24  # of joins, of which each may give a book with fewer rules
 BEST_SETS, VARIATIONS = 4, 12  # of those with the fewest rules, and other solutions for each
@@ -106,7 +107,7 @@ def fewest(
 def _some_sets(choices: Choices, budget: Budget) -> list[frozenset[Channel]]:
     """Sets of joins that make sense, each once: those that make every part in one way, the largest, and others."""
     found: dict[frozenset[Channel], None] = {}
-    with suppress(OutOfStepsError), budget.at_most(SET_STEPS):
+    with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
         for joins in chain(islice(choices.paths(), SETS // 2), islice(choices.largest(), SETS // 4), choices.every()):
             found[joins] = None
             if len(found) == SETS:
@@ -138,15 +139,18 @@ def _varied(search: LetterSearch, found: Solution, several: list[frozenset[Chann
     def drawn(n_cells: int, n_letters: int) -> np.ndarray:
         return rng.integers(-1, n_letters, n_cells) * (rng.random(n_cells) < rng.random())
 
+    fewer: Solution | None = found if several else None
+    while fewer is not None:
+        found, fewer = fewer, None
+        with suppress(OutOfStepsError, OutOfRoundsError), search.clauses.budget.at_most(SET_STEPS):
+            fewer = search.fewer_joins(found)
+            compared += [] if fewer is None else [fewer]
     for joins in several:
         for prefer in (first_letter, no_letter):
             made, _ = _tried(search, joins, SET_STEPS, prefer)
             if made is None:
                 break
             compared.append(made)
-    with suppress(OutOfStepsError, OutOfRoundsError), search.clauses.budget.at_most(SET_STEPS):
-        while several and (fewer := search.fewer_joins(found)) is not None:
-            compared.append(found := fewer)
     compared.sort(key=lambda solution: _size(search, solution))
     for best in list(dict.fromkeys(solution.joins for solution in compared))[:BEST_SETS]:
         for _ in range(VARIATIONS):

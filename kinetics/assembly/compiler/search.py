@@ -180,7 +180,9 @@ class LetterSearch:
         """
         wanted = None if joins is None else frozenset(joins)
         given = [literal ^ (join not in wanted) for join, literal in self.open.items()] if wanted is not None else []
-        self.clauses.prefer(prefer(len(self.clauses.cells), self.clauses.n_letters))
+        letters = prefer(len(self.clauses.cells), self.clauses.n_letters)
+        # Few waves take few rules, as a rule.
+        self.clauses.prefer(letters, [wave.over[0] for wave in self.waves] if (letters >= 0).any() else [])
         return self._first(given)
 
     def _first(self, given: list[int]) -> Solution | None:
