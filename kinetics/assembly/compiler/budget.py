@@ -26,9 +26,9 @@ class Budget:
         self.steps = 0
         self.last = math.inf  # the step beyond which the search at work must not go
 
-    def step(self) -> None:
-        """Take a step. OutOfStepsError after the last one; TimeoutError when time is up."""
-        self.steps += 1
+    def step(self, steps: int = 1) -> None:
+        """Take a step, or several. OutOfStepsError after the last one; TimeoutError when time is up."""
+        self.steps += steps
         if self.steps > self.last:
             raise OutOfStepsError
         self.check()

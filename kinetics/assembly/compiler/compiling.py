@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 from kinetics.assembly.compiler import reasons
@@ -11,7 +12,7 @@ from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.choices import Choices, asked_joins
 from kinetics.assembly.compiler.fewest import SET_STEPS, Best, NoBookError, fewest
 from kinetics.assembly.compiler.orientation import turnings
-from kinetics.assembly.compiler.plan import MOST, Plan, planned
+from kinetics.assembly.compiler.plan import MOST, Plan, pieces_of, planned
 from kinetics.assembly.compiler.result import (
     Certificate,
     Compiled,
@@ -27,8 +28,9 @@ from kinetics.assembly.rules.conditions import Senses
 
 MAX_LETTERS = 8
 TIME_LIMIT = 600.0  # s
+MOST_PARTS = 64  # of a target whose cubes are turned; the work grows with their square
 # Steps for one kind of senses, and for one of those that are tried to say what would be enough.
-RUNG_STEPS, REMEDY_STEPS = 3_000_000, 300_000
+RUNG_STEPS, REMEDY_STEPS = 30_000, 10_000
 
 # What is tried in this order where the target does not say what its cubes sense.
 LADDER = tuple(
@@ -115,9 +117,7 @@ def all_books(
                 if not choice <= among:
                     continue
                 try:
-                    best = fewest(
-                        choices, choice, asked.max_letters, asked.budget, asked.report, (SET_STEPS, SET_STEPS)
-                    )
+                    best = fewest(choices, choice, asked.max_letters, asked.budget, asked.report, SET_STEPS)
                 except NoBookError:
                     continue
                 found = True
@@ -169,12 +169,19 @@ class _Asked:
             Budget(time_limit) if clock is None else Budget(time_limit, clock),
         )
 
+    @cached_property
+    def turnings(self) -> list[Target]:
+        """The target with its cubes turned in the ways that are tried: such as have few different parts, if any."""
+        turned = [replace(self.target, tops=tops) for tops in turnings(self.target.positions)]
+        few = [t for t in turned if len(pieces_of(t.structure("two"), "two", self.budget.check)) <= MOST_PARTS]
+        return few or turned[-1:]
+
     def rung(self, senses: Senses, steps: int) -> Compiled | Ruled:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
         ruled: list[Ruled] = []
         turned = [self.target]
         if self.target.tops is None and senses.faces == "two":
-            turned = [replace(self.target, tops=tops) for tops in turnings(self.target.positions)]
+            turned = self.turnings
         with self.budget.at_most(steps):
             for number, target in enumerate(turned, 1):
                 self.report(f"{sensing(senses)}, turn {number} of {len(turned)}")

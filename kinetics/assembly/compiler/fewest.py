@@ -12,18 +12,19 @@ import numpy as np
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.choices import Choices
-from kinetics.assembly.compiler.plan import Channel
-from kinetics.assembly.compiler.problem import Problem
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.proof import NotProvenError, book_of, proven
 from kinetics.assembly.compiler.result import RuledOut, sensing
-from kinetics.assembly.compiler.search import Solution, solutions
+from kinetics.assembly.compiler.search import LetterSearch, OutOfRoundsError, Prefer, Solution, first_letter
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.rule_book import RuleBook
 
-# Steps of one search, 10,000 to 100,000 a second: with cubes that write their final letters at once, and any letters.
-DIRECT_STEPS, DEFERRED_STEPS = 50_000, 200_000
-SET_STEPS = 20_000  # of either, where one set of joins is tried of many
+STEPS = 4_000  # of the first search with each number of letters
+SET_STEPS = 1_000  # where one set of joins is tried of many
+CHOICE_STEPS = 1_000  # to find these sets
+MOST_UNDECIDED = 2  # numbers of letters, after which more are not tried
 SETS = 24  # of joins, of which each may give a book with fewer rules
+BEST_SETS, VARIATIONS = 4, 12  # of those with the fewest rules, and other solutions for each
 # What yields are compared by: free cubes at first, time in tu, and rates in 1/tu of a pair of faces and of a bond.
 CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
 
@@ -64,41 +65,38 @@ def fewest(
     max_letters: int,
     budget: Budget,
     report: Callable[[str], None],
-    steps: tuple[int, int] = (DIRECT_STEPS, DEFERRED_STEPS),
+    steps: int = STEPS,
 ) -> Best:
     """The best book for some joins; None: over all sets of joins. NoBookError: there is none, or none was found.
 
-    steps : of the first search with each number of letters, direct and deferred
+    steps : of the first search with each number of letters
     """
     plan, breaks = choices.plan, choices.breaks
-    if joins is not None:
-        problem = Problem.of(plan, joins, breaks)
-    else:
-        problem = Problem(plan, breaks, choices.sensible(choices.possible), frozenset())
+    allowed = choices.sensible(choices.possible if joins is None else joins)
     exhausted: list[RuledOut] = []
     undecided: list[int] = []
     for n in range(1, max_letters + 1):
         report(f"{sensing(plan.senses)}: {n} letters")
         before = budget.steps
-        found, is_all = _tried(problem, n, *steps, budget)
+        search = LetterSearch(plan, allowed, breaks, n, budget)
+        found, is_all = _tried(search, joins, steps)
         if found is None and is_all:
             exhausted.append(RuledOut(n, budget.steps - before))
             continue
         several = _some_sets(choices, budget) if joins is None else []
-        compared = [] if found is None else [found]
-        for some in several:
-            made, _ = _tried(Problem.of(plan, some, breaks), n, SET_STEPS, SET_STEPS, budget)
-            compared += [] if made is None else [made]
-        for solution in _in_order(problem, compared):
+        compared = [] if found is None else _varied(search, found, several)
+        for solution in _in_order(plan, breaks, compared):
             try:
-                book, verified = proven(problem, solution, budget.check)
+                book, verified = proven(plan, breaks, solution, budget.check)
             except NotProvenError as error:
                 report(str(error))
                 continue
             names = tuple(map(plan.name, solution.joins))
             return Best(book, names, verified, tuple(exhausted), tuple(undecided), len(compared), len(several))
         undecided.append(n)
-    asked = "" if joins is None else f"the joins {reasons.choice(plan, problem.required)}: "
+        if len(undecided) == MOST_UNDECIDED:
+            break
+    asked = "" if joins is None else f"the joins {reasons.choice(plan, joins)}: "
     if undecided:
         raise NoBookError(
             f"{asked}no book found with {_numbers(undecided)} letters in the steps allowed", False, tuple(exhausted)
@@ -109,7 +107,7 @@ def fewest(
 def _some_sets(choices: Choices, budget: Budget) -> list[frozenset[Channel]]:
     """Sets of joins that make sense, each once: those that make every part in one way, the largest, and others."""
     found: dict[frozenset[Channel], None] = {}
-    with suppress(OutOfStepsError), budget.at_most(SET_STEPS):
+    with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
         for joins in chain(islice(choices.paths(), SETS // 2), islice(choices.largest(), SETS // 4), choices.every()):
             found[joins] = None
             if len(found) == SETS:
@@ -118,25 +116,56 @@ def _some_sets(choices: Choices, budget: Budget) -> list[frozenset[Channel]]:
 
 
 def _tried(
-    problem: Problem, n_letters: int, direct: int, deferred: int, budget: Budget
+    search: LetterSearch, joins: Iterable[Channel] | None, steps: int, prefer: Prefer = first_letter
 ) -> tuple[Solution | None, bool]:
     """A solution, and whether all were tried."""
-    for is_deferred, steps in ((False, direct), (True, deferred)):
-        try:
-            with budget.at_most(steps):
-                found = next(solutions(problem, n_letters, is_deferred, budget.step), None)
-        except OutOfStepsError:
-            is_all = False
-        else:
-            is_all = is_deferred
-            if found is not None:
-                return found, False
-    return None, is_all
+    try:
+        with search.clauses.budget.at_most(steps):
+            found = search.find(joins, prefer)
+    except (OutOfStepsError, OutOfRoundsError):
+        return None, False
+    return found, found is None
 
 
-def _in_order(problem: Problem, found: list[Solution]) -> Iterator[Solution]:
+def _varied(search: LetterSearch, found: Solution, several: list[frozenset[Channel]]) -> list[Solution]:
+    """Solutions with as many letters: with sets of joins, with fewer joins, and others for those with few rules."""
+    compared = [found]
+
+    def no_letter(n_cells: int, _: int) -> np.ndarray:
+        return np.full(n_cells, -1)
+
+    rng = np.random.default_rng(0)  # fixed, so that a target always gives the same book
+
+    def drawn(n_cells: int, n_letters: int) -> np.ndarray:
+        return rng.integers(-1, n_letters, n_cells) * (rng.random(n_cells) < rng.random())
+
+    fewer: Solution | None = found if several else None
+    while fewer is not None:
+        found, fewer = fewer, None
+        with suppress(OutOfStepsError, OutOfRoundsError), search.clauses.budget.at_most(SET_STEPS):
+            fewer = search.fewer_joins(found)
+            compared += [] if fewer is None else [fewer]
+    for joins in several:
+        for prefer in (first_letter, no_letter):
+            made, _ = _tried(search, joins, SET_STEPS, prefer)
+            if made is None:
+                break
+            compared.append(made)
+    compared.sort(key=lambda solution: _size(search, solution))
+    for best in list(dict.fromkeys(solution.joins for solution in compared))[:BEST_SETS]:
+        for _ in range(VARIATIONS):
+            made, _ = _tried(search, best, SET_STEPS, drawn)
+            compared += [] if made is None else [made]
+    return compared
+
+
+def _size(search: LetterSearch, found: Solution) -> int:
+    return len(book_of(search.plan, search.breaks, found).all_rules)
+
+
+def _in_order(plan: Plan, breaks: bool, found: list[Solution]) -> Iterator[Solution]:
     """The solutions, fewest rules first; of as many, the largest yields first."""
-    books = [book_of(problem, solution) for solution in found]
+    books = [book_of(plan, breaks, solution) for solution in found]
     counts = [len(book.all_rules) for book in books]
     for count in sorted(set(counts)):
         alike = [n for n, own in enumerate(counts) if own == count]

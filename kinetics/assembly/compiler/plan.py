@@ -132,6 +132,19 @@ class Plan:
             found[broken.c].update(broken[:2])
         return {part: frozenset(left) for part, left in found.items()}
 
+    def foreign_of(self, a: int, b: int) -> list[Docking]:
+        """What two cubes read where the parts a >= b meet and would make no part of the target."""
+        if len(self.parts[a]) + len(self.parts[b]) > len(self.parts[-1]):
+            return list(self.excess(a, b))
+        return self._foreign.get((a, b), [])
+
+    @cached_property
+    def _foreign(self) -> dict[tuple[int, int], list[Docking]]:
+        found: dict[tuple[int, int], list[Docking]] = {}
+        for docking, meeting in self.foreign.items():
+            found.setdefault((meeting.a, meeting.b), []).append(docking)
+        return found
+
     @property
     def n_unknowns(self) -> int:
         """How many letters are asked for, at most."""
@@ -176,6 +189,17 @@ def planned(target: Target, senses: Senses, tick: Callable[[], None] = lambda: N
     return _Planner(target, senses, tick).plan()
 
 
+def pieces_of(whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None) -> set[Structure]:
+    """The connected pieces of a structure up to rotation, itself among them."""
+    subsets = {frozenset({cube}) for cube in range(len(whole))}
+    fresh = subsets
+    while fresh:
+        tick()
+        fresh = {s | {n} for s in fresh for cube in s for n in whole.neighbours(cube) if n not in s} - subsets
+        subsets |= fresh
+    return {whole.part(sorted(subset)).canonical(scheme) for subset in subsets}
+
+
 class _Planner:
     def __init__(self, target: Target, senses: Senses, tick: Callable[[], None]):
         self.target, self.senses, self.tick = target, senses, tick
@@ -188,11 +212,12 @@ class _Planner:
         self.sites = [sites_of(self.reader, structure) for structure in self.read]
         # Without them, a cube reads the same at every twist.
         self.reads_twist = senses.roll or senses.touched
+        self.extent = sorted(max(c) - min(c) for c in zip(*target.positions, strict=True))
+        self.joins: dict[Channel, dict[Docking, dict[Wave, Meeting]]] = {}
         self.known_excess: dict[tuple[int, int], dict[Docking, Meeting]] = {}
 
     def plan(self) -> Plan:
-        joins: dict[Channel, dict[Docking, dict[Wave, Meeting]]] = {}
-        foreign: dict[Docking, Meeting] = {}
+        joins, foreign = self.joins, dict[Docking, Meeting]()
         for a in range(len(self.parts)):
             for b in range(a + 1):
                 if len(self.parts[a]) + len(self.parts[b]) <= len(self.target):
@@ -222,16 +247,14 @@ class _Planner:
             self.known_excess[a, b] = found
         return self.known_excess[a, b]
 
+    @cached_property
+    def kinds(self) -> set[tuple[object, ...]]:
+        """What readings of joins are before docking, but for the letters; others are never open."""
+        return {_before_docking(r) for ways in self.joins.values() for docking in ways for r in docking}
+
     def find_parts(self) -> list[Part]:
         """The connected pieces of the target, each once."""
-        whole = self.target.structure(self.senses.faces)
-        subsets = {frozenset({cube}) for cube in range(len(whole))}
-        fresh = subsets
-        while fresh:
-            self.tick()
-            fresh = {s | {n} for s in fresh for cube in s for n in whole.neighbours(cube) if n not in s} - subsets
-            subsets |= fresh
-        unique = {whole.part(sorted(subset)).canonical(self.senses.faces) for subset in subsets}
+        unique = pieces_of(self.target.structure(self.senses.faces), self.senses.faces, self.tick)
         structures = sorted(unique, key=lambda s: (len(s), s.positions, s.rotations))
         names = _names([len(structure) for structure in structures])
         parts: list[Part] = []
@@ -281,19 +304,23 @@ class _Planner:
         """Every way in which two parts can meet, sorted by whether it makes a part of the target."""
         first, second = self.read[a], self.read[b]
         fits = len(first) + len(second) <= len(self.target)
+        known: dict[Placement, tuple[Structure, tuple[int, tuple[int, ...]] | None] | None] = {}
         for s, t in product(self.sites[a], self.sites[b]):
             self.tick()
             ends = _reading(s.view, t.view), _reading(t.view, s.view)
-            if not fits and not self.reads_twist and _sorted(*ends) in foreign:
+            if not fits and (
+                not self.kinds.issuperset(map(_before_docking, ends))
+                or (not self.reads_twist and _sorted(*ends) in foreign)
+            ):
                 continue
             for placement in placements(first, s.cube, s.face, second, t.cube, t.face):
-                places = tuple([placement.of(position) for position in second.positions])
-                if not first.places.keys().isdisjoint(places):
+                if placement not in known:
+                    known[placement] = self.placed(first, second, placement, fits)
+                if (found := known[placement]) is None:
                     continue
-                placed = second.moved(placement)
+                placed, made = found
                 own, other = self.docked(ends, first, s, placed, t) if self.reads_twist else ends
                 meeting = Meeting(a, s.cube, b, t.cube, placement)
-                made = self.known(first.positions + places, first.rotations + placed.rotations) if fits else None
                 if made is None:
                     foreign.setdefault(_sorted(own, other), meeting)
                     if not fits and not self.reads_twist:
@@ -304,6 +331,19 @@ class _Planner:
                 wave = self.wave(part, cubes, (*self.parts[a].unknowns, *self.parts[b].unknowns), writers)
                 ways = joins.setdefault(Channel(a, b, part), {})
                 ways.setdefault(_sorted(own, other), {}).setdefault(wave, meeting)
+
+    def placed(
+        self, first: Structure, second: Structure, placement: Placement, fits: bool
+    ) -> tuple[Structure, tuple[int, tuple[int, ...]] | None] | None:
+        """The second of two structures beside the first, and what they make (see `known`); None: they overlap."""
+        places = tuple([placement.of(position) for position in second.positions])
+        if not first.places.keys().isdisjoint(places):
+            return None
+        placed = second.moved(placement)
+        both = first.positions + places
+        extent = sorted(max(c) - min(c) for c in zip(*both, strict=True))
+        fits = fits and all(own <= most for own, most in zip(extent, self.extent, strict=True))
+        return placed, self.known(both, first.rotations + placed.rotations) if fits else None
 
     def docked(self, ends: Docking, a: Structure, s: Site, b: Structure, t: Site) -> Docking:
         """The readings of two cubes that dock, b lying in a's lattice, with what only docking shows (see
@@ -360,6 +400,10 @@ class _Planner:
 
 def _sorted(a: Reading, b: Reading) -> Docking:
     return (a, b) if a <= b else (b, a)
+
+
+def _before_docking(reading: Reading) -> tuple[object, ...]:
+    return reading.face, reading.partner_face, len(reading.around), reading.across < 0
 
 
 def _reading(own: View, partner: View) -> Reading:

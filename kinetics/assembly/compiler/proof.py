@@ -7,8 +7,7 @@ from string import ascii_lowercase
 from typing import Any
 
 from kinetics.assembly.checking.checker import check
-from kinetics.assembly.compiler.plan import Channel
-from kinetics.assembly.compiler.problem import Problem
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.search import Solution
 from kinetics.assembly.compiler.target import PLACEHOLDER
 from kinetics.assembly.deriving.derive import derive
@@ -19,9 +18,8 @@ FEW = 100  # structures that the check may find; ten times as many in the middle
 MERGED = ("partner", "partner_face", "face", "lost", "letter", "roll", "across")  # one-of conditions, in this order
 
 
-def book_of(problem: Problem, tables: Solution) -> RuleBook:
+def book_of(plan: Plan, breaks: bool, tables: Solution) -> RuleBook:
     """The rule book of a solution: rules that differ in one condition only become one."""
-    plan = problem.plan
     of = {unknown: ascii_lowercase[number] for unknown, number in tables.letters.items()}
     joined: dict[tuple[Any, ...], str] = {}
     for r, new in tables.joined.items():
@@ -52,7 +50,7 @@ def book_of(problem: Problem, tables: Solution) -> RuleBook:
         initial="a",
         senses=plan.senses,
         target=whole.with_letters([of[last[cube]] for cube in plan.places]),
-        semantics=Semantics(bonds="break" if problem.breaks else "hold"),
+        semantics=Semantics(bonds="break" if breaks else "hold"),
         combine=tuple(combine),
         dissociate=tuple(dissociate),
         internal=tuple(internal),
@@ -85,14 +83,14 @@ class NotProvenError(Exception):
 
 
 def proven(
-    problem: Problem, tables: Solution, tick: Callable[[], None] = lambda: None
+    plan: Plan, breaks: bool, tables: Solution, tick: Callable[[], None] = lambda: None
 ) -> tuple[RuleBook, tuple[str, ...]]:
     """The book of a solution, with how it was proven; NotProvenError where it does not do what was asked.
 
     tick : called again and again; it may raise to end the work
     Neither derivation nor checker know anything of the search: they read the rules alone.
     """
-    plan, book = problem.plan, book_of(problem, tables)
+    book = book_of(plan, breaks, tables)
 
     def progress(*_: int) -> None:
         tick()
@@ -107,24 +105,24 @@ def proven(
     if sorted(n for n in found if n is not None) != list(tables.parts) or None in found:
         raise NotProvenError(f"{plan.target.name}: the book makes {[str(s) for s in bare]}, not the parts asked for")
     numbers: list[int] = [n for n in found if n is not None]
-    joins, breaks = set(), set()
+    joins, falls = set(), set()
     for before, after in derived.events:
         if len(before) == 2:
             b, a = sorted(numbers[n] for n in before)
             joins.add(Channel(a, b, numbers[after[0]]))
         else:
             b, a = sorted(numbers[n] for n in after)
-            breaks.add(Channel(a, b, numbers[before[0]]))
-    wanted = {broken for broken in plan.breaks if problem.breaks and broken.c in tables.parts}
-    if joins != set(tables.joins) or breaks != wanted:
-        odd = ", ".join(sorted(map(plan.name, (joins ^ set(tables.joins)) | (breaks ^ wanted))))
+            falls.add(Channel(a, b, numbers[before[0]]))
+    wanted = {broken for broken in plan.breaks if breaks and broken.c in tables.parts}
+    if joins != set(tables.joins) or falls != wanted:
+        odd = ", ".join(sorted(map(plan.name, (joins ^ set(tables.joins)) | (falls ^ wanted))))
         raise NotProvenError(f"{plan.target.name}: the book does not join and break as asked: {odd}")
     report = check(book, max_species=max(len(derived.structures), FEW), progress=progress)
     if not report.is_correct:
         raise NotProvenError(f"{plan.target.name}: the book is not correct: {report}")
     closure = (
         f"derivation: closed; {len(derived.structures)} structures, the target and parts of it, nothing else; "
-        f"{len(joins)} joins, exactly those asked for; {len(breaks)} breaks"
+        f"{len(joins)} joins, exactly those asked for; {len(falls)} breaks"
     )
     warnings = ", ".join(finding.kind for finding in report.findings) or "no warnings"
     waves = f"slow internal waves: {report.waves}"

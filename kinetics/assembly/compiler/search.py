@@ -1,28 +1,30 @@
-"""The exact search: letters for every part and rules for every event, with the fewest letters possible.
+"""The search for letters: one for each unknown of a plan, and three tables of rules, by clauses.
 
-What is sought: one letter for each unknown of a plan and three tables of rules, such that
-- the joins asked for are open, both cubes having a rule, and no other meeting of two parts is;
+What is sought:
+- the joins that are open have rules for both cubes, and no other meeting of two parts has;
 - after every join and every break, internal rules lead to the letters of what was made, and none acts in it then.
 Each part has one set of letters, and a free cube's may stand in larger parts, where its neighbours tell it apart.
-Cubes that join or lose a bond, and those that follow, write their final letter at once unless another event that looks
-the same to them has settled otherwise; `deferred` lets them write any letter.
+A clause says of what is read that, letters being the same, so is the rule. There are too many such pairs, so those are
+written down that letters found before have broken, until letters break none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
-from kinetics.assembly.compiler.choices import sensible
-from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Reading, Wave
-from kinetics.assembly.compiler.problem import Problem, shown_of
+import numpy as np
+
+from kinetics.assembly.compiler.budget import Budget
+from kinetics.assembly.compiler.clauses import Clauses
+from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave
 
 MOST_LETTERS = 15
-BITS = 4  # a letter; in a multiset, the count of a letter takes three
-Key = int
-_Terms = tuple[int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # kind of reading, then unknowns
-_NOTHING = object()
+MOST_ROUNDS = 8  # of internal rules after one event
+MOST_BROKEN = 200  # clauses of one kind written down at once
+SIDES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,306 +45,372 @@ class Solution:
     followed: dict[tuple[int, tuple[int, ...]], int]
 
 
-def solutions(
-    problem: Problem, n_letters: int, deferred: bool = False, tick: Callable[[], None] = lambda: None
-) -> Iterator[Solution]:
-    """All solutions with at most that many letters, none twice by other names of the letters.
+class _Step(NamedTuple):
+    """A cube in one round of the internal rules.
 
-    tick : called again and again; it may raise to end the search
+    active : literal of there being such a cube
+    own, near : cells of its letter and its neighbours'; after : that of its letter in the next round
     """
-    if not 1 <= n_letters <= MOST_LETTERS:
-        raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
-    return _LetterSearch(problem, n_letters, deferred, tick).run()
+
+    active: int
+    own: int
+    near: tuple[int, ...]
+    after: int
 
 
-class _Chosen(NamedTuple):
-    """The joins decided so far, and the parts that there are."""
+class _Running(NamedTuple):
+    """A wave, with the cells of its letters in each round; those of the end, and literals of having got there."""
 
-    joins: frozenset[Channel]
-    refused: frozenset[Channel]
-    parts: tuple[int, ...]
+    active: int
+    wave: Wave
+    rounds: list[list[int]]
+    final: list[int]
+    over: list[int]
 
 
-class _LetterSearch:
-    """Depth first, a part at a time; what was decided on the way is on a trail, to be undone."""
+Prefer = Callable[[int, int], np.ndarray]
 
-    def __init__(self, problem: Problem, n_letters: int, deferred: bool, tick: Callable[[], None]):
-        self.problem, self.n_letters, self.deferred, self.tick = problem, n_letters, deferred, tick
-        self.letters: dict[int, int] = {}
-        self.joined: dict[Key, int | None] = {}  # open readings; None: what they make is not settled yet
-        self.excluded: dict[Key, dict[Key, None]] = {}  # readings that must not be open along with a key
-        self.lost: dict[Key, int] = {}
-        self.followed: dict[Key, int] = {}
-        self.trail: list[tuple[dict[Key, Any], Key, Any]] = []  # what was in a table before
-        plan = problem.plan
-        self.around = {
-            p: [plan.parts[p].structure.neighbours(c) for c in range(len(plan.parts[p]))] for p in problem.parts
-        }
-        self.kinds = problem.shown
-        self.known_terms: dict[Reading, _Terms] = {}
-        self.known_shut: dict[object, tuple[list[_Terms], list[tuple[int, int]]]] = {}
-        self.left_by_breaks: frozenset[int] = (
-            frozenset().union(*plan.pieces.values()) if problem.breaks else frozenset()
-        )
 
-    def run(self) -> Iterator[Solution]:
-        """Search from the free cube on."""
-        (free,) = self.problem.plan.parts[0].unknowns
-        self.letters[free] = 0
-        return self.part(0, 0, _Chosen(frozenset(), frozenset(), ()))
+def first_letter(n_cells: int, _: int) -> np.ndarray:
+    """The letter of a free cube for all cells."""
+    return np.zeros(n_cells, np.int64)
 
-    def part(self, level: int, highest: int, chosen: _Chosen) -> Iterator[Solution]:
-        """Solutions that go on from the parts before; letters up to `highest` are in use."""
-        problem = self.problem
-        if level == len(problem.parts):
-            if chosen.joins and sensible(problem.plan, chosen.joins, problem.breaks) == chosen.joins:
-                yield self.tables(chosen)
-            return
-        number = problem.parts[level]
-        is_made = number == 0 or any(join.c == number for join in chosen.joins)
-        if not is_made:
-            yield from self.without(level, highest, chosen)
-            if number not in self.left_by_breaks:
-                return
-        if problem.breaks and not problem.plan.pieces[number] <= {*chosen.parts}:
-            return
-        unknowns = sorted(set(problem.plan.parts[number].unknowns))
-        reached = chosen._replace(parts=(*chosen.parts, number))
-        following = [channel for b in reached.parts for channel in problem.joins_of(number, b)]
-        for letters in [(0,)] if level == 0 else _namings(len(unknowns), highest, self.n_letters):
-            self.tick()
-            self.letters.update(zip(unknowns, letters, strict=True))
-            mark = len(self.trail)
-            if self.rests(number) and all(self.shuts((number, b), problem.foreign(number, b)) for b in reached.parts):
-                waves = self.waves(number, reached)
-                for decided in self.joins(following, 0, reached):
-                    for _ in self.wave(waves, 0):
-                        yield from self.part(level + 1, max(highest, *letters), decided)
-            self.undo(mark)
 
-    def without(self, level: int, highest: int, chosen: _Chosen) -> Iterator[Solution]:
-        """The same, where there is no such part."""
-        problem, number = self.problem, self.problem.parts[level]
-        refused = chosen.refused | {channel for channel in problem.allowed if number in channel}
-        if problem.is_hopeful(chosen.joins, refused):
-            yield from self.part(level + 1, highest, chosen._replace(refused=refused))
+class LetterSearch:
+    """Letters for a plan, no more than so many.
 
-    def joins(self, channels: list[Channel], n: int, chosen: _Chosen) -> Iterator[_Chosen]:
-        """Every way to decide on joins of parts that there are, from the n-th on; fewest first."""
-        if n == len(channels):
-            yield chosen
-            return
-        channel, problem = channels[n], self.problem
-        dockings = problem.meetings[channel[:2]][channel]
-        mark = len(self.trail)
-        if channel not in problem.required:
-            self.tick()
-            refused = chosen.refused | {channel}
-            is_hopeful = channel not in problem.allowed or problem.is_hopeful(chosen.joins, refused)
-            if is_hopeful and self.shuts(channel, dockings):
-                yield from self.joins(channels, n + 1, chosen._replace(refused=refused))
-            self.undo(mark)
-        if channel in problem.allowed and channel not in chosen.refused:
-            self.tick()
-            if self.opens(dockings):
-                yield from self.joins(channels, n + 1, chosen._replace(joins=chosen.joins | {channel}))
-            self.undo(mark)
+    allowed : joins that a book may have; breaks : whether bonds break
+    `find` may be called again and again; what was learned before is kept.
+    """
 
-    def waves(self, part: int, chosen: _Chosen) -> tuple[Wave, ...]:
-        """The waves that end in a part, or in the pieces that breaks leave of it."""
-        plan = self.problem.plan
-        made = [way.waves for join in sorted(chosen.joins) if join.c == part for way in plan.joins[join].values()]
-        if self.problem.breaks:
-            made += [following for broken, following in plan.breaks.items() if broken.c == part]
-        return tuple(wave for waves in made for wave in waves)
+    def __init__(self, plan: Plan, allowed: Iterable[Channel], breaks: bool, n_letters: int, budget: Budget):
+        if not 1 <= n_letters <= MOST_LETTERS:
+            raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
+        self.plan, self.breaks, self.allowed = plan, breaks, frozenset(allowed)
+        self.clauses = clauses = Clauses(n_letters, budget)
+        self.parts = sorted(plan.reached(self.allowed, breaks))
+        unknowns = sorted({u for part in self.parts for u in plan.parts[part].unknowns})
+        self.cells = {unknown: clauses.cell() for unknown in unknowns}
+        clauses.add(clauses.has(0, 0))
+        for n, cell in enumerate(self.cells.values()):  # new letters in the order of the alphabet
+            for letter in range(1, n_letters):
+                clauses.add(clauses.has(cell, letter) ^ 1, *(clauses.has(c, letter - 1) for c in range(n)))
+        self.present = {part: clauses.literal() for part in self.parts}
+        self.open = {join: clauses.literal() for join in sorted(self.allowed)}
+        self.readings: dict[Reading, int] = {}  # of joins, each with a literal that is true where one of these is open
+        self.results: dict[Reading | Loss, int] = {}  # cells of what cubes write that join or lose a bond
+        self.losses: list[tuple[int, Loss]] = []
+        self.rounds: list[_Step] = []
+        self.waves: list[_Running] = []
+        self.settled: list[int] = []  # for each number of rounds, true where these are enough
+        self.met: dict[tuple[int, int], list[tuple[Channel | None, int, int]]] = {}  # dockings of parts, by readings
+        self.read: dict[Reading, int] = {}
+        self._start()
 
-    def rests(self, part: int) -> bool:
-        """No internal rule acts in the part."""
-        return all(
-            self.settled(self.followed, self.resting(own, around), self.letters[own])
-            for own, around in self.problem.stable[part]
-        )
+    def _start(self) -> None:
+        plan, clauses, present = self.plan, self.clauses, self.present
+        clauses.add(present[len(plan.parts) - 1] if len(plan.parts) - 1 in present else clauses.literal() ^ 1)
+        for part in self.parts:
+            makers = [literal for join, literal in self.open.items() if join.c == part]
+            if self.breaks:
+                makers += [present[q] for q in self.parts if part in plan.pieces[q]]
+                for piece in plan.pieces[part]:
+                    clauses.add(present[part] ^ 1, present[piece])
+            clauses.add(*makers, present[part] if part == 0 else present[part] ^ 1)
+            structure, cells = plan.parts[part].structure, [self.cells[u] for u in plan.parts[part].unknowns]
+            rests = {(own, tuple(sorted(cells[n] for n in structure.neighbours(c)))) for c, own in enumerate(cells)}
+            self.rounds += [_Step(present[part], own, near, own) for own, near in sorted(rests)]
+        for join, is_open in self.open.items():
+            for part in join:
+                clauses.add(is_open ^ 1, present[part])
+            for docking, way in plan.joins[join].items():
+                for reading in docking:
+                    if reading not in self.readings:
+                        self.readings[reading] = clauses.literal()
+                    clauses.add(is_open ^ 1, self.readings[reading])
+                for wave in way.waves:
+                    self._enter(is_open, wave)
+        for broken, waves in plan.breaks.items() if self.breaks else ():
+            if broken.c in present:
+                for wave in waves:
+                    self._enter(present[broken.c], wave)
+        self._close()
 
-    def opens(self, dockings: Iterable[Docking]) -> bool:
-        """A join is open, and that opens none that must not be."""
-        for reading in dict.fromkeys(reading for docking in dockings for reading in docking):
-            key = self.docked(reading)
-            if key in self.joined:
-                continue
-            if any(other in self.joined or other == key for other in self.excluded.get(key, ())):
-                return False
-            self.put(self.joined, key, None)
-        return True
-
-    def shuts(self, name: object, dockings: Iterable[Docking]) -> bool:
-        """None of the meetings is open that must not be; name : of this set of them."""
-        if name not in self.known_shut:
-            pairs = [pair for pair in dockings if all(shown_of(reading) in self.kinds for reading in pair)]
-            places = {reading: n for n, reading in enumerate(dict.fromkeys(r for pair in pairs for r in pair))}
-            self.known_shut[name] = list(map(self.terms, places)), [(places[a], places[b]) for a, b in pairs]
-        readings, met = self.known_shut[name]
-        keys = [self.key(*terms) for terms in readings]
-        for first, second in {(keys[i], keys[j]) for i, j in met}:
-            if first in self.joined and second in self.joined:
-                return False
-            for key, other in ((first, second), (second, first)):
-                others = self.excluded.setdefault(key, {})
-                if other not in others:
-                    self.put(others, other, None)
-        return True
-
-    def wave(self, waves: tuple[Wave, ...], n: int) -> Iterator[None]:
-        """Every way to settle the rules so that the waves from the n-th on come to rest where they should."""
-        if n == len(waves):
-            yield
-            return
-        wave = waves[n]
-        final = [self.letters[u] for u in self.problem.plan.parts[wave.part].unknowns]
-        letters = [self.letters[u] for u in wave.before]
-        for written in self.written(wave, 0, letters, final):
-            for _ in self.rounds(wave.part, written, final, ()):
-                yield from self.wave(waves, n + 1)
-
-    def written(self, wave: Wave, n: int, letters: list[int], final: list[int]) -> Iterator[list[int]]:
-        """What the cubes that took part in the event write, from the n-th on."""
-        if n == len(wave.writers):
-            yield letters
-            return
-        cube, reading = wave.writers[n]
-        if isinstance(reading, Loss):
-            table: dict[Key, Any] = self.lost
-            key = self.resting(reading.own, reading.around) << BITS | self.letters[reading.lost]
-        else:
-            table, key = self.joined, self.docked(reading)
-        for letter in self.choices(table, key, final[cube], True):
-            mark = len(self.trail)
-            self.settled(table, key, letter)
-            yield from self.written(wave, n + 1, [*letters[:cube], letter, *letters[cube + 1 :]], final)
-            self.undo(mark)
-
-    def rounds(self, part: int, letters: list[int], final: list[int], seen: tuple[list[int], ...]) -> Iterator[None]:
-        """Rounds of the internal rules, all cubes at once, until the letters are final."""
-        self.tick()
-        if letters == final:
-            yield
-            return
-        if letters in seen:
-            return
-        keys = [
-            sum([1 << 3 * letters[n] for n in around]) << BITS | letters[cube]
-            for cube, around in enumerate(self.around[part])
-        ]
-        order = sorted(range(len(keys)), key=lambda cube: letters[cube] == final[cube])  # wrong ones choose first
-        for following in self.round(order, 0, keys, letters, final, letters):
-            if following != letters:
-                yield from self.rounds(part, following, final, (*seen, letters))
-
-    def round(
-        self, order: list[int], n: int, keys: list[Key], letters: list[int], final: list[int], following: list[int]
-    ) -> Iterator[list[int]]:
-        """One round, from the n-th cube in order on."""
-        if n == len(order):
-            yield following
-            return
-        cube = order[n]
-        for letter in self.choices(self.followed, keys[cube], final[cube], False, letters[cube]):
-            mark = len(self.trail)
-            self.settled(self.followed, keys[cube], letter)
-            yield from self.round(
-                order, n + 1, keys, letters, final, [*following[:cube], letter, *following[cube + 1 :]]
-            )
-            self.undo(mark)
-
-    def choices(
-        self, table: dict[Key, Any], key: Key, final: int, writes: bool, own: int | None = None
-    ) -> Iterable[int]:
-        """Letters that a rule may write: what is settled, or the final letter, or to wait, or any."""
-        known = table.get(key)
-        if known is not None:
-            return (known,)
-        if self.deferred:
-            return dict.fromkeys((final, *(() if own is None else (own,)), *range(self.n_letters)))
-        return (final,) if writes or own is None or own == final else (final, own)
-
-    def settled(self, table: dict[Key, Any], key: Key, letter: int) -> bool:
-        """Settle what a rule writes; False where something else is settled."""
-        known = table.get(key)
-        if known is None:
-            self.put(table, key, letter)
-        return known is None or known == letter
-
-    def put(self, table: dict[Key, Any], key: Key, value: Any) -> None:
-        """Write into a table, to be undone."""
-        self.trail.append((table, key, table.get(key, _NOTHING)))
-        table[key] = value
-
-    def undo(self, mark: int) -> None:
-        """Take back what was decided since."""
-        while len(self.trail) > mark:
-            table, key, before = self.trail.pop()
-            if before is _NOTHING:
-                del table[key]
-            else:
-                table[key] = before
-
-    def resting(self, own: int, around: tuple[int, ...]) -> Key:
-        """A cube's letter and its neighbours'."""
-        letters = self.letters
-        return sum([1 << 3 * letters[n] for n in around]) << BITS | letters[own]
-
-    def docked(self, reading: Reading) -> Key:
-        """A reading with its letters."""
-        return self.key(*self.terms(reading))
-
-    def terms(self, reading: Reading) -> _Terms:
-        """What a reading's key is made of."""
-        if reading not in self.known_terms:
-            kind = self.kinds[shown_of(reading)]
-            plain = (
-                (reading.own, reading.partner) if reading.across < 0 else (reading.own, reading.partner, reading.across)
-            )
-            self.known_terms[reading] = kind, plain, reading.around, reading.touched or ()
-        return self.known_terms[reading]
-
-    def key(self, kind: int, single: tuple[int, ...], around: tuple[int, ...], touched: tuple[int, ...]) -> Key:
-        """A number for a kind of reading, single unknowns, and two multisets of them."""
-        letters = self.letters
-        key = kind
-        for unknown in single:
-            key = key << BITS | letters[unknown]
-        neighbours = others = 0
-        for unknown in around:
-            neighbours += 1 << 3 * letters[unknown]
-        for unknown in touched:
-            others += 1 << 3 * letters[unknown]
-        return (key << 3 * MOST_LETTERS | others) << 3 * MOST_LETTERS | neighbours
-
-    def tables(self, chosen: _Chosen) -> Solution:
-        """What is settled, with the keys written out in full."""
-        waves = [wave for part in chosen.parts for wave in self.waves(part, chosen)]
-        joined, lost = {}, {}
-        for _, reading in (writer for wave in waves for writer in wave.writers):
+    def _enter(self, active: int, wave: Wave) -> None:
+        """A wave, with the letters that the cubes write with which it begins."""
+        cells = [self.cells[unknown] for unknown in wave.before]
+        for cube, reading in wave.writers:
+            if reading not in self.results:
+                self.results[reading] = self.clauses.cell()
+            cells[cube] = self.results[reading]
             if isinstance(reading, Loss):
-                lost[reading] = self.lost[
-                    self.resting(reading.own, reading.around) << BITS | self.letters[reading.lost]
-                ]
-            else:
-                joined[reading] = self.joined[self.docked(reading)]
-        followed = {}
-        for key, letter in self.followed.items():
-            own, around = key & (1 << BITS) - 1, key >> BITS
-            if letter != own:
-                followed[own, tuple(n for n in range(MOST_LETTERS) for _ in range(around >> 3 * n & 7))] = letter
-        parts = self.problem.plan.parts
-        letters = {u: self.letters[u] for part in chosen.parts for u in parts[part].unknowns}
-        return Solution(tuple(sorted(chosen.joins)), chosen.parts, letters, joined, lost, followed)  # type: ignore[arg-type]  # all are settled
+                self.losses.append((active, reading))
+        final = [self.cells[unknown] for unknown in self.plan.parts[wave.part].unknowns]
+        self.waves.append(_Running(active, wave, [cells], final, []))
+
+    def _close(self) -> None:
+        """A literal for all waves being over."""
+        settled = self.clauses.literal()
+        for active, _, rounds, final, over in self.waves:
+            over.append(self.clauses.literal())
+            self.clauses.add(settled ^ 1, active ^ 1, over[-1])
+            for cell, end in zip(rounds[-1], final, strict=True):
+                for letter in range(self.clauses.n_letters) if cell != end else ():
+                    has = self.clauses.has(cell, letter), self.clauses.has(end, letter)
+                    self.clauses.add(over[-1] ^ 1, has[0] ^ 1, has[1])
+        self.settled.append(settled)
+
+    def _continue(self) -> None:
+        """Another round of every wave."""
+        for active, wave, rounds, _, _ in self.waves:
+            cells, after = rounds[-1], [self.clauses.cell() for _ in rounds[-1]]
+            structure = self.plan.parts[wave.part].structure
+            for cube, own in enumerate(cells):
+                near = tuple(sorted(cells[n] for n in structure.neighbours(cube)))
+                self.rounds.append(_Step(active, own, near, after[cube]))
+            rounds.append(after)
+        self._close()
+
+    def find(self, joins: Iterable[Channel] | None = None, prefer: Prefer = first_letter) -> Solution | None:
+        """A solution with these joins and no others; None: there is none. Joins: None for any.
+
+        prefer : the letters that are looked for first, from the number of cells and of letters; -1 for no letter.
+            Others may lead to another solution
+        Waves take as few rounds as will do. OutOfRoundsError: all that there is takes more than MOST_ROUNDS.
+        """
+        wanted = None if joins is None else frozenset(joins)
+        given = [literal ^ (join not in wanted) for join, literal in self.open.items()] if wanted is not None else []
+        letters = prefer(len(self.clauses.cells), self.clauses.n_letters)
+        # Few waves take few rules, as a rule.
+        self.clauses.prefer(letters, [wave.over[0] for wave in self.waves] if (letters >= 0).any() else [])
+        return self._first(given)
+
+    def _first(self, given: list[int]) -> Solution | None:
+        for n in range(MOST_ROUNDS + 1):
+            if n == len(self.settled):
+                self._continue()
+            if not self._holds(given):  # not even if waves went on for ever
+                return None
+            if self._holds([*given, self.settled[n]]):
+                return self._solution()
+        raise OutOfRoundsError
+
+    def fewer_joins(self, found: Solution) -> Solution | None:
+        """A solution with some of the joins of another one; None: there is none."""
+        is_new = self.clauses.literal()
+        self.clauses.add(is_new ^ 1, *(self.open[join] ^ 1 for join in found.joins))
+        given = [is_new, *(literal ^ 1 for join, literal in self.open.items() if join not in found.joins)]
+        return self._first(given)
+
+    def _holds(self, given: list[int]) -> bool:
+        """Whether there are letters that break no clause, written down or not."""
+        while self.clauses.solve(given):
+            letters = self.clauses.letters
+            if not (self._unfounded() or self._misled(letters) | self._ambiguous(letters) | self._circling(letters)):
+                return True
+        return False
+
+    @property
+    def chosen(self) -> frozenset[Channel]:
+        """The joins that are open."""
+        return frozenset(join for join, literal in self.open.items() if self.clauses.true[literal])
+
+    def _unfounded(self) -> bool:
+        """Parts that nothing makes but they themselves, or that never become the target."""
+        there = {part for part, literal in self.present.items() if self.clauses.true[literal]}
+        chosen, true = self.chosen, self.clauses.add
+        reached = self.plan.reached(chosen, self.breaks)
+        if lost := there - reached:
+            ways = [lit for join, lit in self.open.items() if join.c in lost and lost.isdisjoint(join[:2])]
+            if self.breaks:
+                ways += [self.present[p] for p in self.parts if p not in lost and lost & self.plan.pieces[p]]
+            for part in lost:
+                true(self.present[part] ^ 1, *ways)
+            return True
+        if lost := reached - self.plan.leading_home(chosen, self.breaks, reached):
+            ways = [lit for join, lit in self.open.items() if join.c not in lost and not lost.isdisjoint(join[:2])]
+            for part in lost:
+                true(self.present[part] ^ 1, *ways)
+            return True
+        return False
+
+    def _misled(self, letters: np.ndarray) -> bool:
+        """Meetings in which both cubes read what cubes read in joins that are open, and must not."""
+        there = [part for part, literal in self.present.items() if self.clauses.true[literal]]
+        chosen = self.chosen
+        for a in there:
+            for b in there:
+                if b <= a and (a, b) not in self.met:
+                    self._meet(a, b)
+        keys, others = self._keys(letters)
+        open_: dict[tuple[int, int], tuple[Reading, int]] = {}
+        for join in sorted(chosen):
+            for docking in self.plan.joins[join]:
+                for reading in docking:
+                    n = self.read[reading]
+                    open_.setdefault((keys[n], others[n]), (reading, self.readings[reading]))
+        is_open = [pair in open_ for pair in zip(keys, others, strict=True)]
+        broken = 0
+        for a in there:
+            for b in there:
+                for made, first, second in self.met.get((a, b), ()):
+                    if not (is_open[first] and is_open[second]) or made in chosen:
+                        continue
+                    clause = [self.present[a] ^ 1, self.present[b] ^ 1]
+                    if made in self.open:
+                        clause.append(self.open[made])
+                    for n in (first, second):
+                        reading, literal = open_[keys[n], others[n]]
+                        clause += [literal ^ 1, *self.clauses.unlike(self._pairs(self.known[n], reading))]
+                    self.clauses.add(*clause)
+                    broken += 1
+                    if broken == MOST_BROKEN:
+                        return True
+        return broken > 0
+
+    def _meet(self, a: int, b: int) -> None:
+        """Note how two parts can meet; what no reading of a join is like is left out."""
+        plan, found = self.plan, self.met.setdefault((a, b), [])
+        ways: list[tuple[Channel | None, Docking]] = [
+            (join, docking) for join in plan.joins if join[:2] == (a, b) for docking in plan.joins[join]
+        ]
+        ways += [(None, docking) for docking in plan.foreign_of(a, b)]
+        for made, docking in ways:
+            if all(shown_of(reading) in self.kinds for reading in docking):
+                for reading in docking:
+                    self.read.setdefault(reading, len(self.read))
+                found.append((made, self.read[docking[0]], self.read[docking[1]]))
+
+    @cached_property
+    def kinds(self) -> dict[tuple[object, ...], int]:
+        """The kinds of readings in joins, numbered; nothing else is ever open."""
+        return {kind: number for number, kind in enumerate(dict.fromkeys(map(shown_of, self.readings)))}
+
+    @property
+    def known(self) -> list[Reading]:
+        """The readings met so far, in order."""
+        return list(self.read)
+
+    def _keys(self, letters: np.ndarray) -> tuple[list[int], list[int]]:
+        """What the readings met so far come to: pairs of numbers that are the same where all that is read is."""
+        powers = np.append((SIDES + 1) ** letters, 0)
+        letters = np.append(letters, -1)
+        kinds, single, around, touched = self._table()
+        keys = kinds
+        for cells in single.T:
+            keys = keys * (MOST_LETTERS + 1) + letters[cells] + 1
+        return (keys * (SIDES + 1) ** MOST_LETTERS + powers[around].sum(axis=1)).tolist(), powers[touched].sum(
+            axis=1
+        ).tolist()
+
+    def _table(self) -> tuple[np.ndarray, ...]:
+        """The readings met so far as arrays of cells; -1 for none."""
+        known = self.known
+        if len(self._rows[0]) < len(known):
+            rows = []
+            for r in known[len(self._rows[0]) :]:
+                across = -1 if r.across < 0 else self.cells[r.across]
+                cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
+                padded = [some + [-1] * (SIDES - len(some)) for some in cells]
+                rows.append((self.kinds[shown_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
+            new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
+            self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
+        return self._rows
+
+    @cached_property
+    def _rows(self) -> tuple[np.ndarray, ...]:
+        return tuple(np.zeros(shape, np.int64) for shape in (0, (0, 3), (0, SIDES), (0, SIDES)))
+
+    def _pairs(self, one: Reading, other: Reading) -> list[tuple[list[int], list[int]]]:
+        """Cells that have to be alike for two readings of one kind to be."""
+        pairs: list[tuple[Iterable[int], Iterable[int]]] = [
+            ((one.own,), (other.own,)),
+            ((one.partner,), (other.partner,)),
+            (one.around, other.around),
+            (one.touched or (), other.touched or ()),
+        ]
+        if one.across >= 0:
+            pairs.append(((one.across,), (other.across,)))
+        return [([self.cells[u] for u in a], [self.cells[u] for u in b]) for a, b in pairs]
+
+    def _ambiguous(self, letters: np.ndarray) -> bool:
+        """Cubes that read the same and would have to become different ones."""
+        rules: dict[tuple[object, ...], tuple[int, list[tuple[int, ...]], int]] = {}
+        value, broken, chosen = letters.tolist(), 0, self.chosen
+        uses: list[tuple[int, str, tuple[object, ...], list[tuple[int, ...]], int]] = []
+        for join in sorted(chosen):
+            for docking in self.plan.joins[join]:
+                for r in docking:
+                    terms: list[tuple[int, ...]] = [(self.cells[r.own],), (self.cells[r.partner],)]
+                    terms += [tuple(self.cells[u] for u in some) for some in (r.around, r.touched or ())]
+                    terms += [(self.cells[r.across],)] if r.across >= 0 else []
+                    uses.append((self.readings[r], "join", shown_of(r), terms, self.results[r]))
+        for active, loss in self.losses:
+            terms = [(self.cells[loss.own],), (self.cells[loss.lost],), tuple(self.cells[u] for u in loss.around)]
+            uses.append((active, "lose", (), terms, self.results[loss]))
+        uses += [(active, "follow", (), [(own,), near], after) for active, own, near, after in self.rounds]
+        for active, event, kind, terms, after in uses:
+            if not self.clauses.true[active]:
+                continue
+            key = (event, kind, *(tuple(sorted([value[cell] for cell in some])) for some in terms))
+            known = rules.setdefault(key, (active, terms, after))
+            if value[known[2]] != value[after]:
+                unlike = self.clauses.unlike(zip(known[1], terms, strict=True))
+                self.clauses.add(known[0] ^ 1, active ^ 1, *unlike, self.clauses.same(known[2], after))
+                broken += 1
+                if broken == MOST_BROKEN:
+                    break
+        return broken > 0
+
+    def _circling(self, letters: np.ndarray) -> bool:
+        """Waves that come back to letters that they had before, and so for ever."""
+        value, is_any = letters.tolist(), False
+        for active, _, rounds, final, over in self.waves:
+            if not self.clauses.true[active]:
+                continue
+            end = [value[cell] for cell in final]
+            seen: dict[tuple[int, ...], int] = {}
+            for n, cells in enumerate(rounds):
+                now = tuple([value[cell] for cell in cells])
+                before = seen.setdefault(now, n)
+                if before < n and now != tuple(end):
+                    unlike = self.clauses.unlike(((a,), (b,)) for a, b in zip(rounds[before], cells, strict=True))
+                    self.clauses.add(active ^ 1, over[before], *unlike)
+                    is_any = True
+                    break
+        return is_any
+
+    def _solution(self) -> Solution:
+        """What was found."""
+        value, true = self.clauses.letters.tolist(), self.clauses.true
+        joins = sorted(self.chosen)
+        parts = tuple(part for part, literal in self.present.items() if true[literal])
+        followed = {
+            (value[own], tuple(sorted(value[cell] for cell in near))): value[after]
+            for active, own, near, after in self.rounds
+            if true[active] and value[own] != value[after]
+        }
+        return Solution(
+            tuple(joins),
+            parts,
+            {u: value[self.cells[u]] for part in parts for u in self.plan.parts[part].unknowns},
+            {r: value[self.results[r]] for join in joins for docking in self.plan.joins[join] for r in docking},
+            {loss: value[self.results[loss]] for active, loss in self.losses if true[active]},
+            followed,
+        )
 
 
-def _namings(n: int, highest: int, n_letters: int) -> Iterator[tuple[int, ...]]:
-    """Letters for n unknowns, new ones in the order of the alphabet."""
-    if n == 0:
-        yield ()
-        return
-    for letter in range(min(highest + 1, n_letters - 1) + 1):
-        for rest in _namings(n - 1, max(highest, letter), n_letters):
-            yield (letter, *rest)
+class OutOfRoundsError(Exception):
+    """Nothing was found whose waves are over after so many rounds."""
+
+
+def shown_of(reading: Reading) -> tuple[object, ...]:
+    """All of a reading but the letters."""
+    return (
+        reading.face,
+        reading.partner_face,
+        reading.roll,
+        len(reading.around),
+        reading.across < 0,
+        len(reading.touched or ()),
+    )

@@ -29,7 +29,7 @@ from kinetics.assembly.structure import Structure
 TIME_LIMIT = 600.0  # s
 SEARCHING = 0.7  # of the time may go into the search, the rest is for the checks
 # Steps for one kind of senses: orbits tried, states explored, merges tried, cubes hung elsewhere.
-RUNG_STEPS = 1_000_000
+RUNG_STEPS, COURSE_STEPS = 1_000_000, 200_000  # for all, and for the order of growth
 TRIES = 300  # orders of merging
 MOVES = 5000  # from each start of the search for a tree
 SIX = Senses(faces="six", roll=True)
@@ -197,7 +197,8 @@ def _by_stages(target: Target, senses: Senses, seed: int, tries: int, budget: Bu
             f"target {target.name!r} with {sensing(senses)}: growth from a seed needs two or six face types; "
             'set faces = "two" in its senses'
         )
-    course, root = planned_course(target, senses, budget.step)
+    with budget.at_most(COURSE_STEPS):
+        course, root = planned_course(target, senses, budget.step)
     report(f"a growth in {len(course.stages)} stages; reading along")
     for weaker in _weaker(senses) if target.senses is None else (senses,):
         facts, seed_letter, final = facts_of(replace(course, senses=weaker), tick=budget.step)

@@ -49,7 +49,7 @@ def test_a_plate_with_two_face_types():
     assert quick(target(PLATE, senses=COOP)).book.fingerprint == made.book.fingerprint
 
 
-@pytest.mark.parametrize("name", ["plate5x5", "long_l"])
+@pytest.mark.parametrize("name", ["long_l", pytest.param("plate5x5", marks=pytest.mark.validate)])
 def test_shipped_targets_compile(name):
     made = quick(Target.load(name), tries=20)
     assert made.letters <= 6
@@ -206,7 +206,7 @@ def test_mistakes_in_what_is_asked():
 
 
 def test_the_compiled_pyramid_grows_to_its_45_cubes_and_no_further():
-    assert grown(PYRAMID, 8, 0).fault == ""
+    assert grown(PYRAMID, 3, 0).fault == ""
     assert PYRAMID.target.canonical("two").positions == RuleBook.load("pyramid45").target.canonical("two").positions
     assert len(PYRAMID.letters) <= 8
 

@@ -51,7 +51,7 @@ def test_faces_show_their_cubes_letters_all_along(name):
 
 
 def test_the_sense_across_is_read_through_the_faces():
-    costs = growth_costs(compile_book(Target.load("corner"), time_limit=1e9).book, seed=0)
+    costs = growth_costs(compile_book(Target.load("corner"), time_limit=1e9).book, seed=2)
     assert len(costs) > 0
 
 
