@@ -1,367 +1,279 @@
-"""Whether fewer letters do: a search over rules, not letters, that shares no code with the compiler.
+"""Whether so many letters do: a search over rules, not letters, that shares no code with the compiler.
 
-Free cubes meet; where nothing is settled yet about what a cube reads, every answer is tried; and an answer falls with
-the first structure that is no part of the target.
+Pieces of the target meet; where nothing is settled yet about what a cube reads, every answer is tried; and an answer
+falls with the first structure that is no piece of the target, or that comes with other letters than before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from itertools import combinations
-from typing import NamedTuple
+from collections.abc import Collection, Iterator, Sequence
+from itertools import combinations, product
+from typing import Any, NamedTuple
 
-from kinetics.assembly.faces import Position, roll, scheme_of
 from kinetics.assembly.rules.conditions import Senses
+from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure, placements
 
-STEPS = 1_000_000
-BLANK = "#"
-NAMES = "abcdefgh"
-Reading = tuple[object, ...]
-Shape = tuple[tuple[Position, ...], tuple[int, ...]]
-Made = tuple[Structure, Structure, Structure]  # the bare shapes of two structures, and of what they make
+FREE, NAMES = "a", "abcdefgh"
+Reading = tuple[tuple[str, ...], ...]  # all but letters; a cube's own; its neighbours', sorted; its partner's; and more
+Join = tuple[int, int, int]  # two pieces, the smaller number first, and what they make
 
 
-class StepsError(Exception):
-    """The search has used up its steps."""
+class PieceEvent(NamedTuple):
+    """Two pieces meet, or one breaks; cubes have names in the place of letters.
 
-
-class Searched(NamedTuple):
-    """The rules of a book with so many letters, None where there is none; and the answers that were tried."""
-
-    letters: int
-    rules: Mapping[Reading, str] | None
-    steps: int
-
-
-class _End(NamedTuple):
-    """What a cube of a structure shows as it docks, by the places of the letters that it reads."""
-
-    cube: int
-    face: str
-    near: tuple[int, ...]
-    behind: int | None
-    touched: tuple[int, ...]
-
-
-class _Meeting(NamedTuple):
-    """One way in which two structures can meet; bare: the shape that they make, None: no part of the target."""
-
-    ends: tuple[_End, _End]
-    twist: str
-    shape: Shape
-    bare: Structure | None
-
-
-@dataclass
-class BookSearch:
-    """A search for any book of so many letters that builds the target and parts of it alone.
-
-    one_lettering : only books in which all structures of one shape have the same letters, also in places that symmetry
-        exchanges, and a join happens in all its ways; else any book
-    joins : those that the book must have, and no others, by bare shapes; None: any
-    Both cubes must have a rule to bond, and both read before either writes; internal rules follow at once, all cubes at
-    a time. From every structure there must be events to the target. Cost: exponential in the number of rules.
+    after : where both cubes answer, the pieces, each with its cubes; those that answer are `0` and `1`
     """
 
-    target: Structure
-    senses: Senses
-    breaks: bool
-    letters: int
-    one_lettering: bool = True
-    joins: frozenset[Made] | None = None
-    most_steps: int = STEPS
-    steps: int = 0
-    rules: dict[Reading, tuple[str, int]] = field(default_factory=dict)  # the answer, and the bit that stands for it
+    before: tuple[int, ...]
+    readings: Sequence[Reading]
+    after: Sequence[tuple[int, tuple[str, ...]]]  # piece -1: no piece of the target
 
-    def __post_init__(self) -> None:
-        self.scheme = self.senses.faces
-        whole = self.bare(self.target)
-        self.pieces = {
-            piece
-            for size in range(1, len(whole) + 1)
-            for members in combinations(range(len(whole)), size)
-            if (piece := self.piece(whole, members)) is not None
-        }
-        self.whole = whole
-        self.splits = [
-            (*sorted((one, two), key=repr), piece)
-            for piece in sorted(self.pieces, key=len)
-            for size in range(1, len(piece))
-            for members in combinations(range(len(piece)), size)
-            if 0 in members
-            and (one := self.piece(piece, members)) is not None
-            and (two := self.piece(piece, tuple(n for n in range(len(piece)) if n not in members))) is not None
+
+class Pieces:
+    """The connected pieces of a target up to rotation, the free cube first and the target last, and their joins.
+
+    shapes : the letters are names of the cubes, one name for those that symmetry exchanges
+    """
+
+    def __init__(self, target: Structure, senses: Senses):
+        self.size, self.scheme, self.reader = len(target), senses.faces, RuleBook("reader", ("a",), "a", senses)
+        groups = {frozenset({cube}) for cube in range(len(target))}
+        for _ in range(len(target)):
+            groups |= {group | {n} for group in groups for cube in group for n in target.neighbours(cube)}
+        shapes = {group: _bare(target.part(sorted(group))).canonical(self.scheme) for group in groups}
+        self.number = {shape: n for n, shape in enumerate(sorted({*shapes.values()}, key=lambda s: (len(s), repr(s))))}
+        self.shapes = []
+        for shape, n in self.number.items():
+            turns = shape.symmetries(self.scheme)
+            firsts = [min(shape.places[turn.of(place)] for turn in turns) for place in shape.positions]
+            self.shapes.append(shape.with_letters([f"{n}.{cube}" for cube in firsts]))
+        self.joins: set[Join] = set()
+        for one, two in combinations(groups, 2):
+            if one | two in groups and not one & two:
+                a, b, made = (self.number[shapes[group]] for group in (one, two, one | two))
+                self.joins.add((min(a, b), max(a, b), made))
+        self.falls = [list(self._falls(whole)) for whole in range(len(self.shapes))]
+        self._met: dict[tuple[int, int], list[PieceEvent]] = {}
+
+    def placed(self, structure: Structure) -> tuple[int, tuple[str, ...]]:
+        """Which piece a structure is, -1 for none; and its letters in the order of the piece's cubes."""
+        bare = _bare(structure)
+        in_order = sorted(zip(bare.canonical_cubes(self.scheme), structure.letters, strict=True))
+        return self.number.get(bare.canonical(self.scheme), -1), tuple([letter for _, letter in in_order])
+
+    def docking(self, one: Structure, i: int, two: Structure, j: int) -> PieceEvent:
+        """Cube i of a piece, with its names, beside cube j of another; ValueError where they overlap or are apart."""
+        if not one.places.keys().isdisjoint(two.places):
+            raise ValueError(f"{one} and {two} overlap")
+        a, b = sorted(int(side.letters[0].split(".")[0]) for side in (one, two))
+        faces = one.face_towards(i, two.positions[j]), two.face_towards(j, one.positions[i])
+        views: Any = self.reader.view(one, i, faces[0], two, j), self.reader.view(two, j, faces[1], one, i)
+        readings = [
+            (
+                ("join", own.face, other.face, own.roll or ""),
+                (own.letter,),
+                own.neighbours,
+                (other.letter,),
+                (own.across,) if own.across else (),
+                own.touched or (),
+            )
+            for own, other in (views, views[::-1])
         ]
-        self.order: list[Structure] = []
-        self.known: dict[Structure, int] = {}
-        self.shapes: dict[Structure, int] = {}
-        self.todo: list[tuple[int, ...]] = []  # structures that meet, the number of the meeting; or a bond that breaks
-        self.events: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
-        self.met: dict[tuple[Shape, Shape], list[_Meeting]] = {}
-        self.opened: dict[Made, tuple[bool, int]] = {}
-        self.reasons: list[int] = []  # the rules by which each structure was made first
+        made = _marked(one.joined(two), i, len(one) + j)
+        return PieceEvent((a, b), readings, [self.placed(made) if len(made) <= self.size else (-1, ())])
 
-    def search(self) -> Searched:
-        """Search it all; StepsError where it takes too long."""
-        self.used = 0
-        self.enter(Structure(((0, 0, 0),), (0,), (NAMES[0],)))
-        if self.go_on(0) is not None:
-            return Searched(self.letters, None, self.steps)
-        return Searched(self.letters, {reading: answer for reading, (answer, _) in self.rules.items()}, self.steps)
+    def meetings(self, a: int, b: int) -> list[PieceEvent]:
+        """The ways in which two pieces meet; those that look alike, with like letters in like places, once."""
+        if (a, b) not in self._met:
+            one, two = self.shapes[a], self.shapes[b]
+            firsts = [
+                [site for site in s.open_faces() if s.letters[site[0]].endswith(f".{site[0]}")] for s in (one, two)
+            ]
+            found = {}
+            for (i, face), (j, other) in product(*firsts):
+                for placed in map(two.moved, placements(one, i, face, two, j, other)):
+                    if one.places.keys().isdisjoint(placed.places):
+                        event = self.docking(one, i, placed, j)
+                        found[repr(event)] = event
+            self._met[a, b] = list(found.values())
+        return self._met[a, b]
 
-    def piece(self, whole: Structure, members: tuple[int, ...]) -> Structure | None:
-        """The shape of these cubes; None where they do not hang together."""
+    def _falls(self, whole: int) -> Iterator[PieceEvent]:
+        shape = self.shapes[whole]
+        names = shape.letters
+        for i, j in shape.bonds:
+            if sides := shape.sides(i, j):
+                near = [tuple(sorted([names[n] for n in shape.neighbours(c) if n not in (i, j)])) for c in (i, j)]
+                readings = [(("break",), (names[c],), near[c == j], (names[i + j - c],)) for c in (i, j)]
+                yield PieceEvent((whole,), readings, [self.placed(_marked(shape, i, j).part(side)) for side in sides])
+
+    def can_make_target(self, without: Collection[Join], breaks: bool) -> bool:
+        """Whether there is a way from free cubes to the target that leaves out some joins, and makes only what may
+        become part of the target itself, and falls apart into the like.
+        """
+        target = len(self.shapes) - 1
+        left, falls = self.joins.difference(without), self.falls if breaks else [[] for _ in self.shapes]
+        parts = [{part for event in events for part, _ in event.after} for events in falls]
+        while True:
+            made, home, size = {0}, {target}, -1
+            while len(made) + len(home) > size:
+                size = len(made) + len(home)
+                made |= {c for a, b, c in left if a in made and b in made}.union(*(parts[piece] for piece in made))
+                home |= {piece for a, b, c in left if c in home and {a, b} <= made for piece in (a, b)}
+                home |= {piece for piece in made if parts[piece] & home}
+            lost = {piece for piece in made if piece not in home or not parts[piece] <= home}
+            kept = {join for join in left if join[2] not in lost}
+            if kept == left:
+                return target in made and not lost
+            left = kept
+
+
+def _bare(structure: Structure) -> Structure:
+    return structure.with_letters(("#",) * len(structure))
+
+
+def _marked(structure: Structure, i: int, j: int) -> Structure:
+    return structure.with_letters([{i: "0", j: "1"}.get(cube, name) for cube, name in enumerate(structure.letters)])
+
+
+class _State(NamedTuple):
+    """What follows from the rules so far; facts come with the rules that they follow from, as bits."""
+
+    letters: dict[str, str]  # of the cubes of the pieces that are made
+    made: dict[int, int]
+    todo: list[PieceEvent]
+    joins: dict[Join, tuple[bool, int]]  # whether they happen
+    moves: set[tuple[str, str]]  # which cubes become which
+
+    def copy(self) -> _State:
+        return _State(self.letters.copy(), self.made.copy(), self.todo.copy(), self.joins.copy(), self.moves.copy())
+
+
+class BookSearch:
+    """A search for any book of so many letters that makes a target and pieces of it alone, all of which can become it.
+
+    joins : those that the book must have, and no others; None: any
+    Kind of books: both cubes must have a rule to bond, and both read before either writes; internal rules follow at
+    once, all cubes at a time; all structures of one shape have the same letters, and so have places that symmetry
+    exchanges; a join happens in all its ways or in none. Cost: exponential in the number of rules.
+    """
+
+    def __init__(self, pieces: Pieces, breaks: bool, letters: int, joins: Collection[Join] | None = None):
+        self.pieces, self.breaks, self.names = pieces, breaks, NAMES[:letters]
+        self.asked = {} if joins is None else {join: (join in joins, 0) for join in pieces.joins}
+        # a free cube stays free; with each answer, the bit that stands for the rule
+        self.rules: dict[Reading, tuple[str, int]] = {(("follow",), (FREE,), ()): (FREE, 0)}
+        self.used = self.steps = 0
+
+    def finds_one(self, most_steps: int) -> bool | None:
+        """Whether there is such a book, by its `rules` then; None: not decided with so many answers tried."""
+        self.most_steps, state = most_steps, _State({}, {}, [], self.asked.copy(), set())
+        self._enter(state, 0, (FREE,))
         try:
-            return self.bare(whole.part(members))
-        except ValueError:
+            return self._go_on(state, 0) is None
+        except (TimeoutError, RecursionError):
             return None
 
-    def bare(self, structure: Structure) -> Structure:
-        """The shape, in canonical form."""
-        return structure.with_letters((BLANK,) * len(structure)).canonical(self.scheme)
-
-    def go_on(self, n: int) -> int | None:
+    def _go_on(self, state: _State, n: int) -> int | None:
         """Complete the rules so that all goes well from the n-th thing to do on: None where that works, else the rules
-        that cannot all stay, as bits.
-
-        Of the rules before, only those are tried again that have a part in a fault (conflict-directed backjumping;
-        Prosser 1993, doi:10.1111/j.1467-8640.1993.tb00310.x).
+        that cannot all stay. Of the rules before, only those are tried again that have a part in a fault
+        (conflict-directed backjumping; Prosser 1993, doi:10.1111/j.1467-8640.1993.tb00310.x).
         """
-        marks = len(self.order), len(self.todo), len(self.events)
-        opened = dict(self.opened)
+        guilty, bit = 0, 1 << len(self.rules)
         try:
-            while n < len(self.todo):
-                self.happen(self.todo[n])
+            while n < len(state.todo):
+                self._happen(state, state.todo[n])
                 n += 1
-            if self.goes_home():
+            return None if self._goes_home(state) else bit - 1
+        except _Stopped as stopped:
+            reading: Reading = stopped.args
+        if not reading:
+            return self.used
+        known = {FREE, *(answer for answer, _ in self.rules.values())}
+        fresh = [name for name in self.names if name not in known]
+        answers = [name for name in self.names if name in known] + fresh[:1]
+        for answer in ["", *answers] if reading[0][0] == "join" else answers:  # "": no bond
+            self.steps += 1
+            if self.steps > self.most_steps:
+                raise TimeoutError
+            self.rules[reading] = answer, bit
+            found = self._go_on(state.copy(), n)
+            if found is None:
                 return None
-            guilty = (1 << len(self.rules)) - 1
-        except _FaultError:
-            guilty = self.used
-        except _OpenError as error:
-            guilty, bit = 0, 1 << len(self.rules)
-            for answer in self.answers(error.reading):
-                self.steps += 1
-                if self.steps > self.most_steps:
-                    raise StepsError from None
-                self.rules[error.reading] = answer, bit
-                found = self.go_on(n)
-                if found is None:
-                    return None
-                del self.rules[error.reading]
-                guilty |= found
-                if not found & bit:
-                    guilty = found
-                    break
-            guilty &= ~bit
-        for structure in self.order[marks[0] :]:
-            del self.known[structure]
-        self.shapes = {shape: number for shape, number in self.shapes.items() if number < marks[0]}
-        del self.order[marks[0] :], self.reasons[marks[0] :], self.todo[marks[1] :], self.events[marks[2] :]
-        self.opened = opened
-        return guilty
+            del self.rules[reading]
+            if not found & bit:
+                return found
+            guilty |= found
+        return guilty & ~bit
 
-    def answers(self, reading: Reading) -> Iterator[str]:
-        """What a cube may do; of the letters that were never used, the first stands for all."""
-        if reading[0] == "join":
-            yield ""
-        used = {NAMES[0], *(answer for answer, _ in self.rules.values())}
-        fresh = [name for name in NAMES[: self.letters] if name not in used]
-        yield from [name for name in NAMES[: self.letters] if name in used]
-        yield from fresh[:1]
+    def _answer(self, reading: Reading) -> str:
+        if reading not in self.rules:
+            raise _Stopped(*reading)
+        self.used |= self.rules[reading][1]
+        return self.rules[reading][0]
 
-    def enter(self, structure: Structure) -> int:
-        """The number of a structure, after its internal rules; a new one has new things to do."""
-        made = self.at_rest(structure).canonical(self.scheme)
-        if made in self.known:
-            return self.known[made]
-        bare = self.bare(made)
-        other = self.shapes.setdefault(bare, len(self.order))
-        if self.one_lettering and other != len(self.order):
-            self.used |= self.reasons[other]
-            raise _FaultError
-        if self.one_lettering and made.symmetry_number(self.scheme) != bare.symmetry_number(self.scheme):
-            raise _FaultError  # places that symmetry exchanges have unlike letters
-        self.known[made] = number = len(self.order)
-        self.order.append(made)
-        self.reasons.append(self.used)
-        for other in range(number + 1):
-            self.todo += [(number, other, n) for n in range(len(self.meetings(made, self.order[other])))]
-        if self.breaks:
-            self.todo += [(number, *bond, -1) for bond in made.bonds if made.sides(*bond) is not None]
-        return number
-
-    def happen(self, thing: tuple[int, ...]) -> None:
+    def _happen(self, state: _State, event: PieceEvent) -> None:
         """A meeting or a break, with all that follows at once."""
         self.used = 0
-        if len(thing) == 4:
-            a, i, j, _ = thing
-            before: tuple[int, ...] = (a,)
-            self.used = self.reasons[a]
-            made = self.broken(self.order[a], i, j)
-        else:
-            before, made = thing[:2], self.joined(*thing)
-        if made:
-            self.events.append((before, tuple([self.enter(structure) for structure in made])))
-
-    def joined(self, n: int, m: int, number: int) -> list[Structure]:
-        """What two structures make in one of their ways to meet, if anything."""
-        a, b = self.order[n], self.order[m]
-        meeting = self.meetings(a, b)[number]
-        letters = a.letters, b.letters
-        readings = [
-            self.reading(end, own, other, face.face, meeting.twist)
-            for end, face, own, other in zip(meeting.ends, meeting.ends[::-1], letters, letters[::-1], strict=True)
+        for piece in event.before:
+            self.used |= state.made[piece]
+        letters = state.letters
+        readings: list[Reading] = [
+            (seen, *[tuple(sorted([letters[name] for name in names])) for names in read])
+            for seen, *read in event.readings
         ]
-        refused = [self.rules[reading] for reading in readings if self.rules.get(reading, ("?",))[0] == ""]
-        self.used = self.reasons[n] | self.reasons[m]
-        becomes = []
-        if refused:
-            self.used |= refused[0][1]
-        else:
-            for reading in readings:
-                becomes.append(self.answer(reading))
-                if not becomes[-1]:
-                    break
-        does_bond = bool(becomes) and becomes[-1] != ""
-        if meeting.bare is not None:
-            self.decide(self.bare(a), self.bare(b), meeting.bare, does_bond)
-        if not does_bond:
-            return []
-        if meeting.bare is None:
-            raise _FaultError
-        new = [*a.letters, *b.letters]
-        new[meeting.ends[0].cube], new[len(a) + meeting.ends[1].cube] = becomes
-        return [Structure.unchecked(*meeting.shape, tuple(new))]
+        refused = [reading for reading in readings if self.rules.get(reading, ("?",))[0] == ""][:1]
+        answers = [self._answer(reading) for reading in refused or readings]
+        if len(event.before) == 2:
+            self._decide(state, (*event.before, event.after[0][0]), not refused)
+        becomes = letters | dict(zip("01", answers, strict=False))
+        cubes = {str(n): names[0] for n, (_, names, *_) in enumerate(event.readings)}
+        for piece, names in () if refused else event.after:
+            self._enter(state, piece, tuple([becomes[name] for name in names]))
+            state.moves.update(zip([cubes.get(n, n) for n in names], self.pieces.shapes[piece].letters, strict=True))
 
-    def decide(self, a: Structure, b: Structure, made: Structure, does_bond: bool) -> None:
-        """A join happens in all its ways or in none, where that is asked, and only if it may."""
-        one, two = sorted((a, b), key=repr)
-        key = one, two, made
-        if self.joins is not None and does_bond != (key in self.joins):
-            raise _FaultError
-        if self.one_lettering:
-            is_new = key not in self.opened
-            known, why = self.opened.setdefault(key, (does_bond, self.used))
-            if known != does_bond:
+    def _decide(self, state: _State, join: Join, happens: bool) -> None:
+        """A join makes a piece, in all its ways or in none; and those that are left can make the target."""
+        known, why = (False, 0) if join[2] < 0 else state.joins.setdefault(join, (happens, self.used))
+        refused = {other: reasons for other, (is_made, reasons) in state.joins.items() if not is_made}
+        if known != happens:
+            self.used |= why
+            raise _Stopped
+        if not happens and not self.pieces.can_make_target(refused, self.breaks):
+            for why in refused.values():
                 self.used |= why
-                raise _FaultError
-            if is_new and not known and not self.is_hopeful():
-                for other, reasons in self.opened.values():
-                    self.used |= 0 if other else reasons
-                raise _FaultError
+            raise _Stopped
 
-    def is_hopeful(self) -> bool:
-        """Whether joins that nothing is decided about may still make the target."""
-        found, size = {piece for piece in self.pieces if len(piece) == 1}, 0
-        while len(found) > size:
-            size = len(found)
-            for a, b, made in self.splits:
-                if a in found and b in found and self.opened.get((a, b, made), (True, 0))[0]:
-                    found.add(made)
-        return self.whole in found
-
-    def reading(self, end: _End, own: tuple[str, ...], other: tuple[str, ...], face: str, twist: str) -> Reading:
-        """All that a cube reads as it docks."""
-        near = tuple(sorted([own[n] for n in end.near]))
-        across = "" if end.behind is None else own[end.behind]
-        touched = tuple(sorted([other[n] for n in end.touched[1:]]))
-        return "join", own[end.cube], end.face, near, other[end.touched[0]], face, across, twist, touched
-
-    def meetings(self, a: Structure, b: Structure) -> list[_Meeting]:
-        """The ways in which two structures meet, those once that look alike."""
-        key = (a.positions, a.rotations), (b.positions, b.rotations)
-        if key not in self.met:
-            bare = [s.with_letters([f"{n}{cube}" for cube in range(len(s))]) for n, s in enumerate((a, b))]
-            found: dict[object, _Meeting] = {}
-            for i, face in a.open_faces():
-                for j, other in b.open_faces():
-                    for placement in placements(a, i, face, bare[1], j, other):
-                        placed = bare[1].moved(placement)
-                        if a.places.keys().isdisjoint(placed.places):
-                            meeting = self.meeting(bare[0], i, face, placed, j, other)
-                            made = bare[0].joined(placed).canonical(self.scheme)
-                            found.setdefault((meeting.ends, meeting.twist, made), meeting)
-            self.met[key] = list(found.values())
-        return self.met[key]
-
-    def meeting(self, a: Structure, i: int, face: int, b: Structure, j: int, other: int) -> _Meeting:
-        """One way, with b where it docks."""
-        made = a.joined(b)
-        shape = self.bare(made)
-        return _Meeting(
-            (self.end(a, i, face, b, j), self.end(b, j, other, a, i)),
-            roll(self.scheme, a.rotations[i], face, b.rotations[j]) if self.senses.roll else "",
-            (made.positions, made.rotations),
-            shape if shape in self.pieces else None,
-        )
-
-    def end(self, own: Structure, cube: int, face: int, other: Structure, partner: int) -> _End:
-        """What one cube shows; touched: the partner, then all that it touches if it senses them."""
-        behind = own.cube_at(own.faced(cube, face ^ 1)) if self.senses.across else None
-        touched = tuple(sorted(other.touching(own.positions[cube]))) if self.senses.touched else ()
-        near = tuple(sorted(own.neighbours(cube)))
-        return _End(cube, scheme_of(self.scheme).types[face], near, behind, (partner, *touched))
-
-    def broken(self, whole: Structure, i: int, j: int) -> list[Structure]:
-        """What is left when a bond breaks."""
-        sides = whole.sides(i, j)
-        assert sides is not None  # noqa: S101  only such bonds are tried
-        letters = list(whole.letters)
-        for own, gone in ((i, j), (j, i)):
-            near = tuple(sorted(whole.letters[n] for n in whole.neighbours(own) if n != gone))
-            letters[own] = self.answer(("break", whole.letters[own], near, whole.letters[gone]))
-        after = whole.with_letters(letters)
-        return [after.part(side) for side in sides]
-
-    def at_rest(self, structure: Structure) -> Structure:
-        """The structure after its internal rules; a lone cube with the first letter is a free one and stays so."""
-        seen: set[tuple[str, ...]] = set()
-        letters = structure.letters
+    def _enter(self, state: _State, piece: int, letters: tuple[str, ...]) -> None:
+        """A piece is made, and the internal rules follow; a new one has new things to do."""
+        shape, seen = self.pieces.shapes[piece], list[tuple[str, ...]]()
         while letters not in seen:
-            seen.add(letters)
-            near = [tuple(sorted([letters[n] for n in structure.neighbours(c)])) for c in range(len(letters))]
-            following = tuple(
-                [
-                    own if (own, around) == (NAMES[0], ()) else self.answer(("follow", own, around))
-                    for own, around in zip(letters, near, strict=True)
-                ]
+            seen.append(letters)
+            near = [tuple(sorted([letters[n] for n in shape.neighbours(cube)])) for cube in range(len(letters))]
+            letters = tuple(
+                [self._answer((("follow",), (own,), around)) for own, around in zip(letters, near, strict=True)]
             )
-            if following == letters:
-                return structure.with_letters(letters)
-            letters = following
-        raise _FaultError
+        given = state.letters if piece in state.made else dict(zip(shape.letters, letters, strict=True))
+        if letters != seen[-1] or letters != tuple([given[name] for name in shape.letters]):
+            self.used |= state.made.get(piece, 0)
+            raise _Stopped
+        if piece not in state.made:
+            state.letters.update(given)
+            state.made[piece] = self.used
+            for other in state.made:
+                state.todo.extend(self.pieces.meetings(min(piece, other), max(piece, other)))
+            state.todo.extend(self.pieces.falls[piece] if self.breaks else ())
 
-    def answer(self, reading: Reading) -> str:
-        """What is settled about a reading."""
-        if reading not in self.rules:
-            raise _OpenError(reading)
-        answer, bit = self.rules[reading]
-        self.used |= bit
-        return answer
-
-    def goes_home(self) -> bool:
-        """Whether the target is made, bonds no more, and every structure can become it."""
-        made = [number for number, structure in enumerate(self.order) if self.bare(structure) == self.whole]
-        grows = any(set(before) & set(made) for before, _ in self.events if len(before) == 2)
-        if not made or grows or (self.joins or set()) - {key for key, (yes, _) in self.opened.items() if yes}:
-            return False
-        home, size = set(made), 0
+    def _goes_home(self, state: _State) -> bool:
+        """Whether some way leads every cube into the target."""
+        target, size = len(self.pieces.shapes) - 1, 0
+        home = set(self.pieces.shapes[target].letters if target in state.made else ())
         while len(home) > size:
             size = len(home)
-            home |= {n for before, after in self.events if home.intersection(after) for n in before}
-        return len(home) == len(self.order)
+            home |= {before for before, after in state.moves if after in home}
+        return home.issuperset(state.letters)
 
 
-class _FaultError(Exception):
-    """The rules do what they must not."""
-
-
-class _OpenError(Exception):
-    """Nothing is settled about a reading."""
-
-    def __init__(self, reading: Reading):
-        super().__init__(reading)
-        self.reading = reading
+class _Stopped(Exception):  # noqa: N818  it is no error
+    """The rules do what they must not; or, with arguments, nothing is settled about this reading."""
