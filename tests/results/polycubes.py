@@ -3,8 +3,8 @@
     python -m tests.results.polycubes --workers 2
 
 says what it will cost, compiles each shape in a process of its own, and writes each row as it comes; Ctrl-C keeps what
-is there, and `--resume` goes on. Once all rows are there it makes the table, the figures and the page of them;
-`--page` makes these alone.
+is there, and `--resume` goes on. Then it makes the table, the pictures and the page of the rows; `--page` makes these
+alone.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import multiprocessing
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -23,24 +24,12 @@ from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
 from tests.results.polycubes_page import write_page
 from tests.results.polycubes_rows import CPU_LIMIT, Row, code, work
-from tests.results.polycubes_shapes import polycubes, sampled
+from tests.results.polycubes_shapes import ALL_UP_TO, SEED, SIZES, chosen, polycubes
 from tests.results.studies import ROOT
 
 FOLDER = ROOT / "results" / "polycubes"
-SIZES = (1, 2, 3, 4, 5, 6, 7, 8)
-ALL_UP_TO, SAMPLE = 6, 100
-SEED = 1
 
 Key = tuple[int, int]
-
-
-def keys(sizes: Iterable[int], seed: int) -> list[Key]:
-    """The shapes of the table: all of few cubes, a sample of more."""
-    return [
-        (size, number)
-        for size in sizes
-        for number in (range(len(polycubes(size))) if size <= ALL_UP_TO else sampled(size, SAMPLE, seed))
-    ]
 
 
 def stored(folder: Path) -> dict[Key, Row]:
@@ -60,49 +49,53 @@ def cost(wanted: Sequence[Key], known: Iterable[Row], workers: int) -> str:
     times: dict[int, list[float]] = {}
     for row in known:
         times.setdefault(row.cubes, []).append(row.cpu)
-    most = f"at most {len(wanted) * CPU_LIMIT / 60:.0f} CPU minutes of compilation"
-    if any(size not in times for size, _ in wanted):
-        return f"{len(wanted)} shapes, {most}; what they usually take is not known"
-    usual = sum(mean(times[size]) for size, _ in wanted) / 60
-    return f"{len(wanted)} shapes, about {usual:.0f} CPU minutes by {workers} workers, {most}"
+    usual = sum(mean(times[size]) for size, _ in wanted if size in times) / 60
+    new = sum(size not in times for size, _ in wanted)
+    return (
+        f"{len(wanted)} shapes by {workers} workers: about {usual:.0f} CPU minutes, as rows there have taken"
+        + (f", without {new} of sizes that have none" if new else "")
+        + f"; at most {len(wanted) * CPU_LIMIT / 60:.0f} of compilation"
+    )
 
 
-def made_rows(wanted: Sequence[Key], workers: int) -> Iterator[Row]:
+def made_rows(wanted: Sequence[Key], seed: int, workers: int) -> Iterator[Row]:
     """Rows as they come, each from a process of its own."""
     processes = multiprocessing.get_context("forkserver")
     processes.set_forkserver_preload(["tests.results.polycubes_rows"])
-    waiting, at_work = list(reversed(wanted)), dict[Connection, tuple[BaseProcess, Key]]()
+    waiting, at_work = list(reversed(wanted)), dict[Connection, tuple[BaseProcess, Row]]()
     try:
         while waiting or at_work:
             while waiting and len(at_work) < workers:
                 key = waiting.pop()
+                alone = Row(*key, polycubes(key[0])[key[1]], "ended", code=code(key[0]), seed=_seed_of(key, seed))
                 receiving, sending = processes.Pipe(duplex=False)
-                process = processes.Process(target=work, args=(sending, *key), daemon=True)
+                process = processes.Process(target=work, args=(sending, *key, alone.seed), daemon=True)
                 process.start()
                 sending.close()
-                at_work[receiving] = process, key
+                at_work[receiving] = process, alone
             for ready in wait(list(at_work)):
                 assert isinstance(ready, Connection)
-                process, key = at_work.pop(ready)
-                yield _received(ready, process, key)
+                yield _received(ready, *at_work.pop(ready))
     finally:
         for process, _ in at_work.values():
             process.kill()
             process.join()
 
 
-def _received(ready: Connection, process: BaseProcess, key: Key) -> Row:
+def _received(ready: Connection, process: BaseProcess, alone: Row) -> Row:
     """A row that a process has sent; one that says so where it was ended before."""
-    size, number = key
     try:
         return Row.read(ready.recv())
     except EOFError:
         process.join()
-        reason = f"its process was ended (exit code {process.exitcode})"
-        return Row(size, number, polycubes(size)[number], "ended", reason, code=code())
+        return replace(alone, reason=f"its process was ended (exit code {process.exitcode})")
     finally:
         ready.close()
         process.join()
+
+
+def _seed_of(key: Key, seed: int) -> int | None:
+    return seed if key[0] > ALL_UP_TO else None
 
 
 def options(arguments: Sequence[str]) -> argparse.Namespace:
@@ -131,29 +124,33 @@ def options(arguments: Sequence[str]) -> argparse.Namespace:
 def main(arguments: Sequence[str]) -> int:
     """Make what is missing, and the page; the exit code."""
     asked = options(arguments)
-    table = keys(SIZES, asked.seed)
-    rows = stored(asked.folder)
-    if not asked.page:
-        kept = {key for key, row in rows.items() if asked.resume and row.code == code()}
-        wanted = [key for key in keys(asked.sizes, asked.seed) if key not in kept]
-        sys.stdout.write(cost(wanted, rows.values(), asked.workers) + "\n")
-        rows = {key: row for key, row in rows.items() if key in set(table)}
-        began, done = time.monotonic(), 0
-        try:
-            with progress_line() as progress:
-                for row in made_rows(wanted, asked.workers):
-                    rows[row.key] = row
-                    store(asked.folder, rows.values())
-                    done += 1
-                    left = (time.monotonic() - began) / done * (len(wanted) - done) / 60
-                    progress(f"{done} of {len(wanted)} shapes; {left:.0f} minutes left")
-        except KeyboardInterrupt:
-            sys.stdout.write(f"stopped after {done} of {len(wanted)} shapes; all are kept, --resume goes on\n")
-            return INTERRUPTED
-    if missing := [key for key in table if key not in rows]:
-        sys.stdout.write(f"{len(missing)} of {len(table)} shapes have no row yet, so the page was not made\n")
-        return 1
-    write_page(asked.folder, [rows[key] for key in table], asked.seed)
+    table = set(chosen(SIZES, asked.seed))
+    rows = {key: row for key, row in stored(asked.folder).items() if key in table}
+    exit_code = 0 if asked.page else run(asked, rows)
+    write_page(asked.folder, [rows[key] for key in sorted(rows)])
+    if missing := len(table) - len(rows):
+        sys.stdout.write(f"{missing} of {len(table)} shapes have no row yet; the page says so\n")
+    return exit_code
+
+
+def run(asked: argparse.Namespace, rows: dict[Key, Row]) -> int:
+    """Make the rows that are asked for, and store each as it comes; the exit code."""
+    kept = {key for key, row in rows.items() if asked.resume and row.code == code(row.cubes)}
+    wanted = [key for key in chosen(asked.sizes, asked.seed) if key not in kept]
+    sys.stdout.write(cost(wanted, rows.values(), asked.workers) + "\n")
+    sys.stdout.flush()
+    began, done = time.monotonic(), 0
+    try:
+        with progress_line() as progress:
+            for row in made_rows(wanted, asked.seed, asked.workers):
+                rows[row.key] = row
+                store(asked.folder, rows.values())
+                done += 1
+                left = (time.monotonic() - began) / done * (len(wanted) - done) / 60
+                progress(f"{done} of {len(wanted)} shapes; {left:.0f} minutes left")
+    except KeyboardInterrupt:
+        sys.stdout.write(f"stopped after {done} of {len(wanted)} shapes; all are kept, and --resume goes on\n")
+        return INTERRUPTED
     return 0
 
 

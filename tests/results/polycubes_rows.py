@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import resource
+import signal
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -23,8 +24,8 @@ from kinetics.rates import ClassRates
 from tests.results.polycubes_shapes import Shape, polycubes
 from tests.results.studies import ROOT
 
-EFFORT = 0.1  # of the compiler's usual steps
-CPU_LIMIT = 60.0  # s of a compilation, after which it says how far it came; a process is ended after three times as much
+EFFORTS = {2: 1.0, 3: 1.0, 4: 1.0, 5: 0.3, 6: 0.1, 7: 0.1, 8: 0.1}  # by cubes: what of the compiler's usual steps
+CPU_LIMIT = 40.0  # s of a compilation, which then says how far it came; the process is ended after thrice that
 # What yields are taken by: free cubes at first, time in tu, and rates in 1/tu of a pair of faces and of a bond.
 CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
 MAX_STATES, RUNS = 20_000, 1000  # solved exactly up to so many states, else so many runs
@@ -46,7 +47,8 @@ class Row:
     method, size : `exact` and states, or `ssa` and runs
     compile_cpu, yield_cpu : CPU time, s
     book : as TOML
-    code : of the files that made it
+    code : a fingerprint of the files that made it
+    seed : of the sample that the shape is of; None where all of that size are in the table
     """
 
     cubes: int
@@ -71,6 +73,7 @@ class Row:
     yield_cpu: float = 0.0
     book: str = ""
     code: str = ""
+    seed: int | None = None
 
     @property
     def key(self) -> tuple[int, int]:
@@ -96,33 +99,41 @@ class Row:
         return cls(**content)
 
 
-def code() -> str:
-    """A fingerprint of the files that a book depends on, and of the settings here."""
+def _files() -> bytes:
+    """The files that a book depends on."""
     files = sorted((ROOT / "kinetics" / "assembly").rglob("*.py"))
-    content = b"".join(path.read_bytes() for path in files if "drawing" not in path.parts)
-    settings = repr((EFFORT, CUBES, DURATION, JOIN, BREAK, MAX_STATES, RUNS)).encode()
-    return hashlib.sha256(content + settings).hexdigest()[:12]
+    return b"".join(path.read_bytes() for path in files if "drawing" not in path.parts)
 
 
-def made(cubes: int, number: int) -> Row:
+FILES = hashlib.sha256(_files()).hexdigest()  # as they are imported, whatever becomes of them during a long run
+
+
+def code(cubes: int) -> str:
+    """A fingerprint of the code and the settings that make the rows of so many cubes."""
+    settings = repr((FILES, EFFORTS.get(cubes), CPU_LIMIT, CUBES, DURATION, JOIN, BREAK, MAX_STATES, RUNS))
+    return hashlib.sha256(settings.encode()).hexdigest()[:12]
+
+
+def made(cubes: int, number: int, seed: int | None = None) -> Row:
     """Compile one shape, and find the yield of its book."""
     shape = polycubes(cubes)[number]
-    alone = Row(cubes, number, shape, "single", "a cube alone needs no rules", code=code())
+    alone = Row(cubes, number, shape, "single", "a cube alone needs no rules", code=code(cubes), seed=seed)
     if cubes == 1:
         return alone
+    target = Target(f"{cubes}-{number}", shape)
     began = time.process_time()
     try:
-        result = compile_book(Target(f"{cubes}-{number}", shape), time_limit=CPU_LIMIT, effort=EFFORT, clock=cpu_clock())
+        result = compile_book(target, time_limit=CPU_LIMIT, effort=EFFORTS[cubes], clock=cpu_clock())
     except (InfeasibleError, UndecidedError) as error:
         outcome = "infeasible" if isinstance(error, InfeasibleError) else "undecided"
-        cpu = time.process_time() - began
-        return _changed(alone, outcome=outcome, reason=str(error), compile_cpu=round(cpu, 2))
-    cpu = time.process_time() - began
-    return _changed(alone, outcome="book", reason="", compile_cpu=round(cpu, 2), **_of_book(result), **yields(result.book))
+        return replace(alone, outcome=outcome, reason=str(error), compile_cpu=_since(began))
+    cpu = _since(began)
+    return replace(alone, outcome="book", reason="", compile_cpu=cpu, **_of_book(result), **yields(result.book))
 
 
-def _changed(row: Row, **fields: Any) -> Row:
-    return Row(**(asdict(row) | fields))
+def _since(began: float) -> float:
+    """CPU time, s."""
+    return round(time.process_time() - began, 2)
 
 
 def _of_book(result: Compiled) -> dict[str, Any]:
@@ -150,9 +161,7 @@ def yields(book: RuleBook) -> dict[str, Any]:
     initial = np.zeros(len(network.species), dtype=np.int64)
     initial[derived.species_of(book.monomer())] = CUBES
     assert book.target is not None
-    question = Question(
-        network, initial, derived.species_of(book.target), CUBES // len(book.target), DURATION
-    )
+    question = Question(network, initial, derived.species_of(book.target), CUBES // len(book.target), DURATION)
     found = yield_and_first_time(question, RUNS, 0, MAX_STATES).yield_
     joins = sum(len(event.before) == 2 for event in derived.events)
     return {
@@ -163,7 +172,7 @@ def yields(book: RuleBook) -> dict[str, Any]:
         "high": round(found.high, 4),
         "method": found.method,
         "size": found.size,
-        "yield_cpu": round(time.process_time() - began, 2),
+        "yield_cpu": _since(began),
     }
 
 
@@ -181,8 +190,9 @@ def cpu_clock() -> Callable[[], float]:
     return clock
 
 
-def work(to_parent: Connection, cubes: int, number: int) -> None:
+def work(to_parent: Connection, cubes: int, number: int, seed: int | None) -> None:
     """Make a row and send it; the system ends this process where it takes far more CPU time than allowed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
     most = int(3 * CPU_LIMIT)
     resource.setrlimit(resource.RLIMIT_CPU, (most, most))
-    to_parent.send(made(cubes, number).line())
+    to_parent.send(made(cubes, number, seed).line())

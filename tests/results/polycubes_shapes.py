@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -10,7 +11,9 @@ from kinetics.assembly.faces import NORMALS, ROTATIONS, Position
 
 Shape = tuple[Position, ...]
 # How many there are of 1, 2, ... cubes: sequence A000162 of the On-Line Encyclopedia of Integer Sequences.
-KNOWN = (1, 1, 2, 8, 29, 166, 1023, 6922, 48311)
+KNOWN = (1, 1, 2, 8, 29, 166, 1023, 6922)
+SIZES = tuple(range(1, len(KNOWN) + 1))  # of the table: all shapes of few cubes, a sample of each larger size
+ALL_UP_TO, SAMPLE, SEED = 6, 50, 1
 
 
 def canonical(cubes: Shape) -> Shape:
@@ -47,3 +50,12 @@ def sampled(size: int, number: int, seed: int) -> tuple[int, ...]:
         return tuple(range(there))
     drawn = np.random.default_rng([seed, size]).choice(there, number, replace=False)
     return tuple(sorted(drawn.tolist()))
+
+
+def chosen(sizes: Iterable[int], seed: int) -> list[tuple[int, int]]:
+    """(cubes, number) of the shapes of the table."""
+    return [
+        (size, number)
+        for size in sizes
+        for number in (range(len(polycubes(size))) if size <= ALL_UP_TO else sampled(size, SAMPLE, seed))
+    ]
