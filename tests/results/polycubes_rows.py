@@ -29,7 +29,7 @@ CPU_LIMIT = 40.0  # s of a compilation, which then says how far it came; the pro
 # What yields are taken by: free cubes at first, time in tu, and rates in 1/tu of a pair of faces and of a bond.
 CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
 MAX_STATES, RUNS = 20_000, 1000  # solved exactly up to so many states, else so many runs
-CLOCK_EVERY = 256  # readings: the clock of CPU time is slow
+CLOCK_EVERY = 32  # readings: the clock of CPU time is slow
 
 
 @dataclass(frozen=True)
