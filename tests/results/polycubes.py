@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import random
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -139,6 +140,7 @@ def run(asked: argparse.Namespace, rows: dict[Key, Row]) -> int:
     wanted = [key for key in chosen(asked.sizes, asked.seed) if key not in kept]
     sys.stdout.write(cost(wanted, rows.values(), asked.workers) + "\n")
     sys.stdout.flush()
+    random.Random(asked.seed).shuffle(wanted)  # so that the time left is told for sizes as they are mixed
     began, done = time.monotonic(), 0
     try:
         with progress_line() as progress:

@@ -101,7 +101,7 @@ class Row:
 
 def _files() -> bytes:
     """The files that a book depends on."""
-    files = sorted((ROOT / "kinetics" / "assembly").rglob("*.py"))
+    files = sorted(path for room in ("assembly", "kernels") for path in (ROOT / "kinetics" / room).rglob("*.py"))
     return b"".join(path.read_bytes() for path in files if "drawing" not in path.parts)
 
 
