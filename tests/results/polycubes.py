@@ -33,11 +33,11 @@ FOLDER = ROOT / "results" / "polycubes"
 Key = tuple[int, int]
 
 
-def stored(folder: Path) -> dict[Key, Row]:
-    """The rows that are there."""
-    path = folder / "rows.jsonl"
+def stored(folder: Path, seed: int = SEED) -> dict[Key, Row]:
+    """The rows that are there, of the table with these samples."""
+    path, table = folder / "rows.jsonl", set(chosen(SIZES, seed))
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    return {row.key: row for row in map(Row.read, lines)}
+    return {row.key: row for row in map(Row.read, lines) if row.key in table}
 
 
 def store(folder: Path, rows: Iterable[Row]) -> None:
@@ -125,12 +125,12 @@ def options(arguments: Sequence[str]) -> argparse.Namespace:
 def main(arguments: Sequence[str]) -> int:
     """Make what is missing, and the page; the exit code."""
     asked = options(arguments)
-    table = set(chosen(SIZES, asked.seed))
-    rows = {key: row for key, row in stored(asked.folder).items() if key in table}
+    rows = stored(asked.folder, asked.seed)
     exit_code = 0 if asked.page else run(asked, rows)
     write_page(asked.folder, [rows[key] for key in sorted(rows)])
-    if missing := len(table) - len(rows):
-        sys.stdout.write(f"{missing} of {len(table)} shapes have no row yet; the page says so\n")
+    whole = len(chosen(SIZES, asked.seed))
+    if missing := whole - len(rows):
+        sys.stdout.write(f"{missing} of {whole} shapes have no row yet; the page says so\n")
     return exit_code
 
 
@@ -145,7 +145,7 @@ def run(asked: argparse.Namespace, rows: dict[Key, Row]) -> int:
     try:
         with progress_line() as progress:
             for row in made_rows(wanted, asked.seed, asked.workers):
-                rows[row.key] = row
+                rows |= stored(asked.folder, asked.seed) | {row.key: row}  # of another command beside this one too
                 store(asked.folder, rows.values())
                 done += 1
                 left = (time.monotonic() - began) / done * (len(wanted) - done) / 60
