@@ -148,6 +148,10 @@ def why(row: Row) -> str:
     if row.outcome == "ended":
         return row.reason
     if row.outcome == "infeasible":
+        if "it takes more than" in row.reason:
+            return (
+                "it takes more letters than were allowed, or cubes cannot tell apart what must join and what must not"
+            )
         return "some meeting that must not join looks to the cubes like one that must, whatever they sense"
     if "not decided within" in row.reason:
         return f"{CPU_LIMIT:g} CPU s ended the work"
