@@ -17,11 +17,12 @@ class Budget:
 
     time_limit : s from now
     clock : in seconds; time.monotonic but in tests
+    effort : by what the steps of every search are multiplied
     steps : all that were taken so far
     """
 
-    def __init__(self, time_limit: float = math.inf, clock: Callable[[], float] = time.monotonic):
-        self.clock, self.start = clock, clock()
+    def __init__(self, time_limit: float = math.inf, clock: Callable[[], float] = time.monotonic, effort: float = 1.0):
+        self.clock, self.start, self.effort = clock, clock(), effort
         self.end = self.start + time_limit
         self.steps = 0
         self.last = math.inf  # the step beyond which the search at work must not go
@@ -50,9 +51,9 @@ class Budget:
 
     @contextmanager
     def at_most(self, steps: int) -> Iterator[None]:
-        """Within, OutOfStepsError after so many steps; and after those that an outer search still has."""
+        """Within, OutOfStepsError after so many steps, times the effort, or after those an outer search still has."""
         outer = self.last
-        self.last = min(outer, self.steps + steps)
+        self.last = min(outer, self.steps + self.effort * steps)
         try:
             yield
         finally:

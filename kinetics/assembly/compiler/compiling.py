@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -47,6 +48,7 @@ def compile_book(
     breaks: bool | None = None,
     max_letters: int | None = None,
     time_limit: float = TIME_LIMIT,
+    effort: float = 1.0,
     seed: int = 0,
     progress: Notify | None = None,
     clock: Callable[[], float] | None = None,
@@ -59,6 +61,7 @@ def compile_book(
     breaks : whether bonds break; what is left must grow again. None: what the target says
     max_letters : most letters; None: what the target says, or 8
     time_limit : s of wall time for all of it; what is found does not depend on it unless it ends the work
+    effort : by what the steps of every search are multiplied; less is quicker, and leaves more undecided
     seed : of what is drawn by chance; only growth from a seed does
     progress : called with what is being tried
     clock : in s; time.monotonic but in tests
@@ -66,7 +69,7 @@ def compile_book(
     with a seed, are grown from a seed (see `seeded`).
     InfeasibleError: there is no such book, and why. UndecidedError: none was found in the steps allowed, or in time.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, clock)
+    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, clock, effort)
     if target.seed is not None or len(target) > MOST:
         from kinetics.assembly.compiler.seeded import compile_seeded
 
@@ -150,9 +153,11 @@ class _Asked:
         time_limit: float,
         progress: Notify | None,
         clock: Callable[[], float] | None,
+        effort: float = 1.0,
     ) -> _Asked:
-        if not time_limit > 0:
-            raise ValueError(f"time_limit = {time_limit} s; it must be more than 0")
+        for name, value in (("time_limit", time_limit), ("effort", effort)):
+            if not value > 0:
+                raise ValueError(f"{name} = {value}; it must be more than 0")
         if max_letters is None:
             max_letters = target.max_letters or MAX_LETTERS
         if not 2 <= max_letters <= MOST_LETTERS:
@@ -166,7 +171,7 @@ class _Asked:
             max_letters,
             time_limit,
             progress or (lambda _: None),
-            Budget(time_limit) if clock is None else Budget(time_limit, clock),
+            Budget(time_limit, clock or time.monotonic, effort),
         )
 
     @cached_property
@@ -307,13 +312,13 @@ class _Asked:
                         "letters does it"
                     )
         tried = "no stronger sensing was" if own is not None else "nothing was"
-        return f"{tried} found to be enough in the steps allowed"
+        return f"{tried} found to be enough in the steps and the time allowed"
 
     def _quick(self, senses: Senses) -> Compiled | Ruled | None:
-        """An attempt with fewer steps; None where it is out of question."""
+        """An attempt with fewer steps; None where it is out of question, or time is up."""
         try:
             return self.rung(senses, REMEDY_STEPS)
-        except InfeasibleError:
+        except (InfeasibleError, TimeoutError):
             return None
 
 

@@ -201,6 +201,26 @@ def test_steps_that_are_used_up_end_a_rung_and_the_next_one_follows(monkeypatch)
     assert "with six face types, roll: not decided" in str(caught.value)
 
 
+def test_less_effort_leaves_more_undecided(compiled):
+    """And is no other search: what is found, is found again."""
+    with pytest.raises(UndecidedError, match="with two face types, roll, across, touched: not decided"):
+        compile_unhurried(Target.load("plate2x2"), effort=5e-6)
+    assert compile_unhurried(Target.load("l3"), effort=0.5).book == compiled["l3"].book
+
+
+def test_time_that_ends_while_a_remedy_is_sought_leaves_the_reason(monkeypatch):
+    looks = Clock()
+    asked = sensing("l3", faces="one", roll=False)
+    with pytest.raises(InfeasibleError, match="are enough: a book of 2 letters does it"):
+        compile_book(asked, time_limit=1e9, clock=looks)
+    ends = set()
+    for limit in range(1, int(looks.now), max(1, int(looks.now) // 50)):
+        with pytest.raises((InfeasibleError, UndecidedError)) as caught:
+            compile_book(asked, time_limit=limit, clock=Clock())
+        ends.add(type(caught.value))
+    assert ends == {InfeasibleError, UndecidedError}
+
+
 def test_of_as_many_letters_and_rules_the_largest_yield(compiled):
     book = compiled["t5"].book
     assert len(book.all_rules) == 5
@@ -236,6 +256,7 @@ def test_all_choices_of_joins_of_a_line():
         ({"max_letters": 1}, "it must be 2 to 15"),
         ({"max_letters": 16}, "it must be 2 to 15"),
         ({"time_limit": 0}, "it must be more than 0"),
+        ({"effort": 0}, "effort = 0; it must be more than 0"),
     ],
 )
 def test_bad_requests(arguments, says):
