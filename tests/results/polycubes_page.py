@@ -60,7 +60,7 @@ def verdict(rows: Rows) -> str:
     said = listed([f"{number} with {count}" for count, number in sorted(letters.items())])
     there_are = (
         f"**{len(books)} of {len(there)} shapes of two cubes and more have a book**, {outcomes['infeasible']} are "
-        f"proven to have none with any senses{f' ({_sizes(none)} cubes)' if none else ''}, and "
+        f"shown to have none of the kind searched, whatever the senses{f' ({_sizes(none)} cubes)' if none else ''}, and "
         f"{outcomes['undecided'] + outcomes['ended']} were not decided within their steps or time."
     )
     few = (
