@@ -97,7 +97,7 @@ def test_predict_reads_rates_by_class(wellmixed_here, tmp_path):
     exact = solve(known.apply(LINE), Transient(), [8, 0, 0, 0], [50.0])
     assert made["mean"][0] == pytest.approx(exact.mean()[0].tolist())
     assert made["interval"] is None
-    assert "breaks: collision, alpha = 1.4" in made["notes"]
+    assert made["breaks"] == {"model": "collision", "shape": SHAPES["collision"]}
     command = [
         "predict",
         "jack13",
@@ -115,4 +115,4 @@ def test_predict_reads_rates_by_class(wellmixed_here, tmp_path):
     assert made["initial"]["seed"] == 1
     failed = wellmixed_here(*command, "--cubes", "30", "--tank", "2", "2", "2", cwd=tmp_path)
     assert failed.code == 2
-    assert "leave out --tank" in failed.err
+    assert "do not state the tank in which they were measured" in failed.err
