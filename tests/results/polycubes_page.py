@@ -60,8 +60,8 @@ def verdict(rows: Rows) -> str:
     said = listed([f"{number} with {count}" for count, number in sorted(letters.items())])
     there_are = (
         f"**{len(books)} of {len(there)} shapes of two cubes and more have a book**, {outcomes['infeasible']} are "
-        f"shown to have none of the kind searched, whatever the senses{f' ({_sizes(none)} cubes)' if none else ''}, and "
-        f"{outcomes['undecided'] + outcomes['ended']} were not decided within their steps or time."
+        f"shown to have none of the kind searched, whatever the senses{f' ({_sizes(none)} cubes)' if none else ''}, "
+        f"and {outcomes['undecided'] + outcomes['ended']} were not decided within their steps or time."
     )
     few = (
         f"**Few letters do**, the free cube's included: {said}. In {len(proven)} of the {len(books)} books they are "
