@@ -11,12 +11,12 @@ import pytest
 from scipy.stats import chi2
 
 from kinetics.assembly import RuleBook, Structure
-from tests.results import polycubes as command
-from tests.results.polycubes import FOLDER, main, stored
+from tests.results import polycubes_table as command
 from tests.results.polycubes_page import FIGURE, SHEETS, figure, files, mirrored
 from tests.results.polycubes_rows import Row, made
 from tests.results.polycubes_shapes import KNOWN, SAMPLE, SEED, SIZES, canonical, chosen, polycubes, sampled
 from tests.results.polycubes_sheets import caption, sheet
+from tests.results.polycubes_table import FOLDER, main, stored
 
 FIXED = (1, 3, 15, 86, 534, 3481, 23502)  # A001931: orientations counted apart
 TWO_SIDED = (1, 1, 2, 7, 23, 112, 607)  # A038119: mirror images alike

@@ -1,6 +1,6 @@
 """The table of shapes (results/polycubes): every polycube of up to 6 cubes and samples of 7 and 8, compiled.
 
-    python -m tests.results.polycubes --workers 2
+    python -m tests.results.polycubes_table --workers 2
 
 says what it will cost, compiles each shape in a process of its own, and writes each row as it comes; Ctrl-C keeps what
 is there, and `--resume` goes on. Then it makes the table, the pictures and the page of the rows; `--page` makes these
@@ -101,7 +101,9 @@ def _seed_of(key: Key, seed: int) -> int | None:
 
 def options(arguments: Sequence[str]) -> argparse.Namespace:
     """What is asked for."""
-    parser = argparse.ArgumentParser(prog="python -m tests.results.polycubes", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.results.polycubes_table", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="Processes side by side.")
     parser.add_argument("--seed", type=int, default=SEED, metavar="N", help="Seed of the samples of 7 and 8 cubes.")
     parser.add_argument("--sizes", default=",".join(map(str, SIZES)), metavar="N,...", help="Numbers of cubes.")
