@@ -71,7 +71,7 @@ $(READY): pyproject.toml requirements.lock
 # constraints.txt says the versions, peers' and oracles' too; uv finds the hashes.
 lock:
 	uv pip compile pyproject.toml --extra all --extra test --constraint constraints.txt --universal --python-version 3.11 \
-		--generate-hashes --no-annotate --no-header --no-emit-index-url -q -o requirements.lock
+		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
 	rm -rf $(VENV) demo-output faults.json mutation.json

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from calibration.commands.plan import asked_of_a_plan, plan_tables
+from calibration.commands.plan import asked_of_a_plan
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 
@@ -49,7 +49,6 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     that --along says nothing there. Then simulate, calibrate, predict and validate take the folder for all that they
     need.
     """
-    from calibration.pipeline.growth_planner import PlannedGrowth
     from calibration.pipeline.new_study import new_study
 
     asked = {name: value for name, value in wanted.items() if value != ()}
@@ -70,7 +69,7 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     else:
         click.echo(f"{made.folder}: a book of {made.compiled.letters} letters; cubes sense: {made.compiled.capability}")
         click.echo("\n".join(made.compiled.verified))
-        click.echo(planned.tables() if isinstance(planned, PlannedGrowth) else plan_tables(planned))
+        click.echo(planned.tables())
         steps = "\n".join(
             f"  wellmixed {step} {made.folder}" for step in ("simulate", "calibrate", "predict", "validate")
         )

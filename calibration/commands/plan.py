@@ -11,11 +11,9 @@ import click
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
-from kinetics.support.tables import text_table
 from mechsim.commands.options import executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
-    from calibration.pipeline.planner import PlannedStudy
     from mechsim.runs.executors import Executor
 
 
@@ -179,7 +177,8 @@ def plan(
     fits is written, and what is lacking is said.
     """
     from calibration.pipeline.pilot import Pilot
-    from calibration.pipeline.planner import PlanRequest, make_plan
+    from calibration.pipeline.planned import PlanRequest
+    from calibration.pipeline.planner import make_plan
     from calibration.pipeline.run_costs import RunCosts
     from kinetics.rates import Rates
     from kinetics.support.plots import save
@@ -203,53 +202,9 @@ def plan(
     if as_json:
         echo_json(planned.to_dict() | {"out": out, "seed": seed})
     else:
-        click.echo(plan_tables(planned))
+        click.echo(planned.tables())
         click.echo(f"plan written to {out}")
     for shortfall in planned.shortfalls:
         click.echo(f"falls short: {shortfall}", err=True)
     if strict and planned.shortfalls:
         click.get_current_context().exit(2)
-
-
-def plan_tables(planned: PlannedStudy) -> str:
-    """The plan in three tables, for people."""
-    found = planned.to_dict()
-    channels = planned.forecast.network.channels
-    tanks = text_table(
-        ("tank", "at (tu)", "runs", *channels, "CPU (min)"),
-        [
-            (
-                " ".join(f"{n} {name}" for name, n in row["composition"].items()),
-                f"{row['along']:g}",
-                str(row["runs"]),
-                *(f"{row['events'][name]:.0f}" for name in channels),
-                f"{row['cpu_seconds'] / 60:.1f}",
-            )
-            for row in found["tanks"]
-        ],
-    )
-    rates = text_table(
-        ("rate", "events", "half-width"),
-        [(row["rate"], f"{row['events']:.0f}", f"{row['half_width']:.1%}") for row in found["rates"]],
-    )
-    tests = text_table(
-        ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),
-        [
-            (
-                str(row["cubes"]),
-                row["group"],
-                f"{row['events_of_a_run']:.1f}",
-                f"± {row['relative_sd_from_calibration']:.1%}",
-                "-" if row["runs_needed"] is None else str(row["runs_needed"]),
-                str(row["runs"]),
-                f"{row['power']:.0%}",
-                f"{row['largest_power']:.0%}",
-            )
-            for row in found["held_out"]
-        ],
-    )
-    cost = (
-        f"CPU time: calibration {planned.calibration_seconds / 3600:.2f} h, held-out runs "
-        f"{planned.held_out_seconds / 3600:.2f} h"
-    )
-    return f"calibration, events expected\n{tanks}\n\n{rates}\n\nheld-out runs\n{tests}\n\n{cost}"

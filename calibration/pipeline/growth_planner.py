@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks
-from calibration.pipeline.planner import FEWEST, HeldOutTest, PlanRequest, chosen_runs, held_out_shortfalls, spent
+from calibration.pipeline.planned import HeldOutTest, Planned, PlanRequest, spent
+from calibration.pipeline.planner import FEWEST, chosen_runs
 from calibration.pipeline.run_costs import Cost
 from calibration.planning.allocation import affordable, allocate, events_for, half_width
 from calibration.planning.held_out import runs_for
@@ -30,11 +31,11 @@ SPARE = 2  # cubes in a tank for each that its seeds take up
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedGrowth:
+class PlannedGrowth(Planned):
     """A plan of growth from seeds, and what it will show at which cost.
 
     Rates are by class, and which classes the runs tell apart is not known beforehand: the width is that of all joins
-    together. Bonds hold in books that grow from a seed.
+    together. In books that `new` compiles for a seed bonds hold, so that no breaks are planned for.
 
     compositions : number of cubes -> species -> copies
     events : number of cubes of the calibration -> joins expected in a run
@@ -67,24 +68,6 @@ class PlannedGrowth:
         """CPU seconds of all calibration runs."""
         return spent(self.runs, self.costs)
 
-    @property
-    def held_out_seconds(self) -> float:
-        """CPU seconds of all held-out runs."""
-        return spent(self.held_out_runs, self.held_out_costs)
-
-    @property
-    def shortfalls(self) -> list[str]:
-        """What was asked for and is not reached, in sentences."""
-        found = []
-        if self.width > self.request.width * (1 + 1e-6):
-            found.append(
-                f"the budget of {self.request.cpu_hours:g} CPU hours reaches a half-width of {self.width:.1%}; "
-                f"{self.request.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs"
-            )
-        return found + held_out_shortfalls(
-            self.request, self.tests, self.held_out_runs, self.held_out_costs, self.width
-        )
-
     @cached_property
     def plan(self) -> StudyPlan:
         """The plan itself."""
@@ -111,27 +94,18 @@ class PlannedGrowth:
             held_out=parts[1],
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
-        return {
-            "request": asdict(self.request),
-            "tanks": [
-                {
-                    "composition": self.compositions[n],
-                    "runs": runs,
-                    "cpu_seconds": runs * self.costs[n],
-                    "joins": runs * self.events[n],
-                }
-                for n, runs in self.runs.items()
-                if runs
-            ],
-            "half_width": self.width,
-            "held_out": [test.to_dict(self.held_out_runs[test.cubes]) for test in self.tests],
-            "calibration_cpu_seconds": self.calibration_seconds,
-            "held_out_cpu_seconds": self.held_out_seconds,
-            "wanted_calibration_cpu_seconds": self.wanted_seconds,
-            "shortfalls": self.shortfalls,
-        }
+    def tank_rows(self) -> list[dict[str, Any]]:
+        """One row a tank of the calibration: composition, runs, CPU seconds, and joins expected in all of its runs."""
+        return [
+            {
+                "composition": self.compositions[n],
+                "runs": runs,
+                "cpu_seconds": runs * self.costs[n],
+                "joins": runs * self.events[n],
+            }
+            for n, runs in self.runs.items()
+            if runs
+        ]
 
     def tables(self) -> str:
         """The plan for people."""
@@ -151,9 +125,7 @@ class PlannedGrowth:
         ]
         return (
             f"{text_table(('tank', 'for', 'runs', 'joins expected', 'CPU (min)'), rows)}\n\n"
-            f"half-width of all joins together {self.width:.1%}\n"
-            f"CPU time: calibration {self.calibration_seconds / 3600:.2f} h, held-out runs "
-            f"{self.held_out_seconds / 3600:.2f} h"
+            f"half-width of all joins together {self.width:.1%}\n{self.cost}"
         )
 
     @property

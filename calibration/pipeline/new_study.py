@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from calibration.pipeline.growth_planner import SPARE, PlannedGrowth, make_growth_plan
-from calibration.pipeline.planner import PlannedStudy, PlanRequest, make_plan
+from calibration.pipeline.growth_planner import SPARE, make_growth_plan
+from calibration.pipeline.planned import Planned, PlanRequest
+from calibration.pipeline.planner import make_plan
 from calibration.pipeline.run_costs import RunCosts
 from kinetics.assembly import Derivation, Structure, derive
 from kinetics.assembly.compiler import Compiled, Target, compile_book
@@ -40,7 +41,7 @@ class NewStudy:
     folder: Path
     compiled: Compiled
     scene: Scene
-    planned: PlannedStudy | PlannedGrowth
+    planned: Planned
 
 
 def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, **wanted: Any) -> NewStudy:

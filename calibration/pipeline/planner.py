@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +12,16 @@ import numpy as np
 
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, VerdictRules, in_tank
+from calibration.pipeline.planned import HeldOutTest, Planned, PlanRequest, spent
 from calibration.pipeline.run_costs import Cost
 from calibration.planning.allocation import affordable, allocate, events_for, half_width
 from calibration.planning.candidates import Candidate, candidates, wanted_rates
 from calibration.planning.forecast import Forecast
-from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for, widest_sd
-from calibration.validating.power import GroupPower
+from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for
 from kinetics.network import Tank
 from kinetics.rates import Rates
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.tables import text_table
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, some_of
@@ -32,77 +33,8 @@ if TYPE_CHECKING:
 FEWEST = 2  # held-out runs of a size: a scatter needs two
 
 
-@dataclass(frozen=True)
-class PlanRequest:
-    """What a plan is to reach.
-
-    width : relative 95 % half-width of every rate; cpu_hours : of all runs together, None: as many as it takes
-    cubes : numbers of cubes of the calibration; along : times on the predicted path at which tanks are taken, tu
-    duration, held_out_duration : of a run, tu; held_out : numbers of cubes of the held-out runs
-    each_break : whether each break is to have that width, not only all breaks together
-    power, shift : probability with which held-out runs are to show rates that are off by this share, at level 1 %
-    tank : edges; None for the scene's own
-    """
-
-    name: str
-    scene: str
-    cubes: tuple[int, ...] = (60, 120)
-    held_out: tuple[int, ...] = (40, 80, 160)
-    width: float = 0.1
-    cpu_hours: float | None = None
-    along: tuple[float, ...] = (0.0, 50.0, 200.0, 800.0, 2000.0)
-    duration: float = 500.0
-    held_out_duration: float = 2000.0
-    each_break: bool = False
-    power: float = 0.9
-    shift: float = 0.2
-    tank: tuple[float, float, float] | None = None
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        for name in ("width", "power", "shift"):
-            if not 0 < getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}; expected a share between 0 and 1, such as 10%")
-        for name in ("duration", "held_out_duration"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"{name} = {getattr(self, name)}; expected a finite number of tu above 0")
-        if self.cpu_hours is not None and not (math.isfinite(self.cpu_hours) and self.cpu_hours > 0):
-            raise ValueError(f"CPU hours = {self.cpu_hours}; expected a finite number above 0")
-        if not self.cubes or not self.held_out or min(*self.cubes, *self.held_out) < 1:
-            raise ValueError(f"cubes = {list(self.cubes)}, held out = {list(self.held_out)}; expected numbers above 0")
-        if not self.along or min(self.along) < 0 or not np.isfinite(self.along).all():
-            raise ValueError(f"along = {list(self.along)}; expected finite times of at least 0 tu")
-
-
-@dataclass(frozen=True)
-class HeldOutTest:
-    """What held-out runs of one size can tell of one group of channels.
-
-    needed : runs that reach the power; None where `held_out.MOST_RUNS` do not
-    limit : power that no number of runs exceeds, because the calibration leaves its uncertainty
-    """
-
-    cubes: int
-    power: GroupPower
-    needed: int | None
-    limit: float
-
-    def to_dict(self, runs: int) -> dict[str, Any]:
-        """With so many runs planned, ready for JSON."""
-        return {
-            "cubes": self.cubes,
-            "group": self.power.group,
-            "events_of_a_run": self.power.expected,
-            "relative_sd_from_calibration": self.power.rates_sd,
-            "runs_needed": self.needed,
-            "runs": runs,
-            "power": self.power.power(runs),
-            "largest_power": self.limit,
-        }
-
-
 @dataclass(frozen=True, eq=False)
-class PlannedStudy:
+class PlannedStudy(Planned):
     """A plan, and what it will show at which cost.
 
     tanks, runs, costs : candidate tanks, runs of each (K,), and CPU seconds of a run of each (K,)
@@ -135,22 +67,6 @@ class PlannedStudy:
     def calibration_seconds(self) -> float:
         """CPU seconds of all calibration runs."""
         return float(self.runs @ self.costs)
-
-    @property
-    def held_out_seconds(self) -> float:
-        """CPU seconds of all held-out runs."""
-        return spent(self.held_out_runs, self.held_out_costs)
-
-    @property
-    def shortfalls(self) -> list[str]:
-        """What was asked for and is not reached, in sentences."""
-        wanted, found = self.request, []
-        if self.width > wanted.width * (1 + 1e-6):
-            found.append(
-                f"the budget of {wanted.cpu_hours:g} CPU hours reaches a half-width of {self.width:.1%}; "
-                f"{wanted.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs"
-            )
-        return found + held_out_shortfalls(wanted, self.tests, self.held_out_runs, self.held_out_costs, self.width)
 
     @cached_property
     def plan(self) -> StudyPlan:
@@ -215,17 +131,46 @@ class PlannedStudy:
     def to_dict(self) -> dict[str, Any]:
         """All of it, ready for JSON."""
         rates = [{"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()]
-        return {
-            "request": asdict(self.request),
-            "tanks": self.tank_rows(),
-            "rates": rates,
-            "half_width": self.width,
-            "held_out": [test.to_dict(self.held_out_runs[test.cubes]) for test in self.tests],
-            "calibration_cpu_seconds": self.calibration_seconds,
-            "held_out_cpu_seconds": self.held_out_seconds,
-            "wanted_calibration_cpu_seconds": self.wanted_seconds,
-            "shortfalls": self.shortfalls,
-        }
+        return super().to_dict() | {"rates": rates}
+
+    def tables(self) -> str:
+        """The plan in three tables, for people."""
+        found = self.to_dict()
+        channels = self.forecast.network.channels
+        tanks = text_table(
+            ("tank", "at (tu)", "runs", *channels, "CPU (min)"),
+            [
+                (
+                    " ".join(f"{n} {name}" for name, n in row["composition"].items()),
+                    f"{row['along']:g}",
+                    str(row["runs"]),
+                    *(f"{row['events'][name]:.0f}" for name in channels),
+                    f"{row['cpu_seconds'] / 60:.1f}",
+                )
+                for row in found["tanks"]
+            ],
+        )
+        rates = text_table(
+            ("rate", "events", "half-width"),
+            [(row["rate"], f"{row['events']:.0f}", f"{row['half_width']:.1%}") for row in found["rates"]],
+        )
+        tests = text_table(
+            ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),
+            [
+                (
+                    str(row["cubes"]),
+                    row["group"],
+                    f"{row['events_of_a_run']:.1f}",
+                    f"± {row['relative_sd_from_calibration']:.1%}",
+                    "-" if row["runs_needed"] is None else str(row["runs_needed"]),
+                    str(row["runs"]),
+                    f"{row['power']:.0%}",
+                    f"{row['largest_power']:.0%}",
+                )
+                for row in found["held_out"]
+            ],
+        )
+        return f"calibration, events expected\n{tanks}\n\n{rates}\n\nheld-out runs\n{tests}\n\n{self.cost}"
 
 
 def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
@@ -289,31 +234,6 @@ def held_out_tests(
     return tuple(tests)
 
 
-def held_out_shortfalls(
-    request: PlanRequest, tests: Iterable[HeldOutTest], runs: dict[int, int], costs: dict[int, float], width: float
-) -> list[str]:
-    """What so many held-out runs of each size do not show after a calibration to a half-width, in sentences."""
-    found = []
-    for test in tests:
-        has = runs[test.cubes]
-        what = f"{test.power.group} off by {request.shift:.0%} at {test.cubes} cubes"
-        if test.limit < request.power:
-            narrower = width * widest_sd(test.power, request.power) / test.power.rates_sd
-            found.append(
-                f"no number of held-out runs shows {what} with power {request.power:.0%}: the uncertainty of the "
-                f"calibration allows {test.limit:.0%} at most; a width of {narrower:.1%} is needed"
-            )
-        elif test.needed is None:
-            found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {request.power:.0%}")
-        elif has < test.needed:
-            found.append(
-                f"{test.needed} held-out runs would show {what}, for "
-                f"{(test.needed - has) * costs[test.cubes] / 3600:.3g} CPU hours more; the plan has {has}, with power "
-                f"{test.power.power(has):.0%}"
-            )
-    return found
-
-
 def chosen_runs(tests: Sequence[HeldOutTest], costs: dict[int, float], budget: float) -> dict[int, int]:
     """Held-out runs of each number of cubes within a budget, CPU seconds: two at least, then the cheapest tests.
 
@@ -332,11 +252,6 @@ def chosen_runs(tests: Sequence[HeldOutTest], costs: dict[int, float], budget: f
             break
         chosen[min(able, key=lambda n: chosen[n] * costs[n])] += 1
     return chosen
-
-
-def spent(runs: dict[int, int], costs: dict[int, float]) -> float:
-    """CPU seconds of runs by number of cubes."""
-    return sum(n * costs[cubes] for cubes, n in runs.items())
 
 
 def rules_for(shift: float) -> VerdictRules:

@@ -219,6 +219,8 @@ class GrowthComparison:
             ax.plot(self.times, self.predicted[:, v], color=plots.colour(0))
             ax.plot(self.times, self.observed[:, v], ".", color=plots.colour(5), markersize=4)
             ax.set_title(self.curves[v], fontsize="medium")
+            if v % across == 0:
+                ax.set_ylabel("mean of a run")
             if v + across >= len(self.curves):
                 ax.tick_params(labelbottom=True)
                 ax.set_xlabel("time (tu)")

@@ -9,7 +9,8 @@ from synthetic_runs import line_network
 
 from calibration.pipeline.pilot import pilot_rates
 from calibration.pipeline.plan import StudyPlan, VerdictRules, is_plan
-from calibration.pipeline.planner import HeldOutTest, PlanRequest, chosen_runs, make_plan, rules_for
+from calibration.pipeline.planned import HeldOutTest, PlanRequest
+from calibration.pipeline.planner import chosen_runs, make_plan, rules_for
 from calibration.validating.power import GroupPower
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
