@@ -62,7 +62,7 @@ pyramid: $(READY)
 	$(BIN)/python -m tests.results.pyramid_page
 
 # Every package by its hash, the one that builds ours among them; then ours.
-$(READY): pyproject.toml requirements.lock
+$(READY): pyproject.toml requirements.lock $(wildcard kinetics/native/c/*)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .

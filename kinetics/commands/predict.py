@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.commands.methods import SAMPLING, MethodName, method_of
 from kinetics.commands.start import start
-from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
-from kinetics.solving import SOLVING_METHODS, SolvingMethod
 from kinetics.support.cli.options import (
     AskedStart,
     NumbersCommand,
@@ -29,10 +28,6 @@ from kinetics.support.tables import of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.predicting import Elasticities, Prediction
 
-METHODS: dict[str, type[SamplingMethod] | type[SolvingMethod]] = {
-    **{method.name: method for method in SAMPLING_METHODS},
-    **{method.name: method for method in SOLVING_METHODS},
-}
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 
@@ -49,9 +44,7 @@ MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
-@click.option(
-    "--method", type=click.Choice(list(METHODS)), default="auto", show_default=True, help="Sampling or solving method."
-)
+@click.option("--method", type=MethodName(), default="auto", show_default=True, help="Sampling or solving method.")
 @click.option(
     "--runs",
     metavar="N",
@@ -124,7 +117,7 @@ def predict(
     grid, sums = time_grid(duration, times), begin.shown(shown)
     with progress_line() as progress:
         made = make(
-            begin.network, begin.rates, begin.state, grid, METHODS[method](), runs, seed, draws, threads, progress,
+            begin.network, begin.rates, begin.state, grid, method_of(method), runs, seed, draws, threads, progress,
             sums, begin.tank,
         )  # fmt: skip
     found = None
@@ -191,7 +184,7 @@ def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:
         rows.append(cells)
     explained = "mean ± sd of a run" + ("" if made.low is None else " [95 % interval of the mean, from the rates]")
     precision = f"numerical error of the probabilities below {made.error:.1g}"
-    if METHODS[made.method] in SAMPLING_METHODS:
+    if made.method in SAMPLING:
         precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
     head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
     return "\n".join(

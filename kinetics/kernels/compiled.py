@@ -14,6 +14,7 @@ import hashlib
 import multiprocessing
 import os
 import shutil
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -68,6 +69,13 @@ def say_that_nothing_is_kept() -> None:
     )
 
 
+@functools.cache
+def say_that_it_compiles() -> None:
+    """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
+    if sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        print("compiling kernels, which are kept for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
+
+
 class KernelCache(FunctionCache):
     """Numba's cache of one function, in a folder for the sources of its room.
 
@@ -86,13 +94,16 @@ class KernelCache(FunctionCache):
         """Compiled code, or None; a folder that cannot be read is an empty one, and a damaged index is removed."""
         if self._room.is_mixed:
             return None  # a callee may be another than the code in the folder was compiled with
+        found = None
         try:
-            return super().load_overload(sig, target_context)
+            found = super().load_overload(sig, target_context)
         except OSError:
-            return None
+            pass
         except Exception:  # noqa: BLE001 - unpickling a cut or overwritten file may raise anything
             self._remove_index()
-            return None
+        if found is None:
+            say_that_it_compiles()
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code; without it all runs as well, so a full disk or a folder just removed is no error."""

@@ -191,3 +191,19 @@ def neighbours(begin, propensities, changes, key_changes, states, keys, table):
                     break
                 slot = (slot + 1) & (table.size - 1)
     return columns
+
+
+@compiled
+def reach(begins, ends, queue, n_queued, is_found):
+    """Mark all states (N,) to which some way leads from the first `n_queued` of `queue` (N,), marked before.
+
+    ends (K,) : of the moves out of state i, from begins[i] to begins[i + 1]
+    """
+    while n_queued > 0:
+        n_queued -= 1
+        i = queue[n_queued]
+        for k in range(begins[i], begins[i + 1]):
+            if not is_found[ends[k]]:
+                is_found[ends[k]] = True
+                queue[n_queued] = ends[k]
+                n_queued += 1

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,6 @@ from kinetics.network.checks import (
     checked_names,
     checked_table,
 )
-from kinetics.network.display import NetworkTable, channel_rows, reaction_texts
 from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.events import Event, checked_events
 from kinetics.network.laws.expression import Expression, some_names
@@ -38,10 +37,13 @@ from kinetics.network.propensity import (
     mass_action,
     split_rates,
 )
-from kinetics.network.reaction_text import ReactionText, read_reactions
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
+
+if TYPE_CHECKING:
+    from kinetics.network.display import NetworkTable
+    from kinetics.network.reaction_text import ReactionText
 
 SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
 
@@ -158,6 +160,8 @@ class Network:
         >>> network.with_parameters(k1=2e-3).rate_constants.tolist()
         [0.002, 0.1]
         """
+        from kinetics.network.reaction_text import read_reactions
+
         made = cls.of_text(read_reactions(text, parameters))
         _ = made.initial  # whole numbers
         return made
@@ -362,6 +366,8 @@ class Network:
 
     def rows(self) -> list[tuple[str, ...]]:
         """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
+        from kinetics.network.display import channel_rows, reaction_texts
+
         reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
         return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws, self.given.rates)
 
@@ -375,6 +381,8 @@ class Network:
         return "; ".join([size, *(f"{name}: {value}" for name, value in facts.items() if value)])
 
     def _display(self) -> NetworkTable:
+        from kinetics.network.display import NetworkTable
+
         has_rates = self.rate_constants is not None or bool(self.laws)
         unit = f" (1/{self.time_unit})" * bool(self.time_unit)
         rate = [f"{'k, or law' if self.laws else 'k'}{unit}"] if has_rates else []

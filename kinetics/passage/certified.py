@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native import twins
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import RATE_ERROR
 from kinetics.support.arrays import Floats
@@ -111,8 +112,6 @@ class Equations(ABC):
 
     def _certified(self, weights: Floats, is_occupation: bool) -> BoundedSolution:
         """The solution, refined until what it leaves proves it; where that fails, as it is known beforehand."""
-        from kinetics.kernels import residuals
-
         solve = self.occupation if is_occupation else self.solve
         begun = np.array(solve(weights))
         prior = BoundedSolution(begun, np.full_like(begun, np.inf) if self.error == np.inf else self.error * begun)
@@ -126,7 +125,7 @@ class Equations(ABC):
             for _ in range(REFINEMENTS):
                 if not np.isfinite(left).all():
                     return prior
-                residuals.corrected(high, low, solve(left))
+                twins.corrected(high, low, solve(left))
                 left, doubt = self._left(weights, high, low, is_occupation)
                 errors = self.at_most(np.abs(left) + doubt, begun, is_occupation)
                 if (errors[~nothing] <= FINE * high[~nothing]).all():
@@ -138,11 +137,9 @@ class Equations(ABC):
 
     def _left(self, weights: Floats, high: Floats, low: Floats, is_occupation: bool) -> tuple[Floats, Floats]:
         """What a solution in pairs leaves of the weights (n,), and what that may be wrong by."""
-        from kinetics.kernels import residuals
-
         left = np.stack([weights, np.zeros_like(weights)], axis=1)
         sizes = np.abs(weights)
-        (residuals.occupied if is_occupation else residuals.earned)(*self._rates, high, low, left, sizes)
+        twins.take_off(is_occupation, *self._rates, high, low, left, sizes)
         rest = left.sum(axis=1)
         return rest, self._terms * (PAIRS * sizes + SMALLEST) + ROUNDOFF * np.abs(rest)
 

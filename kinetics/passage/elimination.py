@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native import twins
 from kinetics.passage.certified import Equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import RATE_ERROR, totals
@@ -45,8 +46,6 @@ class Elimination(Equations):
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
-        from kinetics.kernels import elimination
-
         n = leaving.size
         self._order, here, there = in_a_band(rows, columns, n)
         self.width = int(np.abs(here - there).max(initial=1))
@@ -56,24 +55,20 @@ class Elimination(Equations):
         self._band = np.zeros((n, 2 * self.width + 1))
         np.add.at(self._band, (here, there - here + self.width), rates)
         self._exits = np.empty(n)
-        changes = elimination.reduce(self._band, leaving[self._order].copy(), self._exits)
+        changes = twins.reduce(self._band, leaving[self._order].copy(), self._exits)
         # On the way back each figure is a sum of `width` products, of figures found so.
         self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))))
 
     def solve(self, weights: Floats) -> Floats:
         """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out."""
-        from kinetics.kernels import elimination
-
         x = weights[self._order].astype(float)
-        elimination.solve(self._band, self._exits, x)
+        twins.solve(self._band, self._exits, x)
         return self._back(x)
 
     def occupation(self, start: Floats) -> Floats:
         """Expected time (n,) in each state until the chain is left, from a start spread as `start` (n,)."""
-        from kinetics.kernels import elimination
-
         x = start[self._order].astype(float)
-        elimination.occupy(self._band, self._exits, x)
+        twins.occupy(self._band, self._exits, x)
         return self._back(x)
 
     def stationary(self) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.passage.arrival import SMALL
 from kinetics.passage.backward import expected_at, steps_until
@@ -114,11 +115,9 @@ def _absorption(chain: DiscreteChain, start: Floats, n_steps: int) -> tuple[Floa
 
     And a bound on the rounding of either.
     """
-    from kinetics.kernels import markov
-
     vector = start.copy()
     absorbed, alive, flows = np.empty((3, n_steps))
-    markov.absorb(*chain.arrays, vector, absorbed, alive, flows)
+    twins.absorb(*chain.arrays, vector, absorbed, alive, flows)
     rounding = chain.rounding(n_steps, float(flows.sum())) + ROUNDOFF * (n_steps + chain.size + 2)
     return absorbed, alive, rounding
 

@@ -15,11 +15,11 @@ from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
 from kinetics.sampling import SamplingMethod
 from kinetics.sampling.base import check_numbers
-from kinetics.solving import Distribution, StateSpace
 from kinetics.support.arrays import Ints, integers, rising_times
 
 if TYPE_CHECKING:
     from kinetics.sampling.base import Sampler
+    from kinetics.solving import Distribution
 
 BLOCK_BYTES = 2**26  # of all counts that are there at a time
 
@@ -55,6 +55,8 @@ class Observables:
 
     def of_distribution(self, found: Distribution) -> Distribution:
         """The distribution of the observables, from that of the counts."""
+        from kinetics.solving import StateSpace
+
         sums = found.space.states @ self.weights
         _, first, which = np.unique(sums, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)  # row 0 is the initial state

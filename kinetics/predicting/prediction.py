@@ -16,11 +16,12 @@ from kinetics.predicting.over_draws import DrawMeans, runs_over_draws
 from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.solving import Distribution, SolvingMethod, solve
 from kinetics.support.arrays import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from kinetics.solving import Distribution, SolvingMethod
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,7 @@ def predict(
     model = network if rates is None else rates.expected(network, tank)
     shown = model if observables is None else observables.network
     # first, because it may be refused, and sampling takes long
-    solved = solve(model, method, initial, times) if isinstance(method, SolvingMethod) else None
+    solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
     sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:

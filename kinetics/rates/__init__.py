@@ -1,18 +1,41 @@
 """Rate constants with their intervals, by channel and by rate class."""
 
-from kinetics.rates.break_terms import BreakTerms, ShapePosterior
-from kinetics.rates.by_class import (
-    ClassRate,
-    ClassRates,
-    are_by_class,
-    class_keys,
-    measured_class,
-    over_classes,
-    with_prior,
-)
-from kinetics.rates.of_book import BookRates
-from kinetics.rates.posterior import RatesPosterior
-from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kinetics.support.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from kinetics.rates.break_terms import BreakTerms, ShapePosterior
+    from kinetics.rates.by_class import (
+        ClassRate,
+        ClassRates,
+        are_by_class,
+        class_keys,
+        measured_class,
+        over_classes,
+        with_prior,
+    )
+    from kinetics.rates.of_book import BookRates
+    from kinetics.rates.posterior import RatesPosterior
+    from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
+
+_HOMES = {
+    "kinetics.rates.break_terms": ("BreakTerms", "ShapePosterior"),
+    "kinetics.rates.by_class": (
+        "ClassRate",
+        "ClassRates",
+        "are_by_class",
+        "class_keys",
+        "measured_class",
+        "over_classes",
+        "with_prior",
+    ),
+    "kinetics.rates.of_book": ("BookRates",),
+    "kinetics.rates.posterior": ("RatesPosterior",),
+    "kinetics.rates.rates": ("ChannelRate", "Convention", "Rates", "about_priors"),
+}
 
 __all__ = [
     "BookRates",
@@ -31,3 +54,5 @@ __all__ = [
     "over_classes",
     "with_prior",
 ]
+
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.memory import check_memory
@@ -227,14 +228,12 @@ class Tally:
 
     def add(self, counts: Ints) -> None:
         """Add the counts (runs, T, S) of more runs."""
-        from kinetics.kernels import statistics
-
         if not len(counts):
             return
         counts = np.ascontiguousarray(counts)
-        statistics.extend_range(counts, self.low, self.high)
+        twins.extend_range(counts, self.low, self.high)
         self._widen()
-        statistics.tally(counts, self.shift, self.origin, self.histogram)
+        twins.tally(counts, self.shift, self.origin, self.histogram)
         reference, runs = counts[0], len(counts)
         sums, products = self._deviations(counts, reference)
         # Back from deviations to the counts themselves, so that what is kept does not depend on the reference.
@@ -246,8 +245,6 @@ class Tally:
 
     def _deviations(self, counts: Ints, reference: Ints) -> tuple[Exact, Exact]:
         """Exact sums of the deviations (T, S) and of their products (T, P)."""
-        from kinetics.kernels import statistics
-
         furthest = max(int((self.high - reference).max()), int((reference - self.low).max()), 1)
         at_a_time = LARGEST_SQUARE // furthest**2
         first, second = self.pairs
@@ -258,21 +255,16 @@ class Tally:
         for begin in range(0, len(counts), at_a_time):
             part = counts[begin : begin + at_a_time]
             part_sums, part_products = np.zeros(sums.shape, np.int64), np.zeros(products.shape, np.int64)
-            if np.array_equal(first, second):
-                statistics.add_squares(part, reference, part_sums, part_products)
-            else:
-                statistics.add_products(part, reference, first, second, part_sums, part_products)
+            twins.add_products(part, reference, first, second, part_sums, part_products)
             sums += part_sums
             products += part_products
         return sums, products
 
     def _widen(self) -> None:
         """Make the histograms hold low to high."""
-        from kinetics.kernels import statistics
-
         shift, origin = np.empty_like(self.shift), np.empty_like(self.origin)
-        statistics.fit_bins(self.low, self.high, self.histogram.shape[2], shift, origin)
-        statistics.rebin(self.histogram, self.shift, self.origin, shift, origin)
+        twins.fit_bins(self.low, self.high, self.histogram.shape[2], shift, origin)
+        twins.rebin(self.histogram, self.shift, self.origin, shift, origin)
         self.shift, self.origin = shift, origin
 
     def add_statistics(self, other: EnsembleStatistics) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.kernels.outcomes import UNFINISHED
+from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
@@ -83,13 +84,11 @@ class RecomputingSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
         """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import direct
-
-        return direct.ensemble(self.model, self.changes, initial, grid, key, first_run, out)
+        return twins.direct(self.model, self.changes, initial, grid, key, first_run, out)
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
         """The outcome, and times and channels of all events until `end`."""
-        from kinetics.kernels import direct, members, streams
+        from kinetics.kernels import members, streams
 
         stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)
@@ -100,7 +99,7 @@ class RecomputingSampler:
         outcome = UNFINISHED
         while outcome == UNFINISHED:
             times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
-            outcome, n_events = direct.advance(self.model, self.changes, counts, clock, end, stream, times, channels)
+            outcome, n_events = twins.events(self.model, self.changes, counts, clock, end, stream, times, channels)
             members.name_events(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
         all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
@@ -78,10 +79,8 @@ class LockstepSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
     ) -> tuple[int, int]:
         """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import lockstep
-
         # Lanes count in doubles.
         is_exact = initial.max() < LARGEST_COUNT and np.abs(self.changes).max(initial=0) < LARGEST_CHANGE
         if len(out) < FEWEST_RUNS or not is_exact:
             return self.one_by_one.ensemble(initial, grid, key, first_run, out)
-        return lockstep.lockstep(self.model, self.changes, initial, grid, key, first_run, out)
+        return twins.lockstep(self.model, self.changes, initial, grid, key, first_run, out)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics.kernels.outcomes import OVERFLOW
+from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.solving.transitions import RATE_ERROR, Transitions
@@ -80,26 +82,20 @@ class StateSpace:
 
     @cached_property
     def _table(self) -> StateTable:
-        from kinetics.kernels import exploration
-
         multipliers = _multipliers(len(self.network.species))
         keys = _keys(self.states, multipliers)
-        return StateTable(multipliers, keys, exploration.tabulate(keys, keys.size, _slots_for(keys.size)))
+        return StateTable(multipliers, keys, twins.tabulate(keys, keys.size, _slots_for(keys.size)))
 
     def index_of(self, states: ArrayLike) -> NDArray[np.intp]:
         """Rows (...) of states (..., S); -1 for a state that is not among these."""
-        from kinetics.kernels import exploration
-
         asked = np.ascontiguousarray(states, dtype=np.int64)
         flat = asked.reshape(-1, len(self.network.species))
         table = self._table
-        rows = exploration.find(flat, _keys(flat, table.multipliers), self.states, table.keys, table.slots)
+        rows = twins.find(flat, _keys(flat, table.multipliers), self.states, table.keys, table.slots)
         return rows.reshape(asked.shape[:-1])
 
     def transitions(self) -> Transitions:
         """All transitions, one entry per state and channel; channels that change nothing are left out."""
-        from kinetics.kernels import exploration
-
         network, table = self.network, self._table
         changes = network.sparse_stoichiometry
         key_changes = _key_changes(changes, table.multipliers)
@@ -112,18 +108,18 @@ class StateSpace:
             propensities = network.propensities(_unless(self.is_stopped[part], self.states[part]))
             propensities[self.is_stopped[part]] = 0.0
             propensities[:, ~changes.has_entries] = 0.0  # A -> A changes nothing
-            ends = exploration.neighbours(
+            ends = twins.neighbours(
                 begin, propensities, _parts(changes), key_changes, self.states, table.keys, table.slots
             )
-            leaks[part] = np.where(ends == exploration.OUTSIDE, propensities, 0.0).sum(axis=1)
+            leaks[part] = np.where(ends == twins.OUTSIDE, propensities, 0.0).sum(axis=1)
             here, channels = np.nonzero(ends >= 0)
             rows.append(here + begin)
             columns.append(ends[here, channels])
             rates.append(propensities[here, channels])
             fired.append(channels)
-        ends = np.concatenate(rows), np.concatenate(columns)
+        sides = np.concatenate(rows), np.concatenate(columns)
         error = float(self.rate_errors.max(initial=0.0))
-        return Transitions(*ends, np.concatenate(rates), leaks, error, np.concatenate(fired))
+        return Transitions(*sides, np.concatenate(rates), leaks, error, np.concatenate(fired))
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
@@ -169,8 +165,6 @@ class Search:
     """
 
     def __init__(self, network: Network, states: Ints, max_states: int = MAX_STATES) -> None:
-        from kinetics.kernels import exploration
-
         network.check_homogeneous()
         works = network.sparse_stoichiometry.has_entries
         if network.rate_constants is not None:
@@ -185,7 +179,7 @@ class Search:
         self._n = len(states)
         self._states = np.concatenate([states, states])  # room to grow into
         self._keys = _keys(self._states, multipliers)
-        self._slots = exploration.tabulate(self._keys, self._n, _slots_for(2 * self._n))
+        self._slots = twins.tabulate(self._keys, self._n, _slots_for(2 * self._n))
         self.levels = [self._n]
 
     def __len__(self) -> int:
@@ -205,7 +199,7 @@ class Search:
             more = max(room, 2 * self._n) - self._n
             self._states = np.concatenate([self.states, np.empty((more, states.shape[1]), dtype=np.int64)])
             self._keys = np.append(self._keys[: self._n], np.empty(more, dtype=np.uint64))
-            self._slots = exploration.tabulate(self._keys, self._n, _slots_for(self._keys.size))
+            self._slots = twins.tabulate(self._keys, self._n, _slots_for(self._keys.size))
         rows = np.empty(len(states), dtype=np.int64)
         self._n = exploration.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
         if self._n > self._max_states:
@@ -220,16 +214,14 @@ class Search:
         if self._network.laws:
             self._go_on_by_law(begin, end, is_stopped)
             return
-        from kinetics.kernels import exploration
-
         stopped = np.empty(0, dtype=bool) if is_stopped is None else is_stopped
-        self._states, self._keys, self._slots, self._n, outcome, levels = exploration.explore(
+        self._states, self._keys, self._slots, self._n, outcome, levels = twins.explore(
             *self._channels, self._states, self._keys, self._slots, self._n, begin, end, stopped, self._max_states
         )
         self.levels += [int(size) for size in levels if size]
-        if outcome == exploration.OVERFLOW:
+        if outcome == OVERFLOW:
             raise ValueError("a count grows beyond 2**63 - 1")
-        if outcome == exploration.TOO_MANY:
+        if outcome == twins.TOO_MANY:
             raise TooManyStatesError(self._too_many())
 
     def _go_on_by_law(self, begin: int, end: int, is_stopped: NDArray[np.bool_] | None) -> None:

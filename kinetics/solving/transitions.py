@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native import twins
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -94,13 +95,10 @@ def totals(places: NDArray[Any], values: Floats, n: int) -> Floats:
 
 
 def _connected(rows: Ints, columns: Ints, begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import breadth_first_order
-
-    # From one more state, which leads to all beginnings.
-    n, first = begins.size, np.flatnonzero(begins)
-    places = (np.append(rows, np.full(first.size, n)), np.append(columns, first))
-    graph: Any = csr_array((np.ones(places[0].size), places), shape=(n + 1, n + 1))
-    found = np.zeros(n + 1, dtype=bool)
-    found[breadth_first_order(graph, n, return_predecessors=False)] = True
-    return found[:n]
+    order = np.argsort(rows, kind="stable")
+    starts = np.searchsorted(rows[order], np.arange(begins.size + 1))
+    found, queue = begins.astype(bool), np.empty(begins.size, dtype=np.int64)
+    first = np.flatnonzero(begins)
+    queue[: first.size] = first
+    twins.reach(starts.astype(np.int64), columns[order].astype(np.int64), queue, first.size, found)
+    return found

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native import twins
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_tails, poisson_window, window_error
 from kinetics.solving.transitions import RATE_ERROR, Transitions
 from kinetics.support.arrays import Floats, Ints
@@ -143,8 +144,6 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     because a stochastic matrix enlarges no difference. They end once that, in all steps to come, is less than these
     would round.
     """
-    from kinetics.kernels import markov
-
     if not chain.arrays.exits.any():
         return Mixtures(np.tile(start, (len(times), 1)), np.zeros_like(start), 0.0)
     means = [chain.rate * float(time) for time in times]
@@ -160,13 +159,13 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     for begin in range(0, n_steps, block):
         end = min(begin + block, n_steps)
         vectors[0] = vectors[-1]
-        markov.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
+        twins.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
         jumps += float((flows[: end - begin] * tails[begin:end]).sum())
         stays += vectors[: end - begin].sum(axis=0)
         active = np.flatnonzero((firsts < end) & (ends > begin))
         if active.size:
             weights = _weights_between(begin, end, [windows[i] for i in active])
-            markov.mix(active, weights, vectors[: end - begin], mixed)
+            twins.mix(active, weights, vectors[: end - begin], mixed)
         last, left = end - begin, n_steps - end
         drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
         flow = float(flows[last - 1])
@@ -220,15 +219,13 @@ class Absorption:
         return float(weights @ self._absorbed[window]), float(weights @ self._alive[window]), error
 
     def _extend(self, n_steps: int) -> None:
-        from kinetics.kernels import markov
-
         begin = self._absorbed.size
         if n_steps <= begin:
             return
         # By half as much again each time, so that many small requests copy little.
         more = max(n_steps, begin + begin // 2) - begin
         absorbed, alive, flows = np.empty(more), np.empty(more), np.empty(more)
-        markov.absorb(*self._chain.arrays, self._vector, absorbed, alive, flows)
+        twins.absorb(*self._chain.arrays, self._vector, absorbed, alive, flows)
         self._absorbed = np.concatenate([self._absorbed, absorbed])
         self._alive = np.concatenate([self._alive, alive])
         self._flows = np.concatenate([self._flows, flows])

@@ -20,7 +20,8 @@ MAX_ERRORS = 10  # reported at once
 
 Model = TypeVar("Model")
 
-STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+# Deferred: a model that no file of a command holds costs nothing.
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False, defer_build=True)
 
 
 class Settings(BaseModel):

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kinetics.assembly.deriving.explore import MAX_SPECIES, Exploration, Join, StructureEvent, explore
 from kinetics.assembly.deriving.ways import RateClass
-from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.rules.rule_book import LivelockError, RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+
+if TYPE_CHECKING:
+    from kinetics.assembly.drawing.drawing import Drawing
 
 SIZE_NAMES = (
     *("monomer", "dimer", "trimer", "quadmer", "pentamer"),

@@ -12,9 +12,8 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.rules.conditions import (
     BookFile,
@@ -31,6 +30,9 @@ from kinetics.assembly.rules.names import check_names
 from kinetics.assembly.rules.words import rule_words, semantics_words
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.config import find, read_toml, validated
+
+if TYPE_CHECKING:
+    from kinetics.assembly.drawing.drawing import Drawing
 
 BOOKS = Path(__file__).parents[1] / "books"
 

@@ -8,18 +8,40 @@ Network.from_reactions(
 )
 """
 
-from kinetics.network.laws.events import Event
-from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.named import (
-    LAWS,
-    hill,
-    hill_repression,
-    mass_action,
-    michaelis_menten,
-    periodic,
-    steps_in_count,
-    steps_in_time,
-)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kinetics.support.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from kinetics.network.laws.events import Event
+    from kinetics.network.laws.expression import Expression
+    from kinetics.network.laws.named import (
+        LAWS,
+        hill,
+        hill_repression,
+        mass_action,
+        michaelis_menten,
+        periodic,
+        steps_in_count,
+        steps_in_time,
+    )
+
+_HOMES = {
+    "kinetics.network.laws.events": ("Event",),
+    "kinetics.network.laws.expression": ("Expression",),
+    "kinetics.network.laws.named": (
+        "LAWS",
+        "hill",
+        "hill_repression",
+        "mass_action",
+        "michaelis_menten",
+        "periodic",
+        "steps_in_count",
+        "steps_in_time",
+    ),
+}
 
 __all__ = [
     "LAWS",
@@ -33,3 +55,5 @@ __all__ = [
     "steps_in_count",
     "steps_in_time",
 ]
+
+__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

@@ -1,0 +1,239 @@
+/* The states of a network in a hash table, and steps of its Markov chain: what exploration.py and markov.py do. */
+
+#include "streams.h"
+
+#define EMPTY (-1)
+#define OUTSIDE (-2)
+
+enum { COMPLETE = 0, TOO_MANY = 1, TOO_LARGE = 3, FULL = -1 }; /* as in exploration.py; FULL: room is used up */
+
+/* Rows of a sparse table: entries starts[r] to starts[r + 1], each a species and its copies. */
+typedef struct {
+    const int64_t *starts, *species, *copies;
+} SparseRows;
+
+/* States, their keys, and a hash table of the rows by their keys. */
+typedef struct {
+    int64_t *states; /* (room, n_species) */
+    uint64_t *keys;
+    int64_t *slots; /* a power of two of them */
+    int64_t room, n_slots, n_species;
+} HashedStates;
+
+/* Where an exploration stands, so that it can go on in more room. */
+typedef struct {
+    int64_t i, n, n_levels, level_end;
+} SearchProgress;
+
+/* The moves into each of n states: their sources and shares from begins[i] to begins[i + 1]. */
+typedef struct {
+    const uint32_t *begins, *sources;
+    const double *shares, *exits;
+    int64_t n;
+} ChainMoves;
+
+INLINE int64_t first_slot(uint64_t key, int64_t n_slots)
+{
+    const uint64_t mixed = (key ^ (key >> 29)) * 0x9E3779B97F4A7C15u;
+    return (int64_t)((mixed ^ (mixed >> 32)) & (uint64_t)(n_slots - 1));
+}
+
+INLINE void put(uint64_t key, int64_t row, int64_t *slots, int64_t n_slots)
+{
+    int64_t slot = first_slot(key, n_slots);
+    while (slots[slot] != EMPTY)
+        slot = (slot + 1) & (n_slots - 1);
+    slots[slot] = row;
+}
+
+void tabulate(const uint64_t *keys, int64_t n, int64_t *slots, int64_t n_slots)
+{
+    for (int64_t i = 0; i < n_slots; i++)
+        slots[i] = EMPTY;
+    for (int64_t i = 0; i < n; i++)
+        put(keys[i], i, slots, n_slots);
+}
+
+void find(const int64_t *asked, const uint64_t *asked_keys, int64_t n, const HashedStates *space, int64_t *rows)
+{
+    const size_t width = (size_t)space->n_species * sizeof *asked;
+    for (int64_t i = 0; i < n; i++) {
+        int64_t slot = first_slot(asked_keys[i], space->n_slots);
+        rows[i] = EMPTY;
+        for (; space->slots[slot] != EMPTY && rows[i] == EMPTY; slot = (slot + 1) & (space->n_slots - 1)) {
+            const int64_t row = space->slots[slot];
+            if (space->keys[row] == asked_keys[i] &&
+                !memcmp(space->states + row * space->n_species, asked + i * space->n_species, width))
+                rows[i] = row;
+        }
+    }
+}
+
+/* Whether state i becomes state `row` by the changes of channel r, whose species rise in number. */
+INLINE int leads_to(const HashedStates *space, int64_t i, int64_t row, const SparseRows *changes, int64_t r)
+{
+    const int64_t *from = space->states + i * space->n_species, *to = space->states + row * space->n_species;
+    const int64_t last = changes->starts[r + 1];
+    int64_t e = changes->starts[r];
+    for (int64_t s = 0; s < space->n_species; s++) {
+        uint64_t count = (uint64_t)from[s];
+        if (e < last && changes->species[e] == s)
+            count += (uint64_t)changes->copies[e++];
+        if ((uint64_t)to[s] != count)
+            return 0;
+    }
+    return 1;
+}
+
+/* The row of state i after channel r, which has this key; OUTSIDE where it is not in the table. */
+INLINE int64_t neighbour(const HashedStates *space, int64_t i, uint64_t key, const SparseRows *changes, int64_t r)
+{
+    const int64_t n_slots = space->n_slots;
+    for (int64_t slot = first_slot(key, n_slots); space->slots[slot] != EMPTY; slot = (slot + 1) & (n_slots - 1)) {
+        const int64_t row = space->slots[slot];
+        if (space->keys[row] == key && leads_to(space, i, row, changes, r))
+            return row;
+    }
+    return OUTSIDE;
+}
+
+/* Put state i after channel r into the next row, or say why not. */
+INLINE int add_state(const HashedStates *space, int64_t i, uint64_t key, const SparseRows *changes, int64_t r, int64_t most,
+                     int64_t *n)
+{
+    int64_t *state = space->states + *n * space->n_species;
+    int outcome = COMPLETE;
+    if (*n >= most)
+        return TOO_MANY;
+    if (*n == space->room)
+        return FULL;
+    memcpy(state, space->states + i * space->n_species, (size_t)space->n_species * sizeof *state);
+    for (int64_t e = changes->starts[r]; e < changes->starts[r + 1]; e++) {
+        int64_t *count = state + changes->species[e];
+        *count = (int64_t)((uint64_t)*count + (uint64_t)changes->copies[e]);
+        if (*count < 0)
+            outcome = TOO_LARGE;
+    }
+    if (outcome == COMPLETE) {
+        space->keys[*n] = key;
+        put(key, *n, space->slots, space->n_slots);
+        ++*n;
+    }
+    return outcome;
+}
+
+int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t *key_changes, int64_t n_channels,
+            const HashedStates *space, int64_t end, const char *is_stopped, int64_t n_stopped, int64_t most, int64_t *sizes,
+            int64_t most_levels, SearchProgress *p)
+{
+    for (; p->i < (end < 0 ? p->n : end); p->i++) {
+        if (p->i == p->level_end) {
+            if (p->n_levels == most_levels)
+                return FULL;
+            sizes[p->n_levels++] = p->n - p->level_end;
+            p->level_end = p->n;
+        }
+        if (p->i < n_stopped && is_stopped[p->i])
+            continue;
+        for (int64_t r = 0; r < n_channels; r++) {
+            int is_able = 1;
+            for (int64_t e = needed->starts[r]; e < needed->starts[r + 1]; e++)
+                is_able &= space->states[p->i * space->n_species + needed->species[e]] >= needed->copies[e];
+            const uint64_t key = space->keys[p->i] + key_changes[r];
+            if (!is_able || neighbour(space, p->i, key, changes, r) != OUTSIDE)
+                continue;
+            const int outcome = add_state(space, p->i, key, changes, r, most, &p->n);
+            if (outcome != COMPLETE)
+                return outcome;
+        }
+    }
+    return COMPLETE;
+}
+
+void neighbours(int64_t begin, const double *propensities, int64_t n, int64_t n_channels, const SparseRows *changes,
+                const uint64_t *key_changes, const HashedStates *space, int64_t *ends)
+{
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t r = 0; r < n_channels; r++) {
+            const uint64_t key = space->keys[begin + i] + key_changes[r];
+            const int64_t place = i * n_channels + r;
+            ends[place] = propensities[place] == 0.0 ? EMPTY : neighbour(space, begin + i, key, changes, r);
+        }
+}
+
+/* One step from `now` to `after`; the mass that left its state. */
+INLINE double one_step(const ChainMoves *steps, const double *now, double *after)
+{
+    double flow = 0.0;
+    uint32_t end = steps->begins[0];
+    for (int64_t i = 0; i < steps->n; i++) {
+        double inflow = 0.0;
+        const uint32_t begin = end;
+        end = steps->begins[i + 1];
+        for (uint32_t k = begin; k < end; k++)
+            inflow += steps->shares[k] * now[steps->sources[k]];
+        const double outflow = steps->exits[i] * now[i];
+        flow += outflow;
+        after[i] = now[i] + (inflow - outflow);
+    }
+    return flow;
+}
+
+void advance(const ChainMoves *steps, double *vectors, double *flows, int64_t n_steps)
+{
+    for (int64_t b = 0; b < n_steps; b++)
+        flows[b] = one_step(steps, vectors + b * steps->n, vectors + (b + 1) * steps->n);
+}
+
+void absorb(const ChainMoves *steps, double *vector, double *other, double *absorbed, double *alive, double *flows, int64_t n_steps)
+{
+    double *now = vector, *after = other;
+    for (int64_t b = 0; b < n_steps; b++) {
+        double rest = 0.0;
+        for (int64_t i = 0; i < steps->n - 1; i++)
+            rest += now[i];
+        absorbed[b] = now[steps->n - 1];
+        alive[b] = rest;
+        flows[b] = one_step(steps, now, after);
+        double *swapped = now;
+        now = after, after = swapped;
+    }
+    if (now != vector)
+        memcpy(vector, now, (size_t)steps->n * sizeof *vector);
+}
+
+CLONES void mix(const int64_t *rows, const double *weights, int64_t n_rows, int64_t n_steps, const double *vectors,
+                int64_t n, double *mixed)
+{
+    enum { TILE = 64 };
+    double total[TILE];
+    for (int64_t left = 0; left < n; left += TILE) {
+        const int64_t width = n - left < TILE ? n - left : TILE;
+        for (int64_t a = 0; a < n_rows; a++) {
+            for (int64_t j = 0; j < width; j++)
+                total[j] = 0.0;
+            for (int64_t b = 0; b < n_steps; b++) {
+                const double weight = weights[a * n_steps + b], *vector = vectors + b * n + left;
+                if (weight != 0.0)
+                    for (int64_t j = 0; j < width; j++)
+                        total[j] += weight * vector[j];
+            }
+            for (int64_t j = 0; j < width; j++)
+                mixed[rows[a] * n + left + j] += total[j];
+        }
+    }
+}
+
+/* Mark all states to which some way leads from those in the queue, marked before: moves out of state i end at
+ * ends[begins[i]] to ends[begins[i + 1]]. */
+void reach(const int64_t *begins, const int64_t *ends, int64_t *queue, int64_t n_queued, char *is_found)
+{
+    while (n_queued > 0) {
+        const int64_t i = queue[--n_queued];
+        for (int64_t k = begins[i]; k < begins[i + 1]; k++)
+            if (!is_found[ends[k]]) {
+                is_found[ends[k]] = 1;
+                queue[n_queued++] = ends[k];
+            }
+    }
+}

@@ -1,0 +1,193 @@
+/* Gillespie's direct method (1977, doi:10.1021/j100540a008): the arithmetic of direct.py, to the last bit. */
+
+#include "sampling.h"
+#include "streams.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+typedef struct {
+    double *copies;      /* (S + 1 + sums,), the counts, 1, and the sums of the terms */
+    double *propensities, *within, *upto;
+    int64_t *counts;     /* (S,) */
+} Room;
+
+INLINE double factored(const Model *model, int64_t r, const int64_t *counts)
+{
+    double propensity = model->coefficients[r];
+    for (int64_t j = 0; j < model->most_factors; j++) {
+        const int64_t *factor = model->factors + 3 * (r * model->most_factors + j);
+        const int64_t copies = factor[0] < model->n_species ? counts[factor[0]] : 1;
+        propensity *= (double)(copies >= factor[2] ? copies - factor[1] : 0);
+    }
+    return propensity;
+}
+
+INLINE double total_propensity(const Model *model, const Room *room)
+{
+    double *copies = room->copies, part = 0.0, total = 0.0;
+    for (int64_t k = 0; k < model->n_terms; k++) {
+        const double *term = model->terms + 4 * k;
+        part += term[0] * (copies[(int64_t)term[1]] - term[2]);
+        if (term[3] > 0.0) {
+            copies[(int64_t)term[3]] = part;
+            part = 0.0;
+        }
+    }
+    for (int64_t r = 0; r < model->n_channels; r++) {
+        const double pair = model->coefficients[r] * copies[model->first[r]];
+        room->propensities[r] = pair * (copies[model->second[r]] - model->less[r]);
+    }
+    if (model->any_general)
+        for (int64_t r = 0; r < model->n_channels; r++)
+            if (model->is_general[r])
+                room->propensities[r] = factored(model, r, room->counts);
+    for (int64_t block = 0; block < model->n_blocks; block++) {
+        part = 0.0;
+        for (int64_t r = BLOCK * block; r < BLOCK * (block + 1); r++) {
+            part += room->propensities[r];
+            room->within[r] = part;
+        }
+        total += part;
+        room->upto[block] = total;
+    }
+    return total;
+}
+
+INLINE int64_t chosen_channel(const Room *room, double target, double total)
+{
+    int64_t block = 0;
+    while (room->upto[block] <= target && room->upto[block] < total)
+        block++;
+    if (block > 0)
+        target -= room->upto[block - 1];
+    int64_t chosen = BLOCK * block;
+    const double part = room->within[chosen + BLOCK - 1];
+    while (room->within[chosen] <= target && room->within[chosen] < part)
+        chosen++;
+    return chosen;
+}
+
+/* Draw when the next event comes: inf where none does. */
+INLINE int next_time(double t, double total, uint64_t *s, double *later)
+{
+    const double wait = exponential(next_word(s, s + 1, s + 2, s + 3));
+    if (!(total < INFINITY))
+        return OVERFLOW_;
+    *later = total > 0.0 ? t + wait / total : INFINITY;
+    return *later == t ? STALLED_CLOCK : UNFINISHED;
+}
+
+/* Change the counts by a channel; whether they are all within 63 bits. */
+INLINE int fire(const Model *model, const Room *room, int64_t channel)
+{
+    const int64_t *change = model->changes + model->n_species * channel;
+    int is_right = 1;
+    for (int64_t i = 0; i < model->n_species; i++) {
+        room->counts[i] = (int64_t)((uint64_t)room->counts[i] + (uint64_t)change[i]);
+        room->copies[i] = (double)room->counts[i];
+        is_right &= room->counts[i] >= 0;
+    }
+    return is_right;
+}
+
+static void begin(const Model *model, const int64_t *counts, const Room *room)
+{
+    for (int64_t k = 0; k < model->n_species; k++) {
+        room->counts[k] = counts[k];
+        room->copies[k] = (double)counts[k];
+    }
+    room->copies[model->n_species] = 1.0;
+}
+
+static int one_run(const Model *model, const Room *room, const double *grid, int64_t n_times, uint64_t *s, int64_t *out)
+{
+    const int64_t n_species = model->n_species;
+    double t = 0.0;
+    int64_t passed = 0;
+    for (;;) {
+        const double total = total_propensity(model, room);
+        double later;
+        const int outcome = next_time(t, total, s, &later);
+        if (outcome != UNFINISHED)
+            return outcome;
+        for (; passed < n_times && grid[passed] < later; passed++)
+            memcpy(out + passed * n_species, room->counts, (size_t)n_species * sizeof *out);
+        if (passed == n_times)
+            return REACHED_END;
+        t = later;
+        const double share = uniform(next_word(s, s + 1, s + 2, s + 3));
+        if (!fire(model, room, chosen_channel(room, share * total, total)))
+            return OVERFLOW_;
+    }
+}
+
+static double *make_room(const Model *model, const int64_t *counts, Room *room)
+{
+    const int64_t n_species = model->n_species, n_slots = model->n_blocks * BLOCK;
+    double *memory = calloc((size_t)(2 * n_species + 2 + model->n_sums + 2 * n_slots + model->n_blocks), sizeof *memory);
+    if (!memory)
+        return NULL;
+    room->copies = memory;
+    room->propensities = room->copies + n_species + 1 + model->n_sums;
+    room->within = room->propensities + n_slots;
+    room->upto = room->within + n_slots;
+    room->counts = (int64_t *)(room->upto + model->n_blocks);
+    begin(model, counts, room);
+    return memory;
+}
+
+EnsembleEnd direct(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
+              int64_t first_run, int64_t runs, int64_t *out)
+{
+    EnsembleEnd ending = {REACHED_END, first_run + runs - 1};
+    Room room;
+    double *memory = make_room(model, initial, &room);
+    if (!memory)
+        return (EnsembleEnd){-1, first_run};
+    for (int64_t i = 0; i < runs && ending.outcome == REACHED_END; i++) {
+        uint64_t stream[4];
+        start_stream(key, first_run + i, stream);
+        begin(model, initial, &room);
+        ending.outcome = one_run(model, &room, grid, n_times, stream, out + i * n_times * model->n_species);
+        ending.run = first_run + i;
+    }
+    free(memory);
+    return ending;
+}
+
+/* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
+int events(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream, double *times,
+           int64_t *fired, int64_t most, int64_t *n_events)
+{
+    Room room;
+    double t = *clock, *memory = make_room(model, counts, &room);
+    int outcome = memory ? UNFINISHED : -1;
+    *n_events = 0;
+    while (outcome == UNFINISHED && *n_events < most) {
+        const double total = total_propensity(model, &room);
+        double later;
+        outcome = next_time(t, total, stream, &later);
+        if (outcome != UNFINISHED)
+            break;
+        t = later;
+        if (later > *end) {
+            t = *end;
+            outcome = REACHED_END;
+            break;
+        }
+        const double share = uniform(next_word(stream, stream + 1, stream + 2, stream + 3));
+        const int64_t channel = chosen_channel(&room, share * total, total);
+        if (!fire(model, &room, channel)) {
+            outcome = OVERFLOW_;
+            break;
+        }
+        times[*n_events] = t;
+        fired[(*n_events)++] = channel;
+    }
+    if (memory)
+        memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);
+    *clock = t;
+    free(memory);
+    return outcome;
+}

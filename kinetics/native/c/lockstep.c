@@ -1,0 +1,297 @@
+/* The direct method for 64 runs side by side: the arithmetic of lockstep.py, to the last bit. */
+
+#include "sampling.h"
+#include "streams.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define LANES 64
+#define GATHERED 8            /* up to so many species, all are updated whichever channel fired */
+#define LARGEST_EXACT 0x1p52  /* lanes count in doubles */
+
+typedef double Lanes[LANES];
+
+typedef struct {
+    const Model *model;
+    Lanes *counts;   /* (S + 1 + sums,) */
+    Lanes *within;   /* (G,) */
+    Lanes *upto;     /* (blocks,) */
+    double *change;  /* (S, G + 1); channel G changes nothing: what a lane does that has just ended its run */
+    int64_t *starts, *species_of; /* of the species that each channel changes */
+    Lanes total, part, target, t, upcoming;
+    uint64_t words[4][LANES];
+    int64_t run[LANES], seen[LANES], chosen[LANES];
+} Work;
+
+INLINE void sum_terms(Work *work, int64_t active)
+{
+    const Model *model = work->model;
+    double *part = work->part;
+    for (int64_t lane = 0; lane < active; lane++)
+        part[lane] = 0.0;
+    for (int64_t k = 0; k < model->n_terms; k++) {
+        const double *term = model->terms + 4 * k;
+        const double weight = term[0], taken = term[2];
+        const double *copies = work->counts[(int64_t)term[1]];
+        for (int64_t lane = 0; lane < active; lane++)
+            part[lane] += weight * (copies[lane] - taken);
+        if (term[3] > 0.0) {
+            double *sum = work->counts[(int64_t)term[3]];
+            for (int64_t lane = 0; lane < active; lane++) {
+                sum[lane] = part[lane];
+                part[lane] = 0.0;
+            }
+        }
+    }
+}
+
+INLINE void general(const Model *model, int64_t r, Lanes *counts, double *product, int64_t active)
+{
+    for (int64_t lane = 0; lane < active; lane++)
+        product[lane] = model->coefficients[r];
+    for (int64_t j = 0; j < model->most_factors; j++) {
+        const int64_t *factor = model->factors + 3 * (r * model->most_factors + j);
+        for (int64_t lane = 0; lane < active; lane++) {
+            const double copies = counts[factor[0]][lane];
+            product[lane] *= copies >= (double)factor[2] ? copies - (double)factor[1] : 0.0;
+        }
+    }
+}
+
+INLINE void sum_propensities(Work *work, int64_t active)
+{
+    const Model *model = work->model;
+    double *part = work->part, *total = work->total;
+    for (int64_t lane = 0; lane < active; lane++)
+        total[lane] = 0.0;
+    for (int64_t block = 0; block < model->n_blocks; block++) {
+        const int64_t end = BLOCK * (block + 1) < model->n_channels ? BLOCK * (block + 1) : model->n_channels;
+        for (int64_t lane = 0; lane < active; lane++)
+            part[lane] = 0.0;
+        for (int64_t r = BLOCK * block; r < end; r++) {
+            double *within = work->within[r];
+            if (model->is_general[r]) {
+                general(model, r, work->counts, work->target, active);
+                for (int64_t lane = 0; lane < active; lane++) {
+                    part[lane] += work->target[lane];
+                    within[lane] = part[lane];
+                }
+            } else {
+                const double coefficient = model->coefficients[r], less = model->less[r];
+                const double *first = work->counts[model->first[r]], *second = work->counts[model->second[r]];
+                for (int64_t lane = 0; lane < active; lane++) {
+                    part[lane] += coefficient * first[lane] * (second[lane] - less);
+                    within[lane] = part[lane];
+                }
+            }
+        }
+        for (int64_t lane = 0; lane < active; lane++) {
+            total[lane] += part[lane];
+            work->upto[block][lane] = total[lane];
+        }
+    }
+}
+
+/* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid. */
+INLINE int64_t move_clocks(Work *work, int64_t active)
+{
+    uint64_t(*words)[LANES] = work->words;
+    int64_t n_crossed = 0;
+    for (int64_t lane = 0; lane < active; lane++) {
+        uint64_t s0 = words[0][lane], s1 = words[1][lane], s2 = words[2][lane], s3 = words[3][lane];
+        const uint64_t first = next_word(&s0, &s1, &s2, &s3), second = next_word(&s0, &s1, &s2, &s3);
+        words[0][lane] = s0, words[1][lane] = s1, words[2][lane] = s2, words[3][lane] = s3;
+        work->target[lane] = uniform(second) * work->total[lane];
+        double later = work->t[lane] + exponential(first) / work->total[lane];
+        later = later > work->t[lane] ? later : INFINITY; /* a clock that stands still, or a total beyond double */
+        n_crossed += later > work->upcoming[lane];
+        work->t[lane] = later;
+    }
+    return n_crossed;
+}
+
+INLINE void choose(Work *work, int64_t active)
+{
+    const Model *model = work->model;
+    const double *total = work->total, *target = work->target;
+    int64_t *chosen = work->chosen;
+    Lanes *rows = model->n_blocks == 1 ? work->within : work->upto;
+    const int64_t n_rows = model->n_blocks == 1 ? model->n_channels : model->n_blocks;
+    for (int64_t lane = 0; lane < active; lane++)
+        chosen[lane] = 0;
+    for (int64_t row = 0; row < n_rows; row++)
+        for (int64_t lane = 0; lane < active; lane++)
+            chosen[lane] += (rows[row][lane] <= target[lane]) & (rows[row][lane] < total[lane]);
+    if (model->n_blocks == 1)
+        return;
+    for (int64_t lane = 0; lane < active; lane++) {
+        const int64_t block = chosen[lane];
+        if (block == model->n_blocks) {
+            chosen[lane] = model->n_channels;
+            continue;
+        }
+        const double aim = target[lane] - (block > 0 ? work->upto[block - 1][lane] : 0.0);
+        const int64_t begin = BLOCK * block;
+        const int64_t end = begin + BLOCK < model->n_channels ? begin + BLOCK : model->n_channels;
+        chosen[lane] = begin;
+        for (int64_t r = begin; r < end; r++)
+            chosen[lane] += (work->within[r][lane] <= aim) & (work->within[r][lane] < work->within[end - 1][lane]);
+    }
+}
+
+INLINE void fire(Work *work, int64_t active)
+{
+    const Model *model = work->model;
+    const int64_t *chosen = work->chosen;
+    if (model->n_species <= GATHERED) {
+        for (int64_t s = 0; s < model->n_species; s++) {
+            const double *change = work->change + s * (model->n_channels + 1);
+            for (int64_t lane = 0; lane < active; lane++)
+                work->counts[s][lane] += change[chosen[lane]];
+        }
+        return;
+    }
+    for (int64_t lane = 0; lane < active; lane++)
+        for (int64_t k = work->starts[chosen[lane]]; k < work->starts[chosen[lane] + 1]; k++) {
+            const int64_t s = work->species_of[k];
+            work->counts[s][lane] += work->change[s * (model->n_channels + 1) + chosen[lane]];
+        }
+}
+
+/* One event in every lane up to its choice; how many lanes pass a time of the grid. */
+CLONES static int64_t step(Work *work, int64_t active)
+{
+    sum_terms(work, active);
+    sum_propensities(work, active);
+    return move_clocks(work, active);
+}
+
+CLONES static void finish_step(Work *work, int64_t active)
+{
+    choose(work, active);
+    fire(work, active);
+}
+
+static void begin_lane(Work *work, int64_t lane, int64_t i, const int64_t *initial, const double *grid,
+                       const uint64_t *key, int64_t first_run)
+{
+    for (int j = 0; j < 4; j++)
+        work->words[j][lane] = stream_word(key[j], first_run + i);
+    for (int64_t s = 0; s < work->model->n_species; s++)
+        work->counts[s][lane] = (double)initial[s];
+    work->t[lane] = 0.0, work->upcoming[lane] = grid[0];
+    work->run[lane] = i, work->seen[lane] = 0;
+}
+
+static int64_t closed_ranks(Work *work, int64_t active)
+{
+    const int64_t n_rows = work->model->n_species + 1 + work->model->n_sums;
+    int64_t kept = 0;
+    for (int64_t lane = 0; lane < active; lane++) {
+        if (work->run[lane] < 0)
+            continue;
+        for (int64_t row = 0; row < n_rows; row++)
+            work->counts[row][kept] = work->counts[row][lane];
+        for (int j = 0; j < 4; j++)
+            work->words[j][kept] = work->words[j][lane];
+        work->t[kept] = work->t[lane], work->upcoming[kept] = work->upcoming[lane];
+        work->run[kept] = work->run[lane], work->seen[kept] = work->seen[lane];
+        kept++;
+    }
+    return kept;
+}
+
+static void make_tables(Work *work)
+{
+    const Model *model = work->model;
+    int64_t n = 0;
+    for (int64_t r = 0; r < model->n_channels; r++) {
+        work->starts[r] = n;
+        for (int64_t s = 0; s < model->n_species; s++) {
+            const int64_t change = model->changes[r * model->n_species + s];
+            work->change[s * (model->n_channels + 1) + r] = (double)change;
+            if (change)
+                work->species_of[n++] = s;
+        }
+    }
+    work->starts[model->n_channels] = work->starts[model->n_channels + 1] = n;
+    for (int64_t row = 0; row < model->n_species + 1 + model->n_sums; row++)
+        for (int64_t lane = 0; lane < LANES; lane++)
+            work->counts[row][lane] = 1.0;
+}
+
+static void make_runs(Work *work, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
+                      int64_t first_run, int64_t runs, int64_t *out, char *is_odd)
+{
+    const int64_t n_species = work->model->n_species;
+    int64_t active = runs < LANES ? runs : LANES, begun = 0, steps = 0;
+    for (; begun < active; begun++)
+        begin_lane(work, begun, begun, initial, grid, key, first_run);
+    while (active > 0) {
+        int64_t n_crossed = step(work, active), n_ended = 0;
+        if (++steps % 1024 == 0) /* with changes below 2**40, no count can pass 2**53 in between */
+            for (int64_t s = 0; s < n_species; s++)
+                for (int64_t lane = 0; lane < active; lane++)
+                    if (work->counts[s][lane] > LARGEST_EXACT) {
+                        work->t[lane] = work->total[lane] = INFINITY;
+                        n_crossed++;
+                    }
+        for (int64_t lane = 0; n_crossed > 0 && lane < active; lane++) {
+            if (!(work->t[lane] > work->upcoming[lane]))
+                continue;
+            int64_t k = work->seen[lane];
+            for (; k < n_times && grid[k] < work->t[lane]; k++)
+                for (int64_t s = 0; s < n_species; s++)
+                    out[(work->run[lane] * n_times + k) * n_species + s] = (int64_t)work->counts[s][lane];
+            work->seen[lane] = k;
+            if (k < n_times) {
+                work->upcoming[lane] = grid[k];
+                continue;
+            }
+            is_odd[work->run[lane]] = work->t[lane] == INFINITY && work->total[lane] != 0.0;
+            work->target[lane] = work->total[lane] = INFINITY;
+            if (begun < runs) {
+                begin_lane(work, lane, begun++, initial, grid, key, first_run);
+            } else {
+                work->run[lane] = -1;
+                n_ended++;
+            }
+        }
+        finish_step(work, active);
+        if (n_ended > 0)
+            active = closed_ranks(work, active);
+    }
+}
+
+EnsembleEnd lockstep(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
+                int64_t first_run, int64_t runs, int64_t *out)
+{
+    const int64_t n_rows = model->n_species + 1 + model->n_sums, n_slots = model->n_channels + 1;
+    EnsembleEnd ending = {REACHED_END, first_run + runs - 1};
+    Work *work = malloc(sizeof *work);
+    Lanes *lanes = malloc((size_t)(n_rows + model->n_channels + model->n_blocks) * sizeof *lanes);
+    double *change = calloc((size_t)(model->n_species * n_slots), sizeof *change);
+    int64_t *places = malloc((size_t)(n_slots + 1 + model->n_channels * model->n_species) * sizeof *places);
+    char *is_odd = calloc((size_t)runs, 1);
+    if (work && lanes && change && places && is_odd) {
+        work->model = model;
+        work->counts = lanes;
+        work->within = lanes + n_rows;
+        work->upto = work->within + model->n_channels;
+        work->change = change;
+        work->starts = places;
+        work->species_of = places + n_slots + 1;
+        make_tables(work);
+        make_runs(work, initial, grid, n_times, key, first_run, runs, out, is_odd);
+        for (int64_t i = 0; i < runs && ending.outcome == REACHED_END; i++)
+            if (is_odd[i])
+                ending = direct(model, initial, grid, n_times, key, first_run + i, 1, out + i * n_times * model->n_species);
+        if (ending.outcome == REACHED_END)
+            ending.run = first_run + runs - 1;
+    } else {
+        ending.outcome = -1;
+    }
+    free(work), free(lanes), free(change), free(places), free(is_odd);
+    return ending;
+}

@@ -1,0 +1,130 @@
+"""The library of C kernels: where it is, and how arrays and structures are passed to it."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from ctypes import POINTER, Structure, byref, c_char, c_double, c_int, c_int64, c_uint32, c_uint64, c_void_p
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@functools.cache
+def library() -> ctypes.CDLL | None:
+    """The C kernels, or None where they were not built."""
+    try:
+        from kinetics.native import _native  # type: ignore[attr-defined]
+    except ImportError:
+        return None
+    loaded = ctypes.CDLL(_native.__file__)
+    loaded.reduce_band.restype = c_int64
+    for name in ("direct", "lockstep"):
+        getattr(loaded, name).restype = EnsembleEnd
+    for name in VOID:
+        getattr(loaded, name).restype = None
+    return loaded
+
+
+VOID = (
+    *("tabulate", "find", "neighbours", "reach", "advance", "mix", "absorb", "earned", "occupied", "corrected"),
+    *("extend_range", "fit_bins", "rebin", "tally", "add_products"),
+)
+
+
+def is_built() -> bool:
+    """Whether there are C kernels."""
+    return library() is not None
+
+
+class EnsembleEnd(Structure):
+    """How an ensemble ended: its outcome, and the last run begun."""
+
+    _fields_ = [("outcome", c_int), ("run", c_int64)]
+
+
+class ChannelModel(Structure):
+    """`MergedChannels` and what they change, as sampling.h has them."""
+
+    _fields_ = [
+        *((name, POINTER(c_double)) for name in ("coefficients", "less", "terms")),
+        *((name, POINTER(c_int64)) for name in ("first", "second", "factors")),
+        ("is_general", POINTER(c_char)),
+        ("changes", POINTER(c_int64)),
+        *((name, c_int64) for name in ("n_channels", "n_species", "n_terms", "n_sums", "most_factors", "n_blocks")),
+        ("any_general", c_int),
+    ]
+
+
+class SparseRows(Structure):
+    """Rows of a sparse table."""
+
+    _fields_ = [(name, POINTER(c_int64)) for name in ("starts", "species", "copies")]
+
+
+class HashedStates(Structure):
+    """States, their keys, and the hash table of their rows."""
+
+    _fields_ = [
+        ("states", POINTER(c_int64)),
+        ("keys", POINTER(c_uint64)),
+        ("slots", POINTER(c_int64)),
+        *((name, c_int64) for name in ("room", "n_slots", "n_species")),
+    ]
+
+
+class SearchProgress(Structure):
+    """Where an exploration stands."""
+
+    _fields_ = [(name, c_int64) for name in ("i", "n", "n_levels", "level_end")]
+
+
+class ChainMoves(Structure):
+    """Moves into each state."""
+
+    _fields_ = [
+        *((name, POINTER(c_uint32)) for name in ("begins", "sources")),
+        *((name, POINTER(c_double)) for name in ("shares", "exits")),
+        ("n", c_int64),
+    ]
+
+
+TYPES: dict[Any, Any] = {
+    POINTER(c_double): float,
+    POINTER(c_int64): np.int64,
+    POINTER(c_uint64): np.uint64,
+    POINTER(c_uint32): np.uint32,
+    POINTER(c_char): np.bool_,
+}
+
+
+def filled(kind: type[Structure], *values: Any) -> Any:
+    """A structure of arrays and numbers; it keeps the arrays, copied where their type or layout is another."""
+    made, kept = kind(), []
+    for (name, field, *_), value in zip(kind._fields_, values, strict=True):
+        if field in TYPES:
+            kept.append(np.ascontiguousarray(value, TYPES[field]))
+            setattr(made, name, ctypes.cast(kept[-1].ctypes.data, cast(Any, field)))
+        else:
+            setattr(made, name, value)
+    made.kept = kept
+    return made
+
+
+def call(name: str, *arguments: Any) -> Any:
+    """Call a C kernel with arrays, whose layout is checked, structures and whole numbers; other threads run on."""
+    passed: list[Any] = []
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            if not argument.flags.c_contiguous:
+                raise ValueError(f"{name}: an array whose items do not lie side by side came")
+            passed.append(c_void_p(argument.ctypes.data))
+        else:
+            passed.append(byref(argument) if isinstance(argument, Structure) else c_int64(argument))
+    return getattr(cast(ctypes.CDLL, library()), name)(*passed)
+
+
+def given(array: Any, kind: Any) -> NDArray[Any]:
+    """An array that is read, of this type and side by side."""
+    return np.ascontiguousarray(array, kind)

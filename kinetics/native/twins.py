@@ -1,0 +1,332 @@
+"""Kernels that exist twice: in C, where nothing is compiled at run time, and by Numba, their oracle and fallback.
+
+The C code gives the same bits: the same arithmetic in the same order, without fused multiply-adds. What a command
+needs that samples or solves an ordinary network is here, so that it starts without Numba. Each function has the
+arguments and results of its twin in Python, named in its note, which runs where the C library was not built.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.kernels.outcomes import OVERFLOW
+from kinetics.native.library import (
+    ChainMoves,
+    ChannelModel,
+    EnsembleEnd,
+    HashedStates,
+    SearchProgress,
+    SparseRows,
+    call,
+    filled,
+    given,
+    is_built,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Words = NDArray[np.uint64]
+Entries = tuple[Ints, Ints, Ints]  # starts, columns and values of a sparse table
+
+COMPLETE, TOO_MANY, FULL = 0, 1, -1  # outcomes of an exploration; FULL: go on in more room
+OUTSIDE = -2  # where a channel leads out of a table of states
+MOST_LEVELS = 1024  # for which there is room at first
+BLOCK = 8  # channels, whose propensities are summed by themselves
+
+
+def direct(
+    model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
+) -> tuple[int, int]:
+    """Counts of many runs by the direct method, one by one: `direct.ensemble`."""
+    if is_built():
+        return _sampled("direct", model, changes, initial, grid, key, first_run, out)
+    from kinetics.kernels.direct import ensemble
+
+    return ensemble(model, changes, initial, grid, key, first_run, out)
+
+
+def lockstep(
+    model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
+) -> tuple[int, int]:
+    """The same runs, 64 side by side: `lockstep.lockstep`."""
+    if is_built():
+        return _sampled("lockstep", model, changes, initial, grid, key, first_run, out)
+    from kinetics.kernels import lockstep as twin
+
+    return twin.lockstep(model, changes, initial, grid, key, first_run, out)
+
+
+def _sampled(
+    name: str, model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
+) -> tuple[int, int]:
+    made = _model(model, changes)
+    start, times = given(initial, np.int64), given(grid, float)
+    ending: EnsembleEnd = call(name, made, start, times, times.size, given(key, np.uint64), first_run, len(out), out)
+    if ending.outcome < 0:
+        raise MemoryError(f"no memory to sample {len(changes)} channels")
+    return ending.outcome, ending.run
+
+
+def _model(model: Any, changes: Ints) -> Any:
+    n_channels, n_species = changes.shape
+    return filled(
+        ChannelModel, model.coefficients, model.less, model.terms, model.first, model.second, model.factors,
+        model.is_general, changes, n_channels, n_species, len(model.terms), np.count_nonzero(model.terms[:, 3]),
+        model.factors.shape[1], -(-n_channels // BLOCK), int(np.any(model.is_general)),
+    )  # fmt: skip
+
+
+def events(
+    model: Any, changes: Ints, counts: Ints, clock: Floats, end: float, stream: Words, times: Floats, fired: Ints
+) -> tuple[int, int]:
+    """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
+    if not is_built():
+        from kinetics.kernels.direct import advance as twin
+
+        return twin(model, changes, counts, clock, end, stream, times, fired)
+    last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
+    outcome = call("events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events)
+    if outcome < 0:
+        raise MemoryError(f"no memory to sample {len(changes)} channels")
+    return outcome, int(n_events[0])
+
+
+def extend_range(counts: Ints, low: Ints, high: Ints) -> None:
+    """Widen ranges to hold the counts: `statistics.extend_range`."""
+    if is_built():
+        call("extend_range", counts, len(counts), low.size, low, high)
+        return
+    from kinetics.kernels import statistics
+
+    statistics.extend_range(counts, low, high)
+
+
+def fit_bins(low: Ints, high: Ints, n_bins: int, shift: Ints, origin: Ints) -> None:
+    """Narrowest bins that hold low to high: `statistics.fit_bins`."""
+    if is_built():
+        call("fit_bins", low, high, low.size, n_bins, shift, origin)
+        return
+    from kinetics.kernels import statistics
+
+    statistics.fit_bins(low, high, n_bins, shift, origin)
+
+
+def rebin(histogram: Ints, shift: Ints, origin: Ints, new_shift: Ints, new_origin: Ints) -> None:
+    """Put histograms into wider or moved bins: `statistics.rebin`."""
+    if is_built():
+        n_bins = histogram.shape[2]
+        row = np.empty(n_bins, np.int64)
+        call("rebin", histogram, shift.size, n_bins, shift, origin, new_shift, new_origin, row)
+        return
+    from kinetics.kernels import statistics
+
+    statistics.rebin(histogram, shift, origin, new_shift, new_origin)
+
+
+def tally(counts: Ints, shift: Ints, origin: Ints, histogram: Ints) -> None:
+    """Count every value in its bin: `statistics.tally`."""
+    if is_built():
+        call("tally", counts, len(counts), shift.size, histogram.shape[2], shift, origin, histogram)
+        return
+    from kinetics.kernels import statistics
+
+    statistics.tally(counts, shift, origin, histogram)
+
+
+def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums: Ints, products: Ints) -> None:
+    """Add deviations from a reference, and their products: `statistics.add_products`, `add_squares`."""
+    if is_built():
+        runs, n_times, n_species = counts.shape
+        off, one, other = np.empty(n_species, np.int64), given(first, np.int64), given(second, np.int64)
+        call(
+            "add_products", counts, runs, n_times, n_species, given(reference, np.int64), one, other, one.size,
+            sums, products, off,
+        )  # fmt: skip
+        return
+    from kinetics.kernels import statistics
+
+    if np.array_equal(first, second):
+        statistics.add_squares(counts, reference, sums, products)
+    else:
+        statistics.add_products(counts, reference, first, second, sums, products)
+
+
+def tabulate(keys: Words, n: int, size: int) -> Ints:
+    """Hash table of `size` slots that hold the rows of the first n keys: `exploration.tabulate`."""
+    if is_built():
+        slots = np.empty(size, np.int64)
+        call("tabulate", keys, n, slots, size)
+        return slots
+    from kinetics.kernels import exploration
+
+    return exploration.tabulate(keys, n, size)
+
+
+def find(asked: Ints, asked_keys: Words, states: Ints, keys: Words, table: Ints) -> Ints:
+    """Rows (n,) of the states asked for; -1 where there is none: `exploration.find`."""
+    if not is_built():
+        from kinetics.kernels import exploration
+
+        return exploration.find(asked, asked_keys, states, keys, table)
+    rows = np.empty(len(asked), np.int64)
+    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
+    call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
+    return rows
+
+
+def explore(
+    needed: Entries, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints, n: int, begin: int,
+    end: int, is_stopped: NDArray[np.bool_], most: int,
+) -> tuple[Ints, Words, Ints, int, int, Ints]:  # fmt: skip
+    """Add to the first n states all to which those from `begin` on lead: `exploration.explore`."""
+    if not is_built():
+        from kinetics.kernels import exploration
+
+        return exploration.explore(needed, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most)
+    wants, does = filled(SparseRows, *needed), filled(SparseRows, *changes)
+    stopped, sizes = given(is_stopped, np.bool_), np.zeros(MOST_LEVELS, np.int64)
+    progress = SearchProgress(begin, n, 0, n if end < 0 else end)
+    while True:
+        space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
+        outcome = call(
+            "explore", wants, does, key_changes, key_changes.size, space, end, stopped, stopped.size, most, sizes,
+            sizes.size, progress,
+        )  # fmt: skip
+        n, levels = progress.n, progress.n_levels
+        if outcome != FULL:
+            break
+        if n == keys.size:
+            states = np.concatenate([states, np.empty_like(states)])
+            keys = np.append(keys, keys)
+            table = tabulate(keys, n, 2 * table.size)
+        else:
+            sizes = np.append(sizes, np.zeros_like(sizes))
+    last = [] if outcome == OVERFLOW else [n - progress.level_end]
+    return states, keys, table, n, outcome, np.append(sizes[:levels], last).astype(np.int64)
+
+
+def neighbours(
+    begin: int, propensities: Floats, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints
+) -> Ints:
+    """Row (n, R) to which each channel leads from the states begin, begin + 1, ...: `exploration.neighbours`."""
+    if not is_built():
+        from kinetics.kernels import exploration
+
+        return exploration.neighbours(begin, propensities, changes, key_changes, states, keys, table)
+    n, n_channels = propensities.shape
+    ends = np.empty((n, n_channels), np.int64)
+    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
+    rates = given(propensities, float)
+    call("neighbours", begin, rates, n, n_channels, filled(SparseRows, *changes), key_changes, space, ends)
+    return ends
+
+
+def advance(
+    begins: NDArray[np.uint32], sources: NDArray[np.uint32], shares: Floats, exits: Floats, vectors: Floats,
+    flows: Floats,
+) -> None:  # fmt: skip
+    """ChainMoves of a uniformised chain: `markov.advance`."""
+    if is_built():
+        call("advance", filled(ChainMoves, begins, sources, shares, exits, exits.size), vectors, flows, flows.size)
+        return
+    from kinetics.kernels import markov
+
+    markov.advance(begins, sources, shares, exits, vectors, flows)
+
+
+def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
+    """Add sums of weighted vectors to rows: `markov.mix`."""
+    if is_built():
+        places, factors = given(rows, np.int64), given(weights, float)
+        call("mix", places, factors, places.size, factors.shape[1], vectors, vectors.shape[1], mixed)
+        return
+    from kinetics.kernels import markov
+
+    markov.mix(rows, weights, vectors, mixed)
+
+
+def absorb(
+    begins: NDArray[np.uint32], sources: NDArray[np.uint32], shares: Floats, exits: Floats, vector: Floats,
+    absorbed: Floats, alive: Floats, flows: Floats,
+) -> None:  # fmt: skip
+    """ChainMoves of a chain whose last state is never left: `markov.absorb`."""
+    if is_built():
+        steps = filled(ChainMoves, begins, sources, shares, exits, exits.size)
+        call("absorb", steps, vector, np.empty_like(vector), absorbed, alive, flows, flows.size)
+        return
+    from kinetics.kernels import markov
+
+    markov.absorb(begins, sources, shares, exits, vector, absorbed, alive, flows)
+
+
+def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
+    """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
+    if is_built():
+        return call("reduce_band", band, leaving, exits, exits.size, band.shape[1] // 2)
+    from kinetics.kernels import elimination
+
+    return elimination.reduce(band, leaving, exits)
+
+
+def solve(band: Floats, exits: Floats, x: Floats) -> None:
+    """What is earned on the way out: `elimination.solve`."""
+    if is_built():
+        _divided(call("solve_band", band, exits, x, exits.size, band.shape[1] // 2))
+        return
+    from kinetics.kernels import elimination
+
+    elimination.solve(band, exits, x)
+
+
+def occupy(band: Floats, exits: Floats, x: Floats) -> None:
+    """Expected time in each state: `elimination.occupy`."""
+    if is_built():
+        _divided(call("occupy_band", band, exits, x, exits.size, band.shape[1] // 2))
+        return
+    from kinetics.kernels import elimination
+
+    elimination.occupy(band, exits, x)
+
+
+def _divided(is_done: int) -> None:
+    if not is_done:
+        raise ZeroDivisionError("division by zero")
+
+
+def reach(begins: Ints, ends: Ints, queue: Ints, n_queued: int, is_found: NDArray[np.bool_]) -> None:
+    """Mark all states to which some way leads: `exploration.reach`."""
+    if is_built():
+        call("reach", begins, ends, queue, n_queued, is_found)
+        return
+    from kinetics.kernels import exploration
+
+    exploration.reach(begins, ends, queue, n_queued, is_found)
+
+
+def take_off(
+    is_occupation: bool, rows: Ints, columns: Ints, rates: Floats, leaving: Floats, high: Floats, low: Floats,
+    left: Floats, sizes: Floats,
+) -> None:  # fmt: skip
+    """Take a chain's equations, times a solution in pairs, from what is left: `residuals.occupied`, or `earned`."""
+    if is_built():
+        from_, to = given(rows, np.int64), given(columns, np.int64)
+        ways, out = given(rates, float), given(leaving, float)
+        name = "occupied" if is_occupation else "earned"
+        call(name, from_, to, ways, ways.size, out, out.size, high, low, left, sizes)
+        return
+    from kinetics.kernels import residuals
+
+    (residuals.occupied if is_occupation else residuals.earned)(rows, columns, rates, leaving, high, low, left, sizes)
+
+
+def corrected(high: Floats, low: Floats, change: Floats) -> None:
+    """Add a change to pairs: `residuals.corrected`."""
+    if is_built():
+        call("corrected", high, low, given(change, float), high.size)
+        return
+    from kinetics.kernels import residuals
+
+    residuals.corrected(high, low, change)

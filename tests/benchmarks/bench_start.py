@@ -1,0 +1,111 @@
+"""What the usual commands cost beside `import numpy`, and C kernels beside those by Numba: user CPU, medians.
+
+    python -m tests.benchmarks.bench_start [--repeats 20]
+
+The commands run as a new process each, turn about with the reference, so that a busy machine slows all alike. Kernels
+are compiled beforehand; their first compilation is timed by itself, in an empty cache.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from itertools import islice
+from pathlib import Path
+from statistics import median
+
+import click
+import numpy as np
+
+from kinetics.assembly import RuleBook, derive
+from kinetics.kernels.direct import ensemble
+from kinetics.kernels.lockstep import lockstep
+from kinetics.native.library import is_built
+from kinetics.native.twins import direct as direct_in_c
+from kinetics.native.twins import lockstep as lockstep_in_c
+from kinetics.rates import Rates
+from kinetics.sampling import Direct
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.merging import Merging
+from kinetics.support.tables import text_table
+
+REFERENCE = [sys.executable, "-c", "import numpy"]
+LINE = "line4 --rates table3 --cubes 60"
+COMMANDS = {
+    "--help": 0.5,
+    "derive line4": 2.0,
+    f"predict {LINE} --method ssa --runs 1000": 2.0,
+    f"predict {LINE} --method exact": 4.0,
+    f"passage {LINE} --species quadmer": 4.0,
+}
+
+
+def user_seconds(command: list[str], **more: str) -> float:
+    """User CPU time of a new process."""
+    before = os.times().children_user
+    subprocess.run(command, check=True, capture_output=True, env=os.environ | more)
+    return os.times().children_user - before
+
+
+def wellmixed(words: str) -> list[str]:
+    return [sys.executable, "-c", "import wellmixed; wellmixed.main()", *words.split()]
+
+
+def starts(repeats: int) -> None:
+    for words in COMMANDS:
+        user_seconds(wellmixed(words))  # bytecode is written once
+    took: dict[str, list[float]] = {words: [] for words in COMMANDS}
+    reference = []
+    for _ in range(repeats):
+        reference.append(user_seconds(REFERENCE))
+        for words, times in took.items():
+            times.append(user_seconds(wellmixed(words)))
+    base = median(reference)
+    with tempfile.TemporaryDirectory() as folder:
+        first = user_seconds(wellmixed(f"predict {LINE}"), NUMBA_CACHE_DIR=folder)
+        compiled = bool(list(Path(folder).rglob("*.nbc")))
+    rows = [
+        [f"wellmixed {words}", f"{median(times) / base:.2f}", f"{COMMANDS[words]:g}"] for words, times in took.items()
+    ]
+    rows.append([f"wellmixed predict {LINE}, no kernel compiled", f"{first / base:.2f}", "2"])
+    click.echo(text_table(["command", "import numpy = 1", "at most"], rows))
+    click.echo(f"import numpy {1000 * base:.0f} ms of user CPU; kernels of Numba needed at first: {compiled}")
+
+
+def events(repeats: int) -> None:
+    """ns an event of the line of four at 60 cubes, by both twins."""
+    network = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
+    merging, start = Merging.of(network), np.array([60, 0, 0, 0])
+    model, changes = merging.model(), network.stoichiometry[merging.leaders]
+    grid, key = np.array([2000.0]), stream_key(0)
+    kernels = {"direct": (direct_in_c, ensemble), "lockstep": (lockstep_in_c, lockstep)}
+    paths = islice(Direct().sample_paths(network, start, 2000.0), 50)
+    n_events = np.mean([path.times.size for path in paths])
+    rows = []
+    for name, twin in kernels.items():
+        times: list[list[float]] = [[], []]
+        for repeat in range(repeats + 1):
+            for kernel, found in zip(twin, times, strict=True):
+                out = np.empty((2000, 1, 4), np.int64)
+                began = time.process_time()
+                kernel(model, changes, start, grid, key, 0, out)
+                if repeat:  # the first may compile
+                    found.append((time.process_time() - began) / (len(out) * n_events))
+        rows.append([name, *(f"{1e9 * median(found):.1f}" for found in times)])
+    click.echo(text_table(["ns an event", "in C", "by Numba"], rows))
+
+
+@click.command()
+@click.option("--repeats", type=click.IntRange(min=1), default=20, show_default=True)
+def main(repeats: int) -> None:
+    """Costs of starting, as ratios in the same run, and of an event in either kernel."""
+    click.echo("C kernels: " + ("built" if is_built() else "not built"))
+    starts(repeats)
+    events(repeats)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,234 @@
+"""The kernels in C give the bits of those by Numba: same counts, same chances, same outcomes."""
+
+import numpy as np
+import pytest
+from break_studies import TANK, by_first_coefficient
+from known_systems import line
+from numpy.testing import assert_array_equal
+from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
+
+from kinetics.breaks import break_model
+from kinetics.kernels import direct, elimination, exploration, lockstep, markov, outcomes, residuals
+from kinetics.kernels import statistics as tallies
+from kinetics.native import library, twins
+from kinetics.network import Network
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.merging import Merging
+from kinetics.solving import reachable
+from kinetics.solving.states import _keys, _multipliers
+
+pytestmark = pytest.mark.skipif(not library.is_built(), reason="the C kernels were not built: there was no compiler")
+
+COLLIDING = by_first_coefficient(break_model("collision-wall"), {"alpha": 1.3, "wall": 40.0}, 1e-5).network(TANK)[1]
+BIG = Network.from_reactions({"pair": ({"A": 2}, {"B": 1}), "more": ({}, {"A": 2**38})}, [1e-30, 1e3])
+END = Network.from_reactions({"end": ({"A": 1}, {})}, [1.0])
+SUDDEN = Network.from_reactions({"late": ({}, {"A": 1}), "grow": ({"A": 1}, {"A": 2})}, [1e-3, 1e18])
+CASES = {
+    "line": (line(), [60, 0, 0, 0], 2000.0),
+    "broken by partners": (COLLIDING, np.eye(len(COLLIDING.species), dtype=int)[0] * 40, 2000.0),
+    "enzyme": (ENZYME, [30, 90, 0, 0], 3.0),
+    "mixed": (MIXED, [90, 10, 20], 1.0),
+    "third order": (THIRD_ORDER, [11, 2], 2.0),
+    "ordered pairs": (PRODUCTS, [13, 0], 0.25),
+    "ring": (ring(40), np.full(40, 20), 1.0),
+    "nothing left": (END, [5], 100.0),
+    "nothing at all": (END, [0], 1.0),
+    "counts beyond doubles": (BIG, [0, 0], 40.0),
+    "a clock that stands still": (SUDDEN, [0], 1e9),
+}
+KERNELS = {"direct": (twins.direct, direct.ensemble), "lockstep": (twins.lockstep, lockstep.lockstep)}
+
+
+def ended(kernel, net, initial, end, runs, model=None):
+    """Outcome, last run begun, and counts."""
+    merging, start = Merging.of(net), np.asarray(initial, np.int64)
+    out = np.full((runs, 7, start.size), -1, np.int64)
+    changes, grid = net.stoichiometry[merging.leaders], np.linspace(0.0, end, 7)
+    return *kernel(model or merging.model(), changes, start, grid, stream_key(3), 5, out), out
+
+
+@pytest.mark.parametrize("runs", [1, 20, 150])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("name", CASES)
+def test_runs_have_the_same_bits(name, kernel, runs):
+    in_c, by_numba = KERNELS[kernel]
+    outcome, run, counts = ended(in_c, *CASES[name], runs)
+    other, last, same = ended(by_numba, *CASES[name], runs)
+    assert (outcome, run) == (other, last)
+    if outcome == outcomes.REACHED_END:
+        assert_array_equal(counts, same)
+
+
+def test_the_cases_reach_every_outcome():
+    found = {ended(direct.ensemble, *case, 1)[0] for case in CASES.values()}
+    assert {outcomes.REACHED_END, outcomes.STALLED_CLOCK} <= found
+    assert any(Merging.of(net).model().terms.size for net, _, _ in CASES.values())
+    assert any(Merging.of(net).model().is_general.any() for net, _, _ in CASES.values())
+    assert any(len(net.channels) > 8 * 4 for net, _, _ in CASES.values())
+
+
+def run_by(kernel, net, initial, end, model=None):
+    """Outcome, all events of one run, in pieces of 50, and what the kernel writes to."""
+    merging = Merging.of(net)
+    counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(1), stream_key(4)
+    outcome, found = outcomes.UNFINISHED, []
+    while outcome == outcomes.UNFINISHED and len(found) < 40:
+        times, fired = np.empty(50), np.empty(50, np.int64)
+        changes = net.stoichiometry[merging.leaders]
+        outcome, n = kernel(model or merging.model(), changes, counts, clock, end, stream, times, fired)
+        found.append((times[:n], fired[:n]))
+    return outcome, *map(np.concatenate, zip(*found, strict=True)), counts, clock, stream
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_times_of_events_have_the_same_bits(name):
+    """Times show the last bit of every draw, propensity and sum; counts would not."""
+    found = run_by(twins.events, *CASES[name])
+    for one, other in zip(found, run_by(direct.advance, *CASES[name]), strict=True):
+        assert_array_equal(one, other)
+
+
+def test_a_rate_one_bit_off_is_seen():
+    """The control: other arithmetic gives other times."""
+    net, initial, end = CASES["line"]
+    model = Merging.of(net).model()
+    off = model._replace(coefficients=np.nextafter(model.coefficients, 1.0))
+    (_, times, *_), (_, other, *_) = (run_by(twins.events, net, initial, end, each) for each in (model, off))
+    assert (times != other).any()
+
+
+def copies(*arrays):
+    return [array.copy() for array in arrays]
+
+
+def assert_same(in_c, by_numba, arguments):
+    """Both change or give the same, whatever a function writes to."""
+    one, other = copies(*arguments), copies(*arguments)
+    left, right = in_c(*one), by_numba(*other)
+    for a, b in zip(one, other, strict=True):
+        assert_array_equal(a, b)
+    if left is not None or right is not None:
+        assert_array_equal(left, right)
+    return one
+
+
+@pytest.mark.parametrize("top", [3, 10**6, 2**61])
+def test_tallies_are_the_same(top):
+    rng = np.random.default_rng(1)
+    counts = rng.integers(0, top, size=(30, 4, 3))
+    low, high = counts[0].copy(), counts[0].copy()
+    _, low, high = assert_same(twins.extend_range, tallies.extend_range, (counts, low, high))
+    shift, origin = np.zeros_like(low), np.zeros_like(low)
+    *_, shift, origin = assert_same(
+        lambda *arrays: twins.fit_bins(*arrays[:2], 63, *arrays[2:]),
+        lambda *arrays: tallies.fit_bins(*arrays[:2], 63, *arrays[2:]),
+        (low, high, shift, origin),
+    )
+    histogram = np.zeros((4, 3, 63), np.int64)
+    *_, histogram = assert_same(twins.tally, tallies.tally, (counts, shift, origin, histogram))
+    assert histogram.sum() == counts.size
+    assert_same(twins.rebin, tallies.rebin, (histogram, shift, origin, shift + 2, origin >> 2))
+    part = counts % 2**20
+    pairs = np.array(np.triu_indices(3))
+    sums, products = np.zeros((4, 3), np.int64), np.zeros((4, 6), np.int64)
+    assert_same(twins.add_products, tallies.add_products, (part, part[0], *pairs, sums, products))
+    alone = np.arange(3)
+    added = np.zeros((4, 3), np.int64), np.zeros((4, 3), np.int64)
+    tallies.add_squares(part, part[0], *added)
+    twins.add_products(part, part[0], alone, alone, sums, squares := np.zeros((4, 3), np.int64))
+    assert_array_equal([sums, squares], added)
+
+
+@pytest.mark.parametrize("name", ["line", "enzyme", "mixed", "broken by partners"])
+def test_explorations_are_the_same(name, monkeypatch):
+    net, initial, _ = CASES[name]
+    start = np.minimum(initial, 12)
+    here = reachable(net, start)
+    moves = here.transitions()
+    keys = _keys(here.states, _multipliers(len(net.species)))
+    table = twins.tabulate(keys, keys.size, 2 ** int(np.ceil(np.log2(2 * keys.size))))
+    assert_array_equal(table, exploration.tabulate(keys, keys.size, table.size))
+    asked = np.concatenate([here.states[::3], here.states[:2] + 1000])
+    asked_keys = _keys(asked, _multipliers(len(net.species)))
+    assert_array_equal(
+        twins.find(asked, asked_keys, here.states, keys, table),
+        exploration.find(asked, asked_keys, here.states, keys, table),
+    )
+    begins = np.zeros(len(here), dtype=bool)
+    begins[0] = True
+    back = moves.leading_to(begins)
+    monkeypatch.setattr(library, "library", lambda: None)
+    there = reachable(net, start)
+    assert_array_equal(here.states, there.states)
+    others = there.transitions()
+    assert_array_equal(moves.rows, others.rows)
+    assert_array_equal(moves.columns, others.columns)
+    assert_array_equal(moves.rates, others.rates)
+    assert_array_equal(back, others.leading_to(begins))
+
+
+def test_a_search_that_is_too_large_ends_alike(monkeypatch):
+    messages = []
+    for _ in range(2):
+        with pytest.raises(ValueError, match="over 1000 states are reachable") as caught:
+            reachable(Network.from_reactions({"make": ({}, {"A": 1})}, [1.0]), [0], max_states=1000)
+        messages.append(str(caught.value))
+        monkeypatch.setattr(library, "library", lambda: None)
+    assert messages[0] == messages[1]
+
+
+def chain(rng, n=200):
+    """A random chain as the kernels read it."""
+    shares = rng.random((n, n)) * (rng.random((n, n)) < 0.05)
+    np.fill_diagonal(shares, 0.0)
+    shares /= shares.sum(axis=0, keepdims=True).max() * 1.5
+    sources, targets = np.nonzero(shares)
+    order = np.lexsort((sources, targets))
+    begins = np.searchsorted(targets[order], np.arange(n + 1)).astype(np.uint32)
+    return begins, sources[order].astype(np.uint32), shares[sources, targets][order], shares.sum(axis=1)
+
+
+def test_steps_of_a_chain_are_the_same():
+    rng = np.random.default_rng(2)
+    arrays = chain(rng)
+    vectors = np.zeros((30, 200))
+    vectors[0] = rng.dirichlet(np.ones(200))
+    *_, vectors, _ = assert_same(twins.advance, markov.advance, (*arrays, vectors, np.empty(29)))
+    weights = rng.random((3, 29)) * (rng.random((3, 29)) < 0.5)
+    assert_same(twins.mix, markov.mix, (np.array([2, 0, 1]), weights, vectors[:29], np.zeros((3, 200))))
+    for steps in (4, 5):
+        empty = np.empty(steps), np.empty(steps), np.empty(steps)
+        assert_same(twins.absorb, markov.absorb, (*arrays, vectors[0].copy(), *empty))
+
+
+@pytest.mark.parametrize("is_occupation", [False, True])
+def test_elimination_and_its_residuals_are_the_same(is_occupation):
+    rng = np.random.default_rng(3)
+    n, b = 150, 6
+    band = rng.random((n, 2 * b + 1)) * (rng.random((n, 2 * b + 1)) < 0.6)
+    places = np.arange(n)[:, None] + np.arange(-b, b + 1)
+    band[(places < 0) | (places >= n) | (places == np.arange(n)[:, None])] = 0.0
+    leaving = rng.random(n)
+    rows, columns = np.nonzero(band)
+    rates, columns = band[rows, columns], places[rows, columns]
+    band, _, exits = assert_same(twins.reduce, elimination.reduce, (band, leaving, np.empty(n)))
+    in_c, by_numba = (twins.occupy, elimination.occupy) if is_occupation else (twins.solve, elimination.solve)
+    _, _, high = assert_same(in_c, by_numba, (band, exits, rng.random(n)))
+    low, left = 1e-17 * rng.random(n), np.stack([rng.random(n), np.zeros(n)], axis=1)
+    by_numba = residuals.occupied if is_occupation else residuals.earned
+    assert_same(
+        lambda *arrays: twins.take_off(is_occupation, *arrays),
+        by_numba,
+        (rows, columns, rates, leaving, high, low, left, np.zeros(n)),
+    )
+    assert_same(twins.corrected, residuals.corrected, (high, low, 1e-16 * rng.random(n)))
+    exits[n // 2] = 0.0
+    for each in (in_c, elimination.occupy if is_occupation else elimination.solve):
+        with pytest.raises(ZeroDivisionError):
+            each(band, exits, np.ones(n))
+
+
+def test_arrays_that_the_library_cannot_read_are_refused():
+    counts = np.zeros((4, 2, 2), np.int64)
+    with pytest.raises(ValueError, match="do not lie side by side"):
+        twins.extend_range(counts[::2], counts[0], counts[1])
