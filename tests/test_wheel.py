@@ -1,0 +1,84 @@
+"""The wheel holds all that runs, and works in an environment of its own: README's first lines."""
+
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("kinetics", "mechsim", "calibration")
+SHIPPED = {".py", ".toml", ".typed"}
+NETWORK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Built from a copy, so that nothing built lies about here."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    for name in ("pyproject.toml", "wellmixed.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", out, source)
+    (built,) = out.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def python(wheel, tmp_path_factory):
+    """That of a new environment: the wheel, and the packages that it needs, but nothing of this checkout."""
+    home = tmp_path_factory.mktemp("empty") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", home], check=True)
+    scheme = sysconfig.get_path("purelib", "venv", {"base": str(home), "platbase": str(home)})
+    Path(scheme, "needed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    pip("--python", home, "install", "--no-deps", "--no-index", "--force-reinstall", wheel)
+    return home / "bin" / "python"
+
+
+def pip(*words):
+    subprocess.run([sys.executable, "-m", "pip", "-q", "--disable-pip-version-check", *map(str, words)], check=True)
+
+
+def said(python, folder, *words):
+    """Standard output, from a folder without our sources."""
+    return subprocess.run([python, *words], cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def test_the_wheel_has_every_module_book_scene_and_table(wheel):
+    kept = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith(PACKAGES)}
+    files = [
+        path for name in PACKAGES for path in (ROOT / name).rglob("*") if path.suffix in {".py", ".toml", ".typed"}
+    ]
+    assert len(files) > 500
+    assert {str(path.relative_to(ROOT)) for path in files} <= kept
+
+
+def test_the_c_kernels_are_built_where_a_compiler_is(wheel):
+    assert any(name.startswith("kinetics/native/_native") for name in zipfile.ZipFile(wheel).namelist()) == bool(
+        shutil.which("cc")
+    )
+
+
+def test_the_readmes_first_lines_run_in_an_empty_environment(python, tmp_path):
+    here = said(python, tmp_path, "-c", "import kinetics; print(kinetics.__file__)").strip()
+    assert Path(here).is_relative_to(python.parents[1])  # not this checkout
+    first = NETWORK.search((ROOT / "README.md").read_text("utf-8"))[1]
+    assert "Network.from_text" in first
+    (tmp_path / "first.md").write_text(first, encoding="utf-8")
+    assert said(python, tmp_path, "-m", "doctest", "first.md") == ""
+    command = python.with_name("wellmixed")
+    assert "4 species, 8 channels" in said(command, tmp_path, "derive", "line4")
+    lines = said(command, tmp_path, *["predict", "line4", "--rates", "table3", "--cubes", "60", "--method", "exact"])
+    assert "method exact" in lines
+
+
+def test_a_wrong_first_line_is_seen(python, tmp_path):
+    """The control."""
+    (tmp_path / "first.md").write_text(">>> 1 + 1\n3\n", encoding="utf-8")
+    with pytest.raises(subprocess.CalledProcessError):
+        said(python, tmp_path, "-m", "doctest", "first.md")
