@@ -17,6 +17,7 @@ from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,6 +71,7 @@ class RateEstimate:
         tail = (1 - level) / 2
         return float(gammaincinv(shape, tail) / rate), float(gammaincinv(shape, 1 - tail) / rate)
 
+    @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """One row of a forest plot, the rate with its interval; returns `ax`."""
         from calibration import plots
@@ -163,6 +165,7 @@ class Calibration:
             )
         return rows
 
+    @on_axes
     def plot(self, ax: Axes, level: float = 0.95, references: Mapping[str, Rates] | None = None) -> Axes:
         """Forest plot of k N per distinct combination of reactants, beside other rates (label -> Rates); returns `ax`.
 

@@ -15,6 +15,7 @@ from calibration.estimating.rate_model import RateModel
 from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,6 +193,7 @@ class RateFit:
             )
         return rows
 
+    @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """Forest plot of the coefficients, the shape in the title; returns `ax`."""
         from calibration import plots

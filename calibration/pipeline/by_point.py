@@ -16,6 +16,7 @@ from kinetics.runs import JumpPath
 from kinetics.sampling import Direct
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,6 +99,7 @@ class RatesByPoint:
                 )
         return rows
 
+    @on_axes
     def plot(self, ax: Axes, channel: str) -> Axes:
         """The rate of one channel, point by point, with exact 95 % intervals; returns `ax`."""
         from calibration import plots

@@ -21,6 +21,7 @@ from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for
 from kinetics.network import Tank
 from kinetics.rates import Rates
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.shown import on_axes
 from kinetics.support.tables import text_table
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
@@ -118,6 +119,7 @@ class PlannedStudy(Planned):
             if runs
         ]
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Shares of the tanks in the events of each channel, and in the CPU time; returns `ax`."""
         from calibration import plots

@@ -14,6 +14,7 @@ from kinetics.sampling import Direct, simulate_draws
 from kinetics.solving.states import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,6 +71,7 @@ class FirstTimes:
         """Number of runs without a copy by the horizon."""
         return int(np.isnan(self.observed).sum())
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot the share of runs with a copy, with its 95 % band, and the predicted curve; returns `ax`."""
         from calibration import plots

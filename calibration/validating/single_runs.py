@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.validating.predictive import upper_p
 from kinetics.support.arrays import Floats
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +46,7 @@ class SingleRuns:
         """All but the distances of the simulated groups."""
         return {name: value for name, value in vars(self).items() if name != "simulated"}
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """The histogram of all PITs beside its range under the model; returns `ax`."""
         from calibration import plots

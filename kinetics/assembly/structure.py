@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinetics.assembly.faces import NORMALS, ROTATIONS, IntArray, Position, compose, scheme_of, turned
+from kinetics.support.shown import on_axes
 
 # Plain tuples: looking up single numbers in NumPy arrays costs ten times as much.
 _MATRICES = ROTATIONS.reshape(-1, 9).tolist()
@@ -220,6 +221,7 @@ class Structure:
         ]
         return "\n".join(rows)
 
+    @on_axes
     def plot(self, ax: Any, scheme: str = "two", **options: Any) -> Any:
         """Draw onto axes, faces coloured by type; options as in `pictures.structure_drawing`. Returns `ax`."""
         from kinetics.assembly.drawing.pictures import structure_drawing

@@ -1,30 +1,13 @@
-"""Methods by name, as `--method` takes them; those that solve are imported only where one is asked for."""
+"""Methods as `--method` takes them; those that solve are imported only where one is asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from kinetics.sampling.methods import SAMPLING_METHODS
-
-if TYPE_CHECKING:
-    from kinetics.sampling import SamplingMethod
-    from kinetics.solving import SolvingMethod
-
-SAMPLING = {method.name: method for method in SAMPLING_METHODS}
-
-
-def _solving() -> dict[str, type[SolvingMethod]]:
-    from kinetics.solving import SOLVING_METHODS
-
-    return {method.name: method for method in SOLVING_METHODS}
-
-
-def method_of(name: str) -> SamplingMethod | SolvingMethod:
-    """The method of this name, with its default settings."""
-    return SAMPLING[name]() if name in SAMPLING else _solving()[name]()
+from kinetics.predicting.methods import SAMPLING, names
 
 
 class MethodName(click.Choice[str]):
@@ -38,7 +21,7 @@ class MethodName(click.Choice[str]):
     @property
     def choices(self) -> Sequence[str]:  # type: ignore[override]
         """Their names, in the order of the help."""
-        return (*SAMPLING, *_solving())
+        return names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The name itself; the error of `click.Choice` for any other."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.commands.methods import SAMPLING, MethodName, method_of
+from kinetics.commands.methods import MethodName
 from kinetics.commands.start import start
 from kinetics.support.cli.options import (
     AskedStart,
@@ -23,12 +23,10 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import of_unit, text_table
+from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import Elasticities, Prediction
-
-MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 
 
 @click.command(cls=NumbersCommand)
@@ -117,7 +115,7 @@ def predict(
     grid, sums = time_grid(duration, times), begin.shown(shown)
     with progress_line() as progress:
         made = make(
-            begin.network, begin.rates, begin.state, grid, method_of(method), runs, seed, draws, threads, progress,
+            begin.network, begin.rates, begin.state, grid, method, runs, seed, draws, threads, progress,
             sums, begin.tank,
         )  # fmt: skip
     found = None
@@ -172,29 +170,8 @@ def predict(
 
 def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:
     """Mean, sd and interval at some of the times, and what to know about them."""
-    step = max(1, -(-(made.times.size - 1) // (MAX_ROWS - 1))) if made.times.size > MAX_ROWS else 1
-    rows = []
-    for i in range(0, made.times.size, step):
-        cells = [f"{made.times[i]:g}"]
-        for s in range(len(made.network.species)):
-            cell = f"{made.mean[i, s]:.4g} ± {made.sd[i, s]:.3g}"
-            if made.low is not None and made.high is not None:
-                cell += f" [{made.low[i, s]:.4g}, {made.high[i, s]:.4g}]"
-            cells.append(cell)
-        rows.append(cells)
-    explained = "mean ± sd of a run" + ("" if made.low is None else " [95 % interval of the mean, from the rates]")
-    precision = f"numerical error of the probabilities below {made.error:.1g}"
-    if made.method in SAMPLING:
-        precision = f"largest Monte-Carlo error of a mean {made.standard_error.max():.2g}"
-    head = f"{explained}; method {made.method}; {precision}; {made.cpu_seconds:.2g} s CPU"
-    return "\n".join(
-        [
-            text_table((of_unit("time", made.network.time_unit), *made.network.species), rows),
-            head,
-            *conditions,
-            *made.notes,
-        ]
-    )
+    table = made.summary()
+    return "\n".join([text_table(table.titles, table.rows), table.headline, *conditions, *table.notes])
 
 
 def _elasticity_table(found: Elasticities, made: Prediction) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from kinetics.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, read_only
+from kinetics.support.shown import on_axes
 from kinetics.support.tables import text_table
 
 ROUNDED = 2.0**-52  # of a quotient
@@ -96,6 +97,7 @@ class Derivatives:
         table = text_table(("parameter", "elasticity", "+-", "d / d ln"), rows)
         return f"{table}\nof {self.answer.value:.12g}; limits {kind}; {self.method}; {self.cpu_seconds:.2g} s CPU"
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Bars of the elasticities with their limits, the first parameter on top; returns `ax`."""
         from kinetics.support import plots

@@ -1,41 +1,14 @@
-"""The display of a network as text or HTML: a headline, a table of its channels, its events."""
+"""The channels of a network as rows of text."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.reading import shortened
 from kinetics.network.reactions import sides_of
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats
-from kinetics.support.tables import text_table
-
-
-@dataclass(frozen=True)
-class NetworkTable:
-    """Headline, titles and rows of text, with one row per channel and one line per event."""
-
-    headline: str
-    titles: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    events: Sequence[str]
-
-    @property
-    def text(self) -> str:
-        """Aligned columns for a terminal."""
-        return "\n".join([self.headline, text_table(self.titles, self.rows), *self.events])
-
-    @property
-    def html(self) -> str:
-        """A table for a notebook; names are escaped."""
-        lines = ["".join(f"<th>{title}</th>" for title in self.titles)]
-        lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in self.rows]
-        table = "".join(f"<tr>{line}</tr>" for line in lines)
-        events = "".join(f"<p>{html.escape(event)}</p>" for event in self.events)
-        return f"<p>{html.escape(self.headline)}</p><table>{table}</table>{events}"
 
 
 def reaction_texts(species: Sequence[str], reactants: SparseTable, stoichiometry: SparseTable) -> list[str]:

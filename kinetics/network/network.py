@@ -40,16 +40,16 @@ from kinetics.network.propensity import (
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
+from kinetics.support.shown import ResultTable, Shown
 
 if TYPE_CHECKING:
-    from kinetics.network.display import NetworkTable
     from kinetics.network.reaction_text import ReactionText
 
 SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Network:
+class Network(Shown):
     """A reaction network: species, the channels through which they react, and their rate constants where known.
 
     species : S names
@@ -380,20 +380,10 @@ class Network:
         size = f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations"
         return "; ".join([size, *(f"{name}: {value}" for name, value in facts.items() if value)])
 
-    def _display(self) -> NetworkTable:
-        from kinetics.network.display import NetworkTable
-
+    def summary(self) -> ResultTable:
+        """Every channel in a row, events below."""
         has_rates = self.rate_constants is not None or bool(self.laws)
         unit = f" (1/{self.time_unit})" * bool(self.time_unit)
         rate = [f"{'k, or law' if self.laws else 'k'}{unit}"] if has_rates else []
         titles = ["channel", "reaction", "N", *rate]
-        return NetworkTable(self._headline(), titles, self.rows(), [str(event) for event in self.events])
-
-    def __repr__(self) -> str:
-        return f"<Network: {self._headline()}>"
-
-    def __str__(self) -> str:
-        return self._display().text
-
-    def _repr_html_(self) -> str:
-        return self._display().html
+        return ResultTable(self._headline(), titles, self.rows(), [str(event) for event in self.events])

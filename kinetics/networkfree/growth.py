@@ -14,6 +14,7 @@ from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -278,6 +279,7 @@ class Growths:
         table = {"run": np.repeat(np.arange(len(self.runs)), grid.size), "time": np.tile(grid, len(self.runs))}
         return pd.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
 
+    @on_axes
     def plot(self, ax: Any, times: ArrayLike) -> Any:
         """Plot means, with bands of the middle 95 % of the runs; returns `ax`.
 

@@ -21,6 +21,7 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Floats, Ints, reals, whole_number
+from kinetics.support.shown import on_axes
 from kinetics.support.tables import in_unit
 
 
@@ -128,6 +129,7 @@ class Passage:
             return f"time until {self.target}: mean {mean}, sd {sd}"
         return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
         from kinetics.support import plots

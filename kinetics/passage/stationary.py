@@ -21,6 +21,7 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats, read_only
+from kinetics.support.shown import on_axes
 
 MANY = 20_000  # states on which sparse factors are tried before elimination
 ROUGH = 1e-3  # an error that is told rather than refused
@@ -84,6 +85,7 @@ class Stationary(ChainStationary):
         row = int(self.space.index_of(self.space.network.state(state)))
         return float(self.probabilities[row]) if row >= 0 else 0.0
 
+    @on_axes
     def plot(self, ax: Any, species: str) -> Any:
         """Plot the distribution of the copies of one species, as steps; returns `ax`."""
         from kinetics.support import plots

@@ -15,6 +15,7 @@ from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
 from kinetics.support.arrays import Floats, rising_times
 from kinetics.support.intervals import student_quantile
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
@@ -84,6 +85,7 @@ class Elasticities:
             "note": self.note,
         }
 
+    @on_axes
     def plot(self, ax: Any, names: tuple[str, ...]) -> Any:
         """Bars with intervals for the last time, one colour for each of the S names of the last axis; returns `ax`."""
         from kinetics.support import plots

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network, Tank
+from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import DrawMeans, runs_over_draws
 from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
 from kinetics.support.arrays import Floats
+from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
     from kinetics.solving import Distribution, SolvingMethod
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Shown):
     """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
     mean, sd : mean, and standard deviation of a single run. Where the rates have evidence, a method that samples gives
@@ -60,6 +62,22 @@ class Prediction:
         """Number of runs from which mean and sd come; None for a method that does not sample."""
         return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
 
+    def summary(self) -> ResultTable:
+        """Mean, sd and interval at some of the times, and how well they are known."""
+
+        def cell(t: int, s: int) -> str:
+            text = f"{self.mean[t, s]:.4g} ± {self.sd[t, s]:.3g}"
+            if self.low is not None and self.high is not None:
+                text += f" [{self.low[t, s]:.4g}, {self.high[t, s]:.4g}]"
+            return text
+
+        explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
+        precision = f"numerical error of the probabilities below {self.error:.1g}"
+        if self.runs is not None:
+            precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
+        headline = f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
+        return over_time(headline, self.times, self.network.time_unit, self.network.species, cell, self.notes)
+
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
         import pandas as pd
@@ -71,6 +89,7 @@ class Prediction:
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
         return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
         from kinetics.support import plots
@@ -86,7 +105,7 @@ def predict(
     rates: Rates | BookRates | None,
     initial: ArrayLike,
     times: ArrayLike,
-    method: SamplingMethod | SolvingMethod | None = None,
+    method: SamplingMethod | SolvingMethod | str | None = None,
     runs: int = 1000,
     seed: int = 0,
     draws: int = 200,
@@ -98,7 +117,7 @@ def predict(
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the network's own, which are taken as known, so that there is no interval
-    method : a sampling or solving method; Auto() by default
+    method : a sampling or solving method, or its name; Auto() by default
     runs : least number of runs of a sampling method; with evidence there are `RUNS_PER_DRAW` under each draw
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
@@ -116,7 +135,7 @@ def predict(
     """
     began = time.process_time()
     report = progress or (lambda _: None)
-    method = Auto() if method is None else method
+    method = Auto() if method is None else method_of(method)
     posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
     model = network if rates is None else rates.expected(network, tank)
     shown = model if observables is None else observables.network

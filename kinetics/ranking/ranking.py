@@ -22,6 +22,7 @@ from kinetics.ranking.ranked_book import (
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import whole_number
+from kinetics.support.shown import on_axes
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -174,6 +175,7 @@ class Ranking:
         ]
         return pd.DataFrame(rows)
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot yield against time to the first target, each book a point with 95 % intervals; returns `ax`.
 

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -177,6 +178,7 @@ class JumpPath:
         table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
         return pd.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Counts of every species against time, as steps; returns `ax`."""
         from kinetics.support import plots
@@ -187,8 +189,8 @@ class JumpPath:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Ensemble:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(Shown):
     """The counts of many independent runs on one grid of times.
 
     times : (T,) in tu, rising
@@ -214,6 +216,37 @@ class Ensemble:
     def runs(self) -> int:
         """Number of runs."""
         return self.counts.shape[0]
+
+    @overload
+    def __getitem__(self, what: str) -> Ints: ...
+
+    @overload
+    def __getitem__(self, what: slice) -> Ensemble: ...
+
+    def __getitem__(self, what: str | slice) -> Ints | Ensemble:
+        """By a species its counts (runs, T); by times `begin:end`, both included, the same runs at these alone."""
+        if isinstance(what, str):
+            return self.counts[:, :, self.network.index(what)]
+        if not isinstance(what, slice) or what.step is not None:
+            raise TypeError(f'{what!r}: expected a species, as in runs["AB"], or times, as in runs[10:50]')
+        begin, end = (-np.inf if what.start is None else what.start, np.inf if what.stop is None else what.stop)
+        kept = (self.times >= begin) & (self.times <= end)
+        if not kept.any():
+            last = f"{self.times[0]:g} to {self.times[-1]:g}" if self.times.size else "none"
+            raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
+        return Ensemble(self.network, self.times[kept], self.counts[:, kept])
+
+    def summary(self) -> ResultTable:
+        """Mean and standard deviation of a run, at some of the times."""
+        mean, sd = self.mean(), self.sd()
+        return over_time(
+            f"{self.runs} runs of {len(self.network.species)} species at {self.times.size} times",
+            self.times,
+            self.network.time_unit,
+            self.network.species,
+            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
+            [f"mean ± sd of a run; largest Monte-Carlo error of a mean {self.standard_error().max():.2g}"],
+        )
 
     def mean(self) -> Floats:
         """Mean counts (T, S)."""
@@ -265,6 +298,7 @@ class Ensemble:
         columns = self.counts.reshape(-1, len(self.network.species)).T
         return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
         from kinetics.support import plots

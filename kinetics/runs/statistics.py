@@ -16,6 +16,7 @@ from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.memory import check_memory
+from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ LARGEST_SQUARE = 2**62
 Exact = NDArray[np.object_]  # whole numbers without limit
 
 
-@dataclass(frozen=True, eq=False)
-class EnsembleStatistics:
+@dataclass(frozen=True, eq=False, repr=False)
+class EnsembleStatistics(Shown):
     """Statistics of the counts of many independent runs on one grid of times; the runs are not kept.
 
     times : (T,) tu, rising
@@ -60,6 +61,19 @@ class EnsembleStatistics:
     def is_complete(self) -> bool:
         """Whether all requested runs were made."""
         return self.runs == self.asked
+
+    def summary(self) -> ResultTable:
+        """Mean and standard deviation of a run, at some of the times."""
+        mean, sd = self.mean(), self.sd()
+        made = str(self.runs) if self.is_complete else f"{self.runs} of {self.asked}"
+        return over_time(
+            f"statistics of {made} runs of {len(self.network.species)} species at {self.times.size} times",
+            self.times,
+            self.network.time_unit,
+            self.network.species,
+            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
+            [f"mean ± sd of a run; largest Monte-Carlo error of a mean {self.standard_error().max():.2g}"],
+        )
 
     def mean(self) -> Floats:
         """Mean counts (T, S), rounded once."""
@@ -172,6 +186,7 @@ class EnsembleStatistics:
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
         return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
         from kinetics.support import plots
@@ -199,6 +214,7 @@ class Marginal:
     level: float
     time_unit: str = ""
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Shares with their intervals; returns `ax`."""
         from kinetics.support import plots

@@ -11,11 +11,12 @@ from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.exact_methods import EXACT_METHODS
 
 SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (*EXACT_METHODS, Auto)
+BY_NAME = {method.name: method for method in SAMPLING_METHODS}
 
 
 def simulate(
     network: Network,
-    method: SamplingMethod,
+    method: SamplingMethod | str,
     initial: ArrayLike,
     times: ArrayLike,
     runs: int = 1000,
@@ -24,10 +25,12 @@ def simulate(
 ) -> Ensemble:
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
+    method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
+
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
     """
-    return method.simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
+    return sampling_method(method).simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
 
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
@@ -41,3 +44,17 @@ def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0,
 def path_method(network: Network) -> SamplingMethod:
     """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network."""
     return next(method for kind in EXACT_METHODS if (method := kind()).takes(network))
+
+
+def sampling_method(method: SamplingMethod | str) -> SamplingMethod:
+    """The sampling method of this name, with its default settings; a method itself as it is.
+
+    ValueError: no such name. TypeError: neither a name nor a sampling method
+    """
+    if isinstance(method, SamplingMethod):
+        return method
+    if not isinstance(method, str):
+        raise TypeError(f"method = {method!r}; expected a sampling method such as Direct(), or its name")
+    if method not in BY_NAME:
+        raise ValueError(f"unknown sampling method {method!r}; they are {', '.join(BY_NAME)}")
+    return BY_NAME[method]()

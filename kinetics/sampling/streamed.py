@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling.methods import sampling_method
 from kinetics.support.arrays import rising_times, whole_number
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ FEWEST_RUNS = 16  # of a block, however large a run is
 
 def simulate_statistics(
     network: Network,
-    method: SamplingMethod,
+    method: SamplingMethod | str,
     initial: ArrayLike,
     times: ArrayLike,
     runs: int = 1000,
@@ -47,13 +48,13 @@ def simulate_statistics(
     if not grid.size:
         raise ValueError("times is empty; give at least one time")
     whole_number("runs", runs, 1)
-    n_species = len(network.species)
+    n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
     block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * n_species))
     try:
         for begin in range(0, runs, block):
             many = min(block, runs - begin)
-            part = method.simulate(network, initial, grid, many, seed, threads, first_run=first_run + begin)
+            part = sampler.simulate(network, initial, grid, many, seed, threads, first_run=first_run + begin)
             with unbroken():
                 tally.add(part.counts)
             if progress is not None:

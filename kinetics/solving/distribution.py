@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats, read_only
+from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
 
 
-@dataclass(frozen=True, eq=False)
-class Distribution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Distribution(Shown):
     """The probability of every state at each time, with its error.
 
     times : (T,) tu
@@ -48,6 +49,19 @@ class Distribution:
     def network(self) -> Network:
         """The network whose states these are."""
         return self.space.network
+
+    def summary(self) -> ResultTable:
+        """Mean and standard deviation of the counts, at some of the times."""
+        mean, sd = self.mean(), self.sd()
+        kind = "proven" if self.is_bound else "estimated"
+        return over_time(
+            f"probabilities of {len(self.space)} states at {self.times.size} times",
+            self.times,
+            self.network.time_unit,
+            self.network.species,
+            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
+            [f"mean ± sd; solved, not sampled: error of all probabilities together {self.error:.1g}, {kind}"],
+        )
 
     def mean(self) -> Floats:
         """Mean counts (T, S)."""
@@ -127,6 +141,7 @@ class Distribution:
             }
         )
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the probability; returns `ax`."""
         from kinetics.support import plots

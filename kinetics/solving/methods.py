@@ -17,8 +17,19 @@ from kinetics.solving.collocation import Collocation
 from kinetics.solving.projection import FiniteStateProjection
 
 SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMethod)
+BY_NAME = {method.name: method for method in SOLVING_METHODS}
 
 
-def solve(network: Network, method: SolvingMethod, initial: ArrayLike, times: ArrayLike) -> Distribution:
-    """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`."""
+def solve(network: Network, method: SolvingMethod | str, initial: ArrayLike, times: ArrayLike) -> Distribution:
+    """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`.
+
+    method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`
+    ValueError: no such name. TypeError: neither a name nor a solving method
+    """
+    if not isinstance(method, SolvingMethod | str):
+        raise TypeError(f"method = {method!r}; expected a solving method such as Transient(), or its name")
+    if isinstance(method, str):
+        if method not in BY_NAME:
+            raise ValueError(f"unknown solving method {method!r}; they are {', '.join(BY_NAME)}")
+        method = BY_NAME[method]()
     return method.solve(network, initial, times)

@@ -12,6 +12,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.output import write_whole
+from kinetics.support.shown import on_axes
 from kinetics.support.tables import columns, csv_text, rounded
 from mechsim.runs.record import RunRecord
 from mechsim.studies.cost import PointTrial
@@ -123,6 +124,7 @@ class StudyResult:
             written.append(path)
         return tuple(written)
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
         from mechsim.studies.plots import boxes

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +47,7 @@ class DiagnosticResult:
         """Channel and variant, where the test has been named."""
         return f"{self.channel} {self.variant}".rstrip()
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Draw the evidence, or the reason why there is none; returns `ax`."""
         if self.draw is not None:

@@ -14,6 +14,7 @@ from calibration.estimating.rate_fit import RateFit
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Ints
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,6 +116,7 @@ class Diagnosis:
             "results": self.table(),
         }
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot all p-values against those of as many true models, the failed ones named; returns `ax`."""
         from calibration import plots

@@ -16,6 +16,7 @@ from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.joins_and_breaks import WHOLES, joins_and_breaks
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import exact_limits
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,6 +55,7 @@ class GroupRates:
         """Exact limits (G,) of the rates, the pooled rate being taken as known."""
         return exact_limits(self.events, self._expected, level)
 
+    @on_axes
     def plot(self, ax: Axes, p_value: float) -> Axes:
         """Plot the rates of the groups with their intervals; returns `ax`."""
         from calibration import plots

@@ -10,6 +10,7 @@ import numpy as np
 from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from kinetics.support.arrays import Floats
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,6 +73,7 @@ class WaitingTimes:
         """
         return spacing_test(np.diff(self.positions, prepend=0.0), rng)
 
+    @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
         from calibration import plots

@@ -12,6 +12,7 @@ from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.drawing.pictures import posed
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
+from kinetics.support.shown import on_axes
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class Finding:
         changes = tuple(laid_out(change, scheme, posed) for change in self.changes)
         return Counterexample(f"{self.kind}: {self.text}", self.is_error, self.steps, changes, self.structure)
 
+    @on_axes
     def plot(self, ax: Any, scheme: str = "two") -> Any:
         """Draw the fault and how it comes about, step by step; returns `ax`."""
         return counterexample_drawing(self.counterexample(scheme), scheme).onto(ax)
@@ -98,6 +100,7 @@ class Report:
         said = [self.summary, f"coming home: {self.home.text}", f"slow internal waves: {self.waves}"]
         return "\n".join([*said, *map(str, self.findings)])
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Draw each finding with its counterexample, step by step; returns `ax`."""
         return self.drawing().onto(ax)

@@ -15,6 +15,7 @@ from kinetics.assembly.rules.rule_book import LivelockError, RuleBook
 from kinetics.assembly.structure import Structure
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from kinetics.assembly.drawing.drawing import Drawing
@@ -92,6 +93,7 @@ class Derivation:
             raise KeyError(f"no channel of book {self.book.name!r} turns {' into '.join(sides)}")
         return self._channels[key]
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Draw the network as a graph; a large one is lumped by size. Returns `ax`."""
         return self.drawing().onto(ax)

@@ -30,6 +30,7 @@ from kinetics.assembly.rules.names import check_names
 from kinetics.assembly.rules.words import rule_words, semantics_words
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.config import find, read_toml, validated
+from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
     from kinetics.assembly.drawing.drawing import Drawing
@@ -131,6 +132,7 @@ class RuleBook:
         """The name of the face scheme."""
         return self.senses.faces
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Draw the rules as a state diagram; returns `ax`."""
         return self.drawing().onto(ax)

@@ -1,0 +1,97 @@
+"""Results that show themselves: a line as `repr`, a table as text or HTML, and figures on axes of their own."""
+
+from __future__ import annotations
+
+import html
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.support.tables import of_unit, text_table
+
+MOST_TIMES = 11  # rows of a table for people
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """Headline, titles and rows of text, and one line for each note."""
+
+    headline: str
+    titles: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    @property
+    def text(self) -> str:
+        """Aligned columns for a terminal."""
+        return "\n".join([self.headline, text_table(self.titles, self.rows), *self.notes])
+
+    @property
+    def html(self) -> str:
+        """A table for a notebook; names are escaped."""
+        lines = ["".join(f"<th>{html.escape(title)}</th>" for title in self.titles)]
+        lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in self.rows]
+        table = "".join(f"<tr>{line}</tr>" for line in lines)
+        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        return f"<p>{html.escape(self.headline)}</p><table>{table}</table>{notes}"
+
+
+class Shown(ABC):
+    """Base of results: `repr` is their headline, `str` and the display of a notebook their table."""
+
+    @abstractmethod
+    def summary(self) -> ResultTable:
+        """What it is, its figures, and what to know about them."""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.summary().headline}>"
+
+    def __str__(self) -> str:
+        return self.summary().text
+
+    def _repr_html_(self) -> str:
+        return self.summary().html
+
+
+def over_time(
+    headline: str,
+    times: Floats,
+    unit: str,
+    names: Sequence[str],
+    cell: Callable[[int, int], str],
+    notes: Sequence[str] = (),
+) -> ResultTable:
+    """A table with a row for each of at most `MOST_TIMES` of the times, `cell(t, s)` in its columns."""
+    step = max(1, -(-(times.size - 1) // (MOST_TIMES - 1))) if times.size > MOST_TIMES else 1
+    rows = [[f"{times[t]:g}", *(cell(t, s) for s in range(len(names)))] for t in range(0, times.size, step)]
+    return ResultTable(headline, (of_unit("time", unit), *names), rows, notes)
+
+
+def on_axes(draw: Callable[..., Any]) -> Callable[..., Any]:
+    """A method `plot(ax, ...)` that may be called without `ax`: it then draws onto a new figure.
+
+    >>> class Line:
+    ...     @on_axes
+    ...     def plot(self, ax):
+    ...         ax.plot([0, 1], [0, 1])
+    ...         return ax
+    >>> Line().plot().get_title()
+    ''
+    """
+
+    @wraps(draw)
+    def plot(self: Any, ax: Any = None, *settings: Any, **named: Any) -> Any:
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            _, ax = plt.subplots(layout="constrained")
+        return draw(self, ax, *settings, **named)
+
+    return plot
