@@ -10,7 +10,8 @@ from itertools import combinations, product
 from math import prod
 from typing import NamedTuple
 
-from kinetics.assembly.compiler.plan import Channel, Docking, Meeting, Plan, Reading
+from kinetics.assembly.compiler.dockings import Meeting
+from kinetics.assembly.compiler.plan import Channel, Docking, Plan
 from kinetics.assembly.compiler.target import check_join
 
 MOST_CHOICES = 1 << 16  # gone through one by one
@@ -63,19 +64,16 @@ class Choices:
 
     def __init__(self, plan: Plan, breaks: bool, tick: Callable[[], None] = lambda: None):
         self.plan, self.breaks, self.tick = plan, breaks, tick
-        self.readers: dict[Reading, dict[Channel, Meeting]] = defaultdict(dict)
         by_parts: dict[tuple[int, int], list[Channel]] = defaultdict(list)
         # Meetings whose two cubes read what cubes read in joins; they must not bond, unless they are a join chosen.
         self.doubtful: dict[tuple[int, int], list[tuple[Docking, Meeting, Channel | None]]] = defaultdict(list)
         for channel, ways in plan.joins.items():
             by_parts[channel.a, channel.b].append(channel)
-            for docking, way in ways.items():
-                self.doubtful[channel.a, channel.b].append((docking, way.meeting, channel))
-                for reading in docking:
-                    self.readers[reading].setdefault(channel, way.meeting)
-        for docking, meeting in plan.foreign.items():
-            if all(reading in self.readers for reading in docking):
-                self.doubtful[meeting.a, meeting.b].append((docking, meeting, None))
+            self.doubtful[channel[:2]] += [(docking, way.meeting, channel) for docking, way in ways.items()]
+        for parts, doubtful in self.doubtful.items():
+            for docking, meeting in plan.foreign(*parts).items():
+                if all(reading in plan.readings for reading in docking):
+                    doubtful.append((docking, meeting, None))
         self.groups = [self._group(tuple(joins)) for joins in by_parts.values()]
         self.group_of = {channel: group for group in self.groups for channel in group.joins}
 
@@ -110,7 +108,7 @@ class Choices:
                 if made in chosen:
                     continue
                 first, second = (
-                    [(channel, example) for channel, example in self.readers[r].items() if channel in chosen]
+                    [(channel, example) for channel, example in self.plan.readings[r].items() if channel in chosen]
                     for r in docking
                 )
                 if first and second:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.choices import Choices, asked_joins
+from kinetics.assembly.compiler.dockings import Dockings
 from kinetics.assembly.compiler.fewest import SET_STEPS, Best, NoBookError, fewest
 from kinetics.assembly.compiler.orientation import turnings
-from kinetics.assembly.compiler.plan import MOST, Plan, pieces_of, planned
+from kinetics.assembly.compiler.parts import MOST
+from kinetics.assembly.compiler.plan import Plan, planned
 from kinetics.assembly.compiler.result import (
     Certificate,
     Compiled,
@@ -113,7 +115,7 @@ def all_books(
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:
-            plan = planned(target, senses, asked.budget.check)
+            plan = asked.plan(target, senses)
             among = frozenset(plan.joins if asked.joins is None else asked_joins(plan, asked.joins))
             choices = Choices(plan, asked.breaks, asked.budget.step)
             for choice in choices.every():
@@ -142,6 +144,7 @@ class _Asked:
     time_limit: float
     report: Notify
     budget: Budget
+    known: dict[tuple[object, str], Dockings] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -178,8 +181,19 @@ class _Asked:
     def turnings(self) -> list[Target]:
         """The target with its cubes turned in the ways that are tried: such as have few different parts, if any."""
         turned = [replace(self.target, tops=tops) for tops in turnings(self.target.positions)]
-        few = [t for t in turned if len(pieces_of(t.structure("two"), "two", self.budget.check)) <= MOST_PARTS]
+        few = [t for t in turned if len(self.dockings(t, "two").parts.parts) <= MOST_PARTS]
         return few or turned[-1:]
+
+    def dockings(self, target: Target, faces: str) -> Dockings:
+        """How its parts meet, found once for all senses."""
+        key = target.tops, faces
+        if key not in self.known:
+            self.known[key] = Dockings(target, faces, self.budget.check)
+        return self.known[key]
+
+    def plan(self, target: Target, senses: Senses) -> Plan:
+        """The plan of a target for cubes that sense that much."""
+        return planned(self.dockings(target, senses.faces), senses)
 
     def rung(self, senses: Senses, steps: int) -> Compiled | Ruled:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
@@ -207,7 +221,7 @@ class _Asked:
         """The same for a target whose cubes are turned."""
         head = f"target {target.name!r} is infeasible with this sensing ({sensing(senses)})"
         open_ = f"target {target.name!r} with {sensing(senses)}: not decided"
-        plan = planned(target, senses, self.budget.check)
+        plan = self.plan(target, senses)
         choices = Choices(plan, self.breaks, self.budget.step)
         joins = None
         if self.joins is not None:

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from kinetics.assembly.compiler.choices import Choices, Clash
-from kinetics.assembly.compiler.plan import Channel, Meeting, Plan
+from kinetics.assembly.compiler.dockings import Meeting
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.structure import Structure
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.clauses import Clauses
-from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave
+from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave, kind_of
 
 MOST_LETTERS = 15
 MOST_ROUNDS = 8  # of internal rules after one event
@@ -269,22 +269,16 @@ class LetterSearch:
         return broken > 0
 
     def _meet(self, a: int, b: int) -> None:
-        """Note how two parts can meet; what no reading of a join is like is left out."""
+        """Note how two parts can meet."""
         plan, found = self.plan, self.met.setdefault((a, b), [])
         ways: list[tuple[Channel | None, Docking]] = [
             (join, docking) for join in plan.joins if join[:2] == (a, b) for docking in plan.joins[join]
         ]
-        ways += [(None, docking) for docking in plan.foreign_of(a, b)]
+        ways += [(None, docking) for docking in plan.foreign(a, b)]
         for made, docking in ways:
-            if all(shown_of(reading) in self.kinds for reading in docking):
-                for reading in docking:
-                    self.read.setdefault(reading, len(self.read))
-                found.append((made, self.read[docking[0]], self.read[docking[1]]))
-
-    @cached_property
-    def kinds(self) -> dict[tuple[object, ...], int]:
-        """The kinds of readings in joins, numbered; nothing else is ever open."""
-        return {kind: number for number, kind in enumerate(dict.fromkeys(map(shown_of, self.readings)))}
+            for reading in docking:
+                self.read.setdefault(reading, len(self.read))
+            found.append((made, self.read[docking[0]], self.read[docking[1]]))
 
     @property
     def known(self) -> list[Reading]:
@@ -312,7 +306,7 @@ class LetterSearch:
                 across = -1 if r.across < 0 else self.cells[r.across]
                 cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
                 padded = [some + [-1] * (SIDES - len(some)) for some in cells]
-                rows.append((self.kinds[shown_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
+                rows.append((self.plan.kinds[kind_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
             new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
             self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
         return self._rows
@@ -344,7 +338,7 @@ class LetterSearch:
                     terms: list[tuple[int, ...]] = [(self.cells[r.own],), (self.cells[r.partner],)]
                     terms += [tuple(self.cells[u] for u in some) for some in (r.around, r.touched or ())]
                     terms += [(self.cells[r.across],)] if r.across >= 0 else []
-                    uses.append((self.readings[r], "join", shown_of(r), terms, self.results[r]))
+                    uses.append((self.readings[r], "join", kind_of(r), terms, self.results[r]))
         for active, loss in self.losses:
             terms = [(self.cells[loss.own],), (self.cells[loss.lost],), tuple(self.cells[u] for u in loss.around)]
             uses.append((active, "lose", (), terms, self.results[loss]))
@@ -402,15 +396,3 @@ class LetterSearch:
 
 class OutOfRoundsError(Exception):
     """Nothing was found whose waves are over after so many rounds."""
-
-
-def shown_of(reading: Reading) -> tuple[object, ...]:
-    """All of a reading but the letters."""
-    return (
-        reading.face,
-        reading.partner_face,
-        reading.roll,
-        len(reading.around),
-        reading.across < 0,
-        len(reading.touched or ()),
-    )
