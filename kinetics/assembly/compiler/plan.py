@@ -119,6 +119,20 @@ class Plan:
         return found
 
     @cached_property
+    def doubtful(self) -> dict[tuple[int, int], list[tuple[Docking, Meeting, Channel | None]]]:
+        """By parts, meetings whose two cubes read what cubes read in joins; they must not bond, unless a meeting is a
+        join itself and that is chosen.
+        """
+        found: dict[tuple[int, int], list[tuple[Docking, Meeting, Channel | None]]] = {}
+        for join, ways in self.joins.items():
+            found.setdefault(join[:2], []).extend((docking, way.meeting, join) for docking, way in ways.items())
+        for parts, doubtful in found.items():
+            for docking, meeting in self.foreign(*parts).items():
+                if all(reading in self.readings for reading in docking):
+                    doubtful.append((docking, meeting, None))
+        return found
+
+    @cached_property
     def kinds(self) -> dict[tuple[object, ...], int]:
         """The kinds of readings in joins (see `kind_of`), numbered; cubes that read anything else never bond."""
         return {kind: number for number, kind in enumerate(dict.fromkeys(map(kind_of, self.readings)))}
