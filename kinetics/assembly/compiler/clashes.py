@@ -47,14 +47,14 @@ def clashes(plan: Plan, joins: Iterable[Channel]) -> Iterator[Clash]:
 
 def obstacles(plan: Plan, breaks: bool, asked: Iterable[Channel]) -> list[Clash]:
     """Clashes that stand in the way: one that cannot be avoided by leaving out joins, if there is such; else one after
-    another, each with the joins of those before left out.
+    another, each with the joins of those before left out, until too few are left.
     """
     left = frozenset(asked)
     found: list[Clash] = []
-    while by_blamed := {clash.blamed: clash for clash in reversed(list(clashes(plan, left)))}:
-        for clash in by_blamed.values():
-            if not sensible(plan, left - clash.blamed, breaks):
-                return [*found, clash]
-        found.append(list(by_blamed.values())[-1])
-        left -= found[-1].blamed
+    for clash in {clash.blamed: clash for clash in clashes(plan, left)}.values():
+        if not sensible(plan, left - clash.blamed, breaks):
+            return [clash]
+    while sensible(plan, left, breaks) and (following := next(clashes(plan, left), None)):
+        found.append(following)
+        left -= following.blamed
     return found
