@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -107,11 +108,20 @@ def fewest(
 
 
 def _some_sets(plan: Plan, allowed: Iterable[Channel], breaks: bool, budget: Budget) -> list[frozenset[Channel]]:
-    """Sets of joins from which none can be left out; of those that are found first, the ones of the fewest joins."""
+    """Sets of joins from which none can be left out; of those that are found first, the ones of the fewest joins. Where
+    these are few, others as well.
+    """
+
+    def search() -> JoinSearch:
+        return JoinSearch(plan, allowed, breaks, Clauses(1, budget))
+
     found: list[frozenset[Channel]] = []
     with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
-        found.extend(JoinSearch(plan, allowed, breaks, Clauses(1, budget)).smallest())
-    return sorted(found, key=lambda joins: (len(joins), sorted(joins)))[:SETS]
+        found.extend(search().smallest())
+    found = sorted(found, key=lambda joins: (len(joins), sorted(joins)))[:SETS]
+    with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
+        found.extend(islice((joins for joins in search().every() if joins not in found), SETS - len(found)))
+    return found
 
 
 def _tried(
