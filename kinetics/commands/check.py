@@ -50,7 +50,7 @@ def check(
 
     def progress(explored: int, found: int) -> None:
         if shows and explored % 20 == 0:
-            click.echo(f"\r{explored} of {found} structures explored", err=True, nl=False)
+            click.echo(f"\r{explored} of {found} explored\033[K", err=True, nl=False)
 
     report = examine(RuleBook.load(book), max_cubes, max_species, slow_waves, progress)
     if shows:

@@ -24,7 +24,7 @@ from kinetics.rates import ClassRates
 from tests.results.polycubes_shapes import Shape, polycubes
 from tests.results.studies import ROOT
 
-EFFORTS = {2: 1.0, 3: 1.0, 4: 1.0, 5: 1.0, 6: 0.1, 7: 0.1, 8: 0.1}  # by cubes: what of the compiler's usual steps
+EFFORTS = {2: 1.0, 3: 1.0, 4: 1.0, 5: 1.0, 6: 0.1, 7: 0.05, 8: 0.03}  # by cubes: what of the compiler's usual steps
 CPU_LIMIT = 20.0  # s of a compilation, which then says how far it came; the process is ended after thrice that
 # What yields are taken by: free cubes at first, time in tu, and rates in 1/tu of a pair of faces and of a bond.
 CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5

@@ -27,29 +27,32 @@ def check(
     """Explore a book and report all that is wrong with it.
 
     max_cubes, max_species : caps of the exploration, as in `derive`
+    progress : called with how much is explored and found, of structures, cubes and compositions in turn, at least once
+        for each; it may raise to end the work
     slow_waves : also let cubes collide while internal rules are still at work, each cube changing by itself; faults
         that occur only then are warnings
 
     What forms is explored for any number of seeds, so that seeds may meet; the tanks that are searched hold one.
     """
     found = explore(replace(book), max_cubes, max_species, progress=progress)  # of a book that has fired no rule yet
-    return report_of(Examined(found), slow_waves, progress)
+    return report_of(Examined(found, progress), slow_waves)
 
 
-def report_of(
-    examined: Examined, slow_waves: bool = True, progress: Callable[[int, int], None] | None = None
-) -> Report:
-    """The same about an exploration that is there already; slow waves are explored under ten times its caps."""
+def report_of(examined: Examined, slow_waves: bool = True) -> Report:
+    """The same about an exploration that is there already.
+
+    Slow waves are explored up to ten times as many structures, and to twice the cubes of the largest one at rest.
+    """
     found, book = examined.found, examined.book
     findings = [*examined.closure(), *examined.shapes(), *examined.squeezes()]
     home, starving = in_tanks(examined)
     findings += starving
     waves = _why_no_waves(found, slow_waves)
     if not waves:
-        most = MORE_IN_WAVES * found.max_species
-        apart = explore(book, found.max_cubes, most, progress=progress, slow_waves=True)
+        most, size = MORE_IN_WAVES * found.max_species, 2 * max(map(len, found.structures))
+        apart = explore(book, min(found.max_cubes, size), most, progress=examined.progress, slow_waves=True)
         known = {finding.kind for finding in findings}
-        in_waves = Examined(apart)
+        in_waves = Examined(apart, examined.progress)
         seen = (*in_waves.closure(), *in_waves.shapes(), *in_waves.squeezes(), *in_tanks(in_waves)[1])
         slow = (finding for finding in seen if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
 from kinetics.assembly.deriving.explore import Indices, StructureEvent
@@ -13,10 +13,15 @@ Node = TypeVar("Node")
 
 
 def compositions(
-    start: Indices, events: Mapping[StructureEvent, object]
+    start: Indices,
+    events: Mapping[StructureEvent, object],
+    progress: Callable[[int, int], None] = lambda *_: None,
+    until: Set[int] = frozenset(),
 ) -> dict[Indices, list[tuple[StructureEvent, Indices]]] | None:
     """What can become of a tank: composition (structures, rising) -> events and compositions after them.
 
+    progress : called with the numbers of compositions explored and found
+    until : structures; the search ends with the first composition that holds one
     None where there are more than MAX_COMPOSITIONS.
     """
     by_first: dict[int, list[StructureEvent]] = {}
@@ -26,6 +31,7 @@ def compositions(
     waiting = deque(tank)
     while waiting:
         state = waiting.popleft()
+        progress(len(tank) - len(waiting), len(tank))
         for event in (event for first in sorted(set(state)) for event in by_first.get(first, [])):
             rest = list(state)
             rest.remove(event.before[0])
@@ -40,6 +46,8 @@ def compositions(
                     return None
                 tank[after] = []
                 waiting.append(after)
+                if not until.isdisjoint(after):
+                    return tank
     return tank
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from kinetics.assembly.deriving.explore import Exploration
@@ -17,13 +17,15 @@ class Cube(NamedTuple):
     number: int
 
 
-def sources_of_cubes(found: Exploration) -> dict[Cube, set[Cube]]:
+def sources_of_cubes(
+    found: Exploration, progress: Callable[[int, int], None] = lambda *_: None
+) -> dict[Cube, set[Cube]]:
     """Each cube of the structures found -> what it was one event before. Cost: that of the exploration, once more."""
     firsts = [_firsts(structure, found.book.scheme) for structure in found.structures]
     sources: dict[Cube, set[Cube]] = {
         Cube(index, number): set() for index, alike in enumerate(firsts) for number in set(alike)
     }
-    for before, after in _moves(found):
+    for before, after in _moves(found, progress):
         was, is_now = (Cube(cube.structure, firsts[cube.structure][cube.number]) for cube in (before, after))
         sources[is_now].add(was)
     return sources
@@ -38,7 +40,7 @@ def _firsts(structure: Structure, scheme: str) -> list[int]:
     return [min(image[cube] for image in images) for cube in range(len(structure))]
 
 
-def _moves(found: Exploration) -> Iterator[tuple[Cube, Cube]]:
+def _moves(found: Exploration, progress: Callable[[int, int], None]) -> Iterator[tuple[Cube, Cube]]:
     """Every cube before and after every event, with repetitions."""
     book, settles, structures = found.book, not found.slow_waves, found.structures
     index = {structure: number for number, structure in enumerate(structures)}
@@ -51,7 +53,9 @@ def _moves(found: Exploration) -> Iterator[tuple[Cube, Cube]]:
 
     cubes = [[Cube(number, cube) for cube in range(len(structure))] for number, structure in enumerate(structures)]
     sites = [sites_of(book, structure) for structure in structures]
-    for before in dict.fromkeys(event.before for event in found.events):
+    sides = dict.fromkeys(event.before for event in found.events)
+    for number, before in enumerate(sides):
+        progress(number, len(sides))
         first = structures[before[0]]
         if len(before) == 2:
             i, j = before

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 
 from kinetics.assembly.checking.cubes import Cube
@@ -16,10 +16,13 @@ from kinetics.assembly.structure import Structure
 
 
 class Examined:
-    """An exploration with what the checks look up in it."""
+    """An exploration with what the checks look up in it.
 
-    def __init__(self, found: Exploration):
-        self.found, self.book = found, found.book
+    progress : called with how much is explored and found, of cubes and compositions; it may raise to end the work
+    """
+
+    def __init__(self, found: Exploration, progress: Callable[[int, int], None] | None = None):
+        self.found, self.book, self.progress = found, found.book, progress or (lambda *_: None)
         names = {structure: name for name, structure in named(found).structures.items()}
         self.names = [names[structure] for structure in found.structures]
 
@@ -104,7 +107,7 @@ class Examined:
     @cached_property
     def lost(self) -> list[Cube]:
         """The cubes that never come home; none where the book names no target or never makes it."""
-        return lost_cubes(self.found, self.targets) if self.targets else []
+        return lost_cubes(self.found, self.targets, self.progress) if self.targets else []
 
     def squeezes(self) -> Iterable[Finding]:
         """Joins that put a cube between two others."""

@@ -6,7 +6,7 @@ each of them happens sooner or later (Norris 1997, Markov Chains, section 3.5, d
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from typing import Literal
 
 from kinetics.assembly.checking.compositions import leading_to
@@ -16,12 +16,16 @@ from kinetics.assembly.deriving.explore import Exploration, StructureEvent
 Scope = Literal["any tank", "enough free cubes", "nothing"]
 
 
-def lost_cubes(found: Exploration, targets: Set[int]) -> list[Cube]:
+def lost_cubes(
+    found: Exploration, targets: Set[int], progress: Callable[[int, int], None] = lambda *_: None
+) -> list[Cube]:
     """The cubes that no chain of events leads into a target, whatever else the tank holds.
 
     Each cube is followed by itself, and partners are taken to be there: one that is lost here is lost in every tank.
+
+    progress : called with the numbers of events followed and of all
     """
-    sources = sources_of_cubes(found)
+    sources = sources_of_cubes(found, progress)
     home = leading_to([cube for cube in sources if cube.structure in targets], sources)
     return sorted(set(sources) - home)
 
@@ -72,16 +76,16 @@ def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> 
         home |= more_home
 
 
-def scope(found: Exploration, seed: int | None, targets: Set[int], is_makeable: bool) -> Scope:
+def scope(found: Exploration, seed: int | None, targets: Set[int], is_makeable: Callable[[], bool]) -> Scope:
     """For which tanks it is proven that every cube can come home.
 
     seed : the structure that the tank holds once beside the free cubes, structure 0; None if there is none
-    is_makeable : whether a target can be made of exactly its own number of free cubes, the seed among them
+    is_makeable : whether a target can be made of exactly its own number of free cubes, the seed among them; asked last
     """
     n_structures, is_seeded = len(found.structures), int(seed is not None)
     into = {0: 0} | dict.fromkeys(targets, is_seeded) | ({} if seed is None else {seed: 1})
     seeds = falling_apart(found.events, into)
-    if is_makeable and len(seeds) == n_structures and all(_keeps(event, seeds) for event in found.events):
+    if len(seeds) == n_structures and all(_keeps(event, seeds) for event in found.events) and is_makeable():
         return "any tank"
     if len(finished(found.events, 0, targets)) == n_structures:
         return "enough free cubes"

@@ -24,8 +24,11 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
     if examined.lost:
         return Home("nothing", (), "no: some cubes never become part of a target"), []
     size, seeded = len(found.structures[min(targets)]), examined.seed is not None
-    first = compositions(_start(size, seeded), found.events)
-    is_makeable = first is not None and any(not targets.isdisjoint(state) for state in first)
+
+    def is_makeable() -> bool:
+        tank = compositions(_start(size, seeded), found.events, examined.progress, until=targets)
+        return tank is not None and any(not targets.isdisjoint(state) for state in tank)
+
     proven = scope(found, examined.seed, targets, is_makeable)
     if proven == "any tank":
         parts = "free cubes and the seed" if seeded else "free cubes"
@@ -37,7 +40,7 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
     findings: list[Finding] = []
     for cubes in [size] if seeded else range(size, 2 * size + 1):
         start = _start(cubes, seeded)
-        tank = first if cubes == size else compositions(start, found.events)
+        tank = compositions(start, found.events, examined.progress)
         if tank is None:
             text = f"starvation: {cubes} cubes come in more than {MAX_COMPOSITIONS} compositions"
             findings.append(Finding("not proven", False, text))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
+from itertools import islice, product
 
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.choices import Choices, asked_joins
+from kinetics.assembly.compiler.clashes import clashes, obstacles
+from kinetics.assembly.compiler.clauses import Clauses
+from kinetics.assembly.compiler.dockings import Dockings
 from kinetics.assembly.compiler.fewest import SET_STEPS, Best, NoBookError, fewest
+from kinetics.assembly.compiler.joins import JoinSearch, asked_joins, sensible
 from kinetics.assembly.compiler.orientation import turnings
-from kinetics.assembly.compiler.plan import MOST, Plan, pieces_of, planned
+from kinetics.assembly.compiler.parts import MOST
+from kinetics.assembly.compiler.plan import Plan, planned
 from kinetics.assembly.compiler.result import (
     Certificate,
     Compiled,
@@ -32,6 +36,7 @@ TIME_LIMIT = 600.0  # s
 MOST_PARTS = 64  # of a target whose cubes are turned; the work grows with their square
 # Steps for one kind of senses, and for one of those that are tried to say what would be enough.
 RUNG_STEPS, REMEDY_STEPS = 30_000, 10_000
+MOST_SETS = 1 << 12  # of joins of which a book each is made
 
 # What is tried in this order where the target does not say what its cubes sense.
 LADDER = tuple(
@@ -113,14 +118,13 @@ def all_books(
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:
-            plan = planned(target, senses, asked.budget.check)
+            plan = asked.plan(target, senses)
             among = frozenset(plan.joins if asked.joins is None else asked_joins(plan, asked.joins))
-            choices = Choices(plan, asked.breaks, asked.budget.step)
-            for choice in choices.every():
-                if not choice <= among:
-                    continue
+            search = JoinSearch(plan, among, asked.breaks, Clauses(1, asked.budget))
+            sets = sorted(islice(search.every(), MOST_SETS), key=lambda joins: (len(joins), sorted(joins)))
+            for choice in sets:
                 try:
-                    best = fewest(choices, choice, asked.max_letters, asked.budget, asked.report, SET_STEPS)
+                    best = fewest(plan, asked.breaks, choice, asked.max_letters, asked.budget, asked.report, SET_STEPS)
                 except NoBookError:
                     continue
                 found = True
@@ -142,6 +146,7 @@ class _Asked:
     time_limit: float
     report: Notify
     budget: Budget
+    known: dict[tuple[object, str], Dockings] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -178,8 +183,19 @@ class _Asked:
     def turnings(self) -> list[Target]:
         """The target with its cubes turned in the ways that are tried: such as have few different parts, if any."""
         turned = [replace(self.target, tops=tops) for tops in turnings(self.target.positions)]
-        few = [t for t in turned if len(pieces_of(t.structure("two"), "two", self.budget.check)) <= MOST_PARTS]
+        few = [t for t in turned if len(self.dockings(t, "two").parts.parts) <= MOST_PARTS]
         return few or turned[-1:]
+
+    def dockings(self, target: Target, faces: str) -> Dockings:
+        """How its parts meet, found once for all senses."""
+        key = target.tops, faces
+        if key not in self.known:
+            self.known[key] = Dockings(target, faces, self.budget.check)
+        return self.known[key]
+
+    def plan(self, target: Target, senses: Senses) -> Plan:
+        """The plan of a target for cubes that sense that much."""
+        return planned(self.dockings(target, senses.faces), senses)
 
     def rung(self, senses: Senses, steps: int) -> Compiled | Ruled:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
@@ -207,32 +223,27 @@ class _Asked:
         """The same for a target whose cubes are turned."""
         head = f"target {target.name!r} is infeasible with this sensing ({sensing(senses)})"
         open_ = f"target {target.name!r} with {sensing(senses)}: not decided"
-        plan = planned(target, senses, self.budget.check)
-        choices = Choices(plan, self.breaks, self.budget.step)
-        joins = None
+        plan = self.plan(target, senses)
+        joins, clashing = None, []
         if self.joins is not None:
             joins = asked_joins(plan, self.joins)
-            if choices.sensible(joins) != frozenset(joins):
+            if sensible(plan, joins, self.breaks) != frozenset(joins):
                 raise InfeasibleError(
                     f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), "
                     "whatever cubes sense: not all of them can happen, or they make what never becomes the target"
                 )
-            clashes = choices.obstacles(joins)[-1:]
-            because = f"{head} and these joins because\n{reasons.in_words(plan, clashes)}"
-        elif next(choices.largest(), None) is None:
-            clashes = choices.obstacles(plan.joins)
-            because = f"{head}, whatever joins are chosen, because\n{reasons.in_words(plan, clashes)}"
-            if not choices.is_complete:
-                return Ruled(senses, f"{open_}, because of\n{reasons.in_words(plan, clashes)}", False, (), ())
-        else:
-            clashes = []
-        if clashes:
-            return Ruled(senses, because, True, (reasons.situations(plan, choices, joins),), ())
+            clashing, which = obstacles(plan, self.breaks, joins)[-1:], " and these joins"
+        elif not JoinSearch(plan, plan.joins, self.breaks, Clauses(1, self.budget)).holds():
+            clashing, which = obstacles(plan, self.breaks, plan.joins), ", whatever joins are chosen,"
+        if clashing:
+            because = f"{head}{which} because\n{reasons.in_words(plan, clashing)}"
+            every = clashes(plan, plan.joins if joins is None else joins)
+            return Ruled(senses, because, True, (reasons.situations(plan, every),), ())
         try:
-            best = fewest(choices, joins, self.max_letters, self.budget, self.report)
+            best = fewest(plan, self.breaks, joins, self.max_letters, self.budget, self.report)
         except NoBookError as error:
             text = f"{head} because {error}" if error.is_proof else f"{open_}: {error}"
-            return Ruled(senses, text, error.is_proof, (reasons.situations(plan, None, joins),), error.exhausted)
+            return Ruled(senses, text, error.is_proof, (reasons.situations(plan, ()),), error.exhausted)
         return self.compiled(best, plan, joins)
 
     def compiled(self, best: Best, plan: Plan, joins: object) -> Compiled:

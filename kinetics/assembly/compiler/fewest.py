@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.choices import Choices
+from kinetics.assembly.compiler.clashes import clashes
+from kinetics.assembly.compiler.clauses import Clauses
+from kinetics.assembly.compiler.joins import JoinSearch, sensible
 from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.proof import NotProvenError, book_of, proven
 from kinetics.assembly.compiler.result import RuledOut, sensing
@@ -60,7 +62,8 @@ class NoBookError(Exception):
 
 
 def fewest(
-    choices: Choices,
+    plan: Plan,
+    breaks: bool,
     joins: Iterable[Channel] | None,
     max_letters: int,
     budget: Budget,
@@ -71,8 +74,8 @@ def fewest(
 
     steps : of the first search with each number of letters
     """
-    plan, breaks = choices.plan, choices.breaks
-    allowed = choices.sensible(choices.possible if joins is None else joins)
+    told_apart = (join for join in plan.joins if all(clash.made for clash in clashes(plan, [join])))
+    allowed = sensible(plan, told_apart if joins is None else joins, breaks)
     exhausted: list[RuledOut] = []
     undecided: list[int] = []
     for n in range(1, max_letters + 1):
@@ -83,7 +86,7 @@ def fewest(
         if found is None and is_all:
             exhausted.append(RuledOut(n, budget.steps - before))
             continue
-        several = _some_sets(choices, budget) if joins is None else []
+        several = _some_sets(plan, allowed, breaks, budget) if joins is None else []
         compared = [] if found is None else _varied(search, found, several)
         for solution in _in_order(plan, breaks, compared):
             try:
@@ -104,15 +107,21 @@ def fewest(
     raise NoBookError(f"{asked}it takes more than {max_letters} letters: all were tried", True, tuple(exhausted))
 
 
-def _some_sets(choices: Choices, budget: Budget) -> list[frozenset[Channel]]:
-    """Sets of joins that make sense, each once: those that make every part in one way, the largest, and others."""
-    found: dict[frozenset[Channel], None] = {}
+def _some_sets(plan: Plan, allowed: Iterable[Channel], breaks: bool, budget: Budget) -> list[frozenset[Channel]]:
+    """Sets of joins from which none can be left out; of those that are found first, the ones of the fewest joins. Where
+    these are few, others as well.
+    """
+
+    def search() -> JoinSearch:
+        return JoinSearch(plan, allowed, breaks, Clauses(1, budget))
+
+    found: list[frozenset[Channel]] = []
     with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
-        for joins in chain(islice(choices.paths(), SETS // 2), islice(choices.largest(), SETS // 4), choices.every()):
-            found[joins] = None
-            if len(found) == SETS:
-                break
-    return list(found)
+        found.extend(search().smallest())
+    found = sorted(found, key=lambda joins: (len(joins), sorted(joins)))[:SETS]
+    with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
+        found.extend(islice((joins for joins in search().every() if joins not in found), SETS - len(found)))
+    return found
 
 
 def _tried(

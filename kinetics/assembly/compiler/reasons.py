@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from kinetics.assembly.compiler.choices import Choices, Clash
-from kinetics.assembly.compiler.plan import Channel, Meeting, Plan
+from kinetics.assembly.compiler.clashes import Clash
+from kinetics.assembly.compiler.dockings import Meeting
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.structure import Structure
 
@@ -46,7 +47,7 @@ def in_words(plan: Plan, clashes: list[Clash]) -> str:
     return text + (f"\nand so on: {len(clashes) - SHOWN} more" if len(clashes) > SHOWN else "")
 
 
-def situations(plan: Plan, choices: Choices | None, joins: Iterable[Channel] | None) -> dict[str, Any]:
+def situations(plan: Plan, clashing: Iterable[Clash]) -> dict[str, Any]:
     """The target as it is turned, and one clash for every set of joins that clash, as plain numbers for a certificate:
     cubes (x, y, z, rotation) of two parts, and which two of them dock, where they must and where they must not.
     """
@@ -58,8 +59,7 @@ def situations(plan: Plan, choices: Choices | None, joins: Iterable[Channel] | N
         a, b = plan.parts[meeting.a].structure, plan.parts[meeting.b].structure.moved(meeting.placement)
         return {"parts": [cubes(a), cubes(b)], "docking": [meeting.i, meeting.j]}
 
-    clashes = () if choices is None else choices.clashes(plan.joins if joins is None else joins)
-    found = {clash.blamed: clash for clash in clashes if clash.made is None}
+    found = {clash.blamed: clash for clash in clashing if clash.made is None}
     return {
         "whole": cubes(plan.target.structure(plan.senses.faces)),
         "pairs": [

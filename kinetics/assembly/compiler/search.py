@@ -19,7 +19,9 @@ import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.clauses import Clauses
-from kinetics.assembly.compiler.plan import Channel, Docking, Loss, Plan, Reading, Wave
+from kinetics.assembly.compiler.joins import JoinSearch
+from kinetics.assembly.compiler.plan import Channel, Loss, Plan, Reading, Wave, kind_of
+from kinetics.assembly.faces import IntArray
 
 MOST_LETTERS = 15
 MOST_ROUNDS = 8  # of internal rules after one event
@@ -76,7 +78,7 @@ def first_letter(n_cells: int, _: int) -> np.ndarray:
     return np.zeros(n_cells, np.int64)
 
 
-class LetterSearch:
+class LetterSearch(JoinSearch):
     """Letters for a plan, no more than so many.
 
     allowed : joins that a book may have; breaks : whether bonds break
@@ -86,48 +88,31 @@ class LetterSearch:
     def __init__(self, plan: Plan, allowed: Iterable[Channel], breaks: bool, n_letters: int, budget: Budget):
         if not 1 <= n_letters <= MOST_LETTERS:
             raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
-        self.plan, self.breaks, self.allowed = plan, breaks, frozenset(allowed)
-        self.clauses = clauses = Clauses(n_letters, budget)
-        self.parts = sorted(plan.reached(self.allowed, breaks))
+        super().__init__(plan, allowed, breaks, clauses := Clauses(n_letters, budget))
         unknowns = sorted({u for part in self.parts for u in plan.parts[part].unknowns})
         self.cells = {unknown: clauses.cell() for unknown in unknowns}
         clauses.add(clauses.has(0, 0))
         for n, cell in enumerate(self.cells.values()):  # new letters in the order of the alphabet
             for letter in range(1, n_letters):
                 clauses.add(clauses.has(cell, letter) ^ 1, *(clauses.has(c, letter - 1) for c in range(n)))
-        self.present = {part: clauses.literal() for part in self.parts}
-        self.open = {join: clauses.literal() for join in sorted(self.allowed)}
-        self.readings: dict[Reading, int] = {}  # of joins, each with a literal that is true where one of these is open
         self.results: dict[Reading | Loss, int] = {}  # cells of what cubes write that join or lose a bond
         self.losses: list[tuple[int, Loss]] = []
         self.rounds: list[_Step] = []
         self.waves: list[_Running] = []
         self.settled: list[int] = []  # for each number of rounds, true where these are enough
-        self.met: dict[tuple[int, int], list[tuple[Channel | None, int, int]]] = {}  # dockings of parts, by readings
-        self.read: dict[Reading, int] = {}
+        self.met: dict[tuple[int, int], IntArray] = {}  # how parts meet: rows of parts, join or -1, and two readings
+        self.read: dict[Reading, int] = {}  # all that cubes read as they meet, numbered
+        self.known: list[Reading] = []  # the same in order
         self._start()
 
     def _start(self) -> None:
-        plan, clauses, present = self.plan, self.clauses, self.present
-        clauses.add(present[len(plan.parts) - 1] if len(plan.parts) - 1 in present else clauses.literal() ^ 1)
+        plan, present = self.plan, self.present
         for part in self.parts:
-            makers = [literal for join, literal in self.open.items() if join.c == part]
-            if self.breaks:
-                makers += [present[q] for q in self.parts if part in plan.pieces[q]]
-                for piece in plan.pieces[part]:
-                    clauses.add(present[part] ^ 1, present[piece])
-            clauses.add(*makers, present[part] if part == 0 else present[part] ^ 1)
             structure, cells = plan.parts[part].structure, [self.cells[u] for u in plan.parts[part].unknowns]
             rests = {(own, tuple(sorted(cells[n] for n in structure.neighbours(c)))) for c, own in enumerate(cells)}
             self.rounds += [_Step(present[part], own, near, own) for own, near in sorted(rests)]
         for join, is_open in self.open.items():
-            for part in join:
-                clauses.add(is_open ^ 1, present[part])
-            for docking, way in plan.joins[join].items():
-                for reading in docking:
-                    if reading not in self.readings:
-                        self.readings[reading] = clauses.literal()
-                    clauses.add(is_open ^ 1, self.readings[reading])
+            for way in plan.joins[join].values():
                 for wave in way.waves:
                     self._enter(is_open, wave)
         for broken, waves in plan.breaks.items() if self.breaks else ():
@@ -178,8 +163,7 @@ class LetterSearch:
             Others may lead to another solution
         Waves take as few rounds as will do. OutOfRoundsError: all that there is takes more than MOST_ROUNDS.
         """
-        wanted = None if joins is None else frozenset(joins)
-        given = [literal ^ (join not in wanted) for join, literal in self.open.items()] if wanted is not None else []
+        given = [] if joins is None else self.only(joins) + [self.open[join] for join in joins]
         letters = prefer(len(self.clauses.cells), self.clauses.n_letters)
         # Few waves take few rules, as a rule.
         self.clauses.prefer(letters, [wave.over[0] for wave in self.waves] if (letters >= 0).any() else [])
@@ -189,107 +173,68 @@ class LetterSearch:
         for n in range(MOST_ROUNDS + 1):
             if n == len(self.settled):
                 self._continue()
-            if not self._holds(given):  # not even if waves went on for ever
+            if not self.holds(given):  # not even if waves went on for ever
                 return None
-            if self._holds([*given, self.settled[n]]):
+            if self.holds([*given, self.settled[n]]):
                 return self._solution()
         raise OutOfRoundsError
 
     def fewer_joins(self, found: Solution) -> Solution | None:
         """A solution with some of the joins of another one; None: there is none."""
-        is_new = self.clauses.literal()
-        self.clauses.add(is_new ^ 1, *(self.open[join] ^ 1 for join in found.joins))
-        given = [is_new, *(literal ^ 1 for join, literal in self.open.items() if join not in found.joins)]
-        return self._first(given)
+        return self._first(self.within(found.joins))
 
-    def _holds(self, given: list[int]) -> bool:
-        """Whether there are letters that break no clause, written down or not."""
-        while self.clauses.solve(given):
-            letters = self.clauses.letters
-            if not (self._unfounded() or self._misled(letters) | self._ambiguous(letters) | self._circling(letters)):
-                return True
-        return False
-
-    @property
-    def chosen(self) -> frozenset[Channel]:
-        """The joins that are open."""
-        return frozenset(join for join, literal in self.open.items() if self.clauses.true[literal])
-
-    def _unfounded(self) -> bool:
-        """Parts that nothing makes but they themselves, or that never become the target."""
-        there = {part for part, literal in self.present.items() if self.clauses.true[literal]}
-        chosen, true = self.chosen, self.clauses.add
-        reached = self.plan.reached(chosen, self.breaks)
-        if lost := there - reached:
-            ways = [lit for join, lit in self.open.items() if join.c in lost and lost.isdisjoint(join[:2])]
-            if self.breaks:
-                ways += [self.present[p] for p in self.parts if p not in lost and lost & self.plan.pieces[p]]
-            for part in lost:
-                true(self.present[part] ^ 1, *ways)
+    def is_broken(self) -> bool:
+        """Whether what was found breaks a clause that was not written down yet; it is now."""
+        if super().is_broken():
             return True
-        if lost := reached - self.plan.leading_home(chosen, self.breaks, reached):
-            ways = [lit for join, lit in self.open.items() if join.c not in lost and not lost.isdisjoint(join[:2])]
-            for part in lost:
-                true(self.present[part] ^ 1, *ways)
-            return True
-        return False
+        letters = self.clauses.letters
+        return self._misled(letters) | self._ambiguous(letters) | self._circling(letters)
 
     def _misled(self, letters: np.ndarray) -> bool:
         """Meetings in which both cubes read what cubes read in joins that are open, and must not."""
-        there = [part for part, literal in self.present.items() if self.clauses.true[literal]]
-        chosen = self.chosen
-        for a in there:
-            for b in there:
-                if b <= a and (a, b) not in self.met:
-                    self._meet(a, b)
+        is_there = np.zeros(len(self.plan.parts), np.bool_)
+        is_there[[part for part, literal in self.present.items() if self.clauses.true[literal]]] = True
+        there = np.flatnonzero(is_there).tolist()
+        for pair in [(a, b) for a in there for b in there if b <= a and (a, b) not in self.met]:
+            self._meet(*pair)
         keys, others = self._keys(letters)
-        open_: dict[tuple[int, int], tuple[Reading, int]] = {}
-        for join in sorted(chosen):
-            for docking in self.plan.joins[join]:
-                for reading in docking:
-                    n = self.read[reading]
-                    open_.setdefault((keys[n], others[n]), (reading, self.readings[reading]))
-        is_open = [pair in open_ for pair in zip(keys, others, strict=True)]
-        broken = 0
-        for a in there:
-            for b in there:
-                for made, first, second in self.met.get((a, b), ()):
-                    if not (is_open[first] and is_open[second]) or made in chosen:
-                        continue
-                    clause = [self.present[a] ^ 1, self.present[b] ^ 1]
-                    if made in self.open:
-                        clause.append(self.open[made])
-                    for n in (first, second):
-                        reading, literal = open_[keys[n], others[n]]
-                        clause += [literal ^ 1, *self.clauses.unlike(self._pairs(self.known[n], reading))]
-                    self.clauses.add(*clause)
-                    broken += 1
-                    if broken == MOST_BROKEN:
-                        return True
-        return broken > 0
+        open_: dict[tuple[int, int], int] = {}
+        for join in sorted(self.chosen):
+            for reading in (reading for docking in self.plan.joins[join] for reading in docking):
+                n = self.read[reading]
+                open_.setdefault((keys[n], others[n]), n)
+        alike = np.array([open_.get(pair, -1) for pair in zip(keys, others, strict=True)])
+        literals = list(self.open.values())
+        is_open = np.append(self.clauses.true[literals], False)  # the last is no join
+        a, b, made, first, second = np.concatenate(list(self.met.values())).T
+        wrong = is_there[a] & is_there[b] & ~is_open[made] & (alike[first] >= 0) & (alike[second] >= 0)
+        for row in np.flatnonzero(wrong)[:MOST_BROKEN].tolist():
+            clause = [self.present[int(a[row])] ^ 1, self.present[int(b[row])] ^ 1]
+            if made[row] >= 0:
+                clause.append(literals[made[row]])
+            for n in (int(first[row]), int(second[row])):
+                reading = self.known[alike[n]]
+                clause += [self.readings[reading] ^ 1, *self.clauses.unlike(self._pairs(self.known[n], reading))]
+            self.clauses.add(*clause)
+        return bool(wrong.any())
 
     def _meet(self, a: int, b: int) -> None:
-        """Note how two parts can meet; what no reading of a join is like is left out."""
-        plan, found = self.plan, self.met.setdefault((a, b), [])
-        ways: list[tuple[Channel | None, Docking]] = [
-            (join, docking) for join in plan.joins if join[:2] == (a, b) for docking in plan.joins[join]
+        """Note how two parts can meet."""
+        plan, numbers = self.plan, {join: number for number, join in enumerate(self.open)}
+        ways = [
+            (numbers.get(join, -1), docking)
+            for join, dockings in plan.joins.items()
+            if join[:2] == (a, b)
+            for docking in dockings
         ]
-        ways += [(None, docking) for docking in plan.foreign_of(a, b)]
-        for made, docking in ways:
-            if all(shown_of(reading) in self.kinds for reading in docking):
-                for reading in docking:
-                    self.read.setdefault(reading, len(self.read))
-                found.append((made, self.read[docking[0]], self.read[docking[1]]))
-
-    @cached_property
-    def kinds(self) -> dict[tuple[object, ...], int]:
-        """The kinds of readings in joins, numbered; nothing else is ever open."""
-        return {kind: number for number, kind in enumerate(dict.fromkeys(map(shown_of, self.readings)))}
-
-    @property
-    def known(self) -> list[Reading]:
-        """The readings met so far, in order."""
-        return list(self.read)
+        rows = []
+        for made, docking in [*ways, *((-1, docking) for docking in plan.foreign(a, b))]:
+            for reading in docking:
+                if reading not in self.read:
+                    self.read[reading] = len(self.known)
+                    self.known.append(reading)
+            rows.append((a, b, made, self.read[docking[0]], self.read[docking[1]]))
+        self.met[a, b] = np.array(rows, np.int64).reshape(-1, 5)
 
     def _keys(self, letters: np.ndarray) -> tuple[list[int], list[int]]:
         """What the readings met so far come to: pairs of numbers that are the same where all that is read is."""
@@ -312,7 +257,7 @@ class LetterSearch:
                 across = -1 if r.across < 0 else self.cells[r.across]
                 cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
                 padded = [some + [-1] * (SIDES - len(some)) for some in cells]
-                rows.append((self.kinds[shown_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
+                rows.append((self.plan.kinds[kind_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
             new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
             self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
         return self._rows
@@ -344,7 +289,7 @@ class LetterSearch:
                     terms: list[tuple[int, ...]] = [(self.cells[r.own],), (self.cells[r.partner],)]
                     terms += [tuple(self.cells[u] for u in some) for some in (r.around, r.touched or ())]
                     terms += [(self.cells[r.across],)] if r.across >= 0 else []
-                    uses.append((self.readings[r], "join", shown_of(r), terms, self.results[r]))
+                    uses.append((self.readings[r], "join", kind_of(r), terms, self.results[r]))
         for active, loss in self.losses:
             terms = [(self.cells[loss.own],), (self.cells[loss.lost],), tuple(self.cells[u] for u in loss.around)]
             uses.append((active, "lose", (), terms, self.results[loss]))
@@ -402,15 +347,3 @@ class LetterSearch:
 
 class OutOfRoundsError(Exception):
     """Nothing was found whose waves are over after so many rounds."""
-
-
-def shown_of(reading: Reading) -> tuple[object, ...]:
-    """All of a reading but the letters."""
-    return (
-        reading.face,
-        reading.partner_face,
-        reading.roll,
-        len(reading.around),
-        reading.across < 0,
-        len(reading.touched or ()),
-    )

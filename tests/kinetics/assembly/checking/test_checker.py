@@ -175,6 +175,19 @@ def test_slow_waves_may_starve():
     assert "starvation" not in kinds(report)
 
 
+def test_slow_waves_are_followed_to_twice_what_is_at_rest():
+    """A pair whose cubes have not yet followed takes free cubes on and on."""
+    follow = [Internal(rule="follow", letter="b", has="b", becomes="c")]
+    end = Combination(rule="end", letter="b", partner="a", face="f1", partner_face="f1", becomes="b")
+    made = book("abc", [pair("a", ["a", "b"], "b"), end], follow, target="cc")
+    report = check(made)
+    assert report.is_correct
+    finding = only(report, SLOW + "not closed")
+    assert finding.text.startswith("structures grow beyond 4 cubes")
+    assert len(finding.structure) == 5
+    assert "beyond 3 cubes" in only(check(made, max_cubes=3), SLOW + "not closed").text
+
+
 def test_slow_waves_may_squeeze():
     """The place between two cubes is offered only while its host has not yet followed."""
     sound = tree_book(0, 5, bonds="hold", seeded=True, has_gap=True)

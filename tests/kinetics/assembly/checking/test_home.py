@@ -6,9 +6,11 @@ from dataclasses import replace
 import pytest
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
-from kinetics.assembly.checking import examined, home, tanks
+from kinetics.assembly.checking import cubes, examined, home, tanks
+from kinetics.assembly.checking.compositions import compositions
+from kinetics.assembly.checking.examined import Examined
 from kinetics.assembly.deriving.explore import explore
-from kinetics.assembly.rules.conditions import Combination, Dissociation
+from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from tests.helpers.brute_tanks import BruteBook, BruteTank
 from tests.helpers.claims import claims_of, compared
 from tests.helpers.mutated_books import line3
@@ -97,10 +99,10 @@ WRONG = {
     "all are lost": (
         examined,
         "lost_cubes",
-        lambda found, _: list(home.sources_of_cubes(found)),
+        lambda found, *_: list(home.sources_of_cubes(found)),
         lambda: tree_book(0, 3),
     ),
-    "none are lost": (examined, "lost_cubes", lambda found, targets: [], trapping),
+    "none are lost": (examined, "lost_cubes", lambda *_: [], trapping),
     "nothing starves": (tanks, "_starving", lambda *_: None, lambda: planted("holding", 0)[1]),
     "all is part of the target": (examined, "fits_into", lambda *_: True, lambda: planted("off target", 0)[1]),
     "nothing is part of the target": (examined, "fits_into", lambda *_: False, lambda: tree_book(0, 3)),
@@ -130,6 +132,43 @@ def test_endless_pairing_is_an_error():
     found = explore(trapping())
     lost = home.lost_cubes(found, {found.structures.index(trapping().target.canonical("two"))})
     assert [found.structures[cube.structure].letters[cube.number] for cube in lost] == ["x", "x", "x"]
+
+
+def symmetric():
+    """Of a pair of like cubes one becomes the middle of a three, the other its end; only the middle stays with the
+    target, and the end comes back as a cube that pairs again: all come home.
+    """
+
+    def bond(letter, neighbours, partner, becomes):
+        return Combination(rule=f"{letter} {partner}", letter=letter, neighbours=neighbours, partner=partner,
+                           face="f1", partner_face="f1", becomes=becomes)  # fmt: skip
+
+    combine = (
+        bond("a", [], ["a", "z"], "b"),
+        bond("z", [], ["a"], "b"),
+        bond("a", [], ["b"], "d"),
+        bond("b", ["b"], ["a"], "c"),
+    )
+    parting = (
+        Dissociation(rule="free", letter="d", becomes="a"),
+        Dissociation(rule="alone", letter="c", neighbours=[], becomes="a"),
+        Dissociation(rule="pair", letter="c", lost="d", neighbours=["e"], becomes="b"),
+        Dissociation(rule="end", letter=("b", "e"), neighbours=[], becomes="z"),
+    )
+    waves = (
+        Internal(rule="follow", letter="b", has="c", becomes="e"),
+        Internal(rule="back", letter="e", has="b", becomes="b"),
+    )
+    return replace(pairs(), letters=tuple("abcdez"), combine=combine, dissociate=parting, internal=waves,
+                   target=Structure(((0, 0, 0), (0, 0, 1)), (0, 0), ("c", "d")), semantics=Semantics())  # fmt: skip
+
+
+def test_either_of_two_like_cubes_may_be_the_one_that_comes_home(monkeypatch):
+    found = explore(symmetric())
+    targets = {found.structures.index(symmetric().target.canonical("two"))}
+    assert home.lost_cubes(found, targets) == []
+    monkeypatch.setattr(cubes, "_firsts", lambda structure, scheme: list(range(len(structure))))  # the control
+    assert home.lost_cubes(found, targets) != []
 
 
 def test_a_target_that_takes_more_cubes_than_it_has_starves_for_certain():
@@ -184,6 +223,34 @@ def test_what_is_proven_is_said():
     report = check(pairs(stay))  # two x wait for two free cubes
     assert report.home.proven == "enough free cubes"
     assert report.home.text.endswith("proven for every structure that has free cubes enough around it")
+
+
+def test_the_search_of_tanks_can_be_ended():
+    """Whoever limits the time is asked at each cube's event and at each composition."""
+    book = pairs(Dissociation(rule="stay", letter="b", becomes="x"))
+    found, told = explore(book), []
+    tank = compositions((0,) * 4, found.events, lambda *so_far: told.append(so_far))
+    assert len(told) == len(tank) > 5
+    assert told[-1] == (len(tank), len(tank))
+
+    def out_of_time(*_):
+        raise TimeoutError
+
+    late = Examined(found, out_of_time)
+    with pytest.raises(TimeoutError):
+        _ = late.lost
+    late.__dict__["lost"] = []
+    with pytest.raises(TimeoutError):
+        tanks.in_tanks(late)
+
+
+def test_a_tank_is_searched_until_it_holds_what_is_sought():
+    found = explore(RuleBook.load("line4"))
+    goal = {max(range(len(found.structures)), key=lambda n: len(found.structures[n]))}
+    tank, part = compositions((0,) * 8, found.events), compositions((0,) * 8, found.events, until=goal)
+    assert any(not goal.isdisjoint(state) for state in part)
+    assert sum(not goal.isdisjoint(state) for state in part) == 1
+    assert len(part) < len(tank)
 
 
 def test_what_free_cubes_alone_do_not_finish_is_not_proven():

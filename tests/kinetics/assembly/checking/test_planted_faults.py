@@ -49,9 +49,9 @@ def test_the_command_finds_them_too(fault, tmp_path):
 @pytest.mark.parametrize(
     ("where", "name", "blind", "fault"),
     [
-        (examined, "lost_cubes", lambda found, targets: [], "endless pairing"),
-        (examined, "lost_cubes", lambda found, targets: [], "closed circle"),
-        (examined, "lost_cubes", lambda found, targets: [], "dead end"),
+        (examined, "lost_cubes", lambda *_: [], "endless pairing"),
+        (examined, "lost_cubes", lambda *_: [], "closed circle"),
+        (examined, "lost_cubes", lambda *_: [], "dead end"),
         (examined, "fits_into", lambda part, whole, scheme: True, "off target"),
         (examined.Examined, "closure", lambda self: [], "restless"),
         (examined.Examined, "squeezes", lambda self: [], "squeezed"),

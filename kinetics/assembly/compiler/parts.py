@@ -1,0 +1,130 @@
+"""The parts of a target: its connected pieces, known again wherever they lie and however they are turned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kinetics.assembly.faces import IntArray, Position, scheme_of
+from kinetics.assembly.structure import Placement, Structure
+
+MOST = 8  # cubes of a target whose parts are all tried
+Form = tuple[tuple[int, int, int, int], ...]  # (x, y, z, seen rotation) of each cube, sorted, smallest x, y, z at 0
+# Numbers drawn for a cube at a place, seen so; their sums are alike for alike forms, and hardly ever for others.
+_DRAWN = np.random.default_rng(0).integers(1 << 58, size=(MOST, MOST, MOST, 24))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A connected piece of the target, up to rotation.
+
+    unknowns : the unknown that stands for each cube's letter: one for each set of cubes that symmetry makes alike
+    symmetries : where each cube goes under each rotation that puts the part onto itself
+    """
+
+    structure: Structure
+    unknowns: tuple[int, ...]
+    symmetries: tuple[tuple[int, ...], ...]
+    name: str
+
+    def __len__(self) -> int:
+        return len(self.structure)
+
+    def around(self, cube: int, *without: int) -> tuple[int, ...]:
+        """The unknowns of a cube's neighbours, sorted."""
+        return tuple(sorted(self.unknowns[n] for n in self.structure.neighbours(cube) if n not in without))
+
+
+class Parts:
+    """The connected pieces of a structure, each once.
+
+    parts : smallest first, a free cube at the beginning
+    tick : called again and again; it may raise to end the work
+    """
+
+    def __init__(self, whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None):
+        self.scheme, self.seen = scheme, scheme_of(scheme).reduced
+        self.forms: dict[Form, tuple[int, tuple[int, ...]]] = {}  # of every part in every turn: part, its cubes
+        structures = sorted(pieces_of(whole, scheme, tick), key=lambda s: (len(s), s.positions, s.rotations))
+        self.parts: list[Part] = []
+        for structure, name in zip(structures, _names([len(structure) for structure in structures]), strict=True):
+            tick()
+            self._append(structure, name)
+
+    def _append(self, structure: Structure, name: str) -> None:
+        symmetries = tuple(
+            tuple(structure.places[symmetry.of(place)] for place in structure.positions)
+            for symmetry in structure.symmetries(self.scheme)
+        )
+        unknown = 1 + max(self.parts[-1].unknowns) if self.parts else 0
+        first = [min(symmetry[cube] for symmetry in symmetries) for cube in range(len(structure))]
+        orbits = {cube: unknown + n for n, cube in enumerate(sorted(set(first)))}
+        for rotation in range(24):
+            turned = structure.moved(Placement(rotation, (0, 0, 0)))
+            form, order = self._form(turned.positions, turned.rotations)
+            self.forms.setdefault(form, (len(self.parts), order))
+        self.parts.append(Part(structure, tuple(orbits[cube] for cube in first), symmetries, name))
+
+    def turns(self, part: Part) -> IntArray:
+        """The rotations under which a part looks different, the first of those alike."""
+        found: dict[Form, int] = {}
+        for rotation in range(24):
+            turned = part.structure.moved(Placement(rotation, (0, 0, 0)))
+            found.setdefault(self._form(turned.positions, turned.rotations)[0], rotation)
+        return np.array(list(found.values()))
+
+    def _form(self, positions: Sequence[Position], rotations: Sequence[int]) -> tuple[Form, tuple[int, ...]]:
+        """How cubes look wherever they are, and the order in which that takes them."""
+        x0, y0, z0 = (min(c) for c in zip(*positions, strict=True))
+        cubes = sorted(
+            ((x - x0, y - y0, z - z0, int(self.seen[r])), cube)
+            for cube, ((x, y, z), r) in enumerate(zip(positions, rotations, strict=True))
+        )
+        return tuple(cube for cube, _ in cubes), tuple(order for _, order in cubes)
+
+    def known(self, positions: Sequence[Position], rotations: Sequence[int]) -> tuple[int, tuple[int, ...]] | None:
+        """Which part some cubes are, and which of its cubes each of them is; None: no part."""
+        form, order = self._form(positions, rotations)
+        if form not in self.forms:
+            return None
+        part, cubes = self.forms[form]
+        place = dict(zip(order, cubes, strict=True))
+        return part, tuple(place[cube] for cube in range(len(order)))
+
+    def may_be_known(self, positions: IntArray, rotations: IntArray) -> np.ndarray:
+        """Which of many sets of cubes (sets, n, 3) and (sets, n) may be parts; those that may not, are none."""
+        places = positions - positions.min(axis=1, keepdims=True)
+        fits = (places < MOST).all(axis=(1, 2))
+        x, y, z = np.where(fits[:, None, None], places, 0).transpose(2, 0, 1)
+        return fits & np.isin(_DRAWN[x, y, z, self.seen[rotations]].sum(axis=1), self._sums)
+
+    @cached_property
+    def _sums(self) -> IntArray:
+        return np.array([sum(_DRAWN[cube] for cube in form) for form in self.forms])
+
+
+def pieces_of(whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None) -> set[Structure]:
+    """The connected pieces of a structure up to rotation, itself among them."""
+    subsets = {frozenset({cube}) for cube in range(len(whole))}
+    fresh = subsets
+    while fresh:
+        tick()
+        fresh = {s | {n} for s in fresh for cube in s for n in whole.neighbours(cube) if n not in s} - subsets
+        subsets |= fresh
+    return {whole.part(sorted(subset)).canonical(scheme) for subset in subsets}
+
+
+def _names(sizes: Sequence[int]) -> list[str]:
+    """`3`, or `3.b` where several parts have that size."""
+    names = []
+    for n, size in enumerate(sizes):
+        number, suffix = sizes[:n].count(size), ""
+        while number >= 0:
+            number, letter = divmod(number, 26)
+            suffix = chr(ord("a") + letter) + suffix
+            number -= 1
+        names.append(f"{size}.{suffix}" if sizes.count(size) > 1 else str(size))
+    return names
