@@ -13,6 +13,7 @@ from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from tests.helpers.brute_tanks import BruteBook, BruteTank
 from tests.helpers.claims import claims_of, compared
+from tests.helpers.compiled_faults import faulty
 from tests.helpers.mutated_books import line3
 from tests.helpers.planted_faults import planted
 from tests.helpers.tree_books import tree_book
@@ -31,6 +32,25 @@ def test_claims_hold_where_everything_was_tried():
     said = counted(range(100))
     assert said["correct"] >= 10
     assert min(said[what] for what in (*CLAIMS, *FINDINGS)) >= 1, said
+
+
+def of_compiled_books(seeds):
+    return sum((compared(book, 24) for book in map(faulty, seeds) if book is not None), Counter())
+
+
+def test_claims_hold_of_compiled_books_with_faults():
+    """Loops, corners and screws, which the other books do not have; a share of the long test below."""
+    said = of_compiled_books(range(60))
+    assert said["correct"] >= 1
+    assert min(said[what] for what in ("cubes called lost", "tanks searched", "off-target", "trap")) >= 1, said
+
+
+@pytest.mark.validate
+def test_claims_hold_of_a_thousand_compiled_books_with_faults():
+    """Two minutes of CPU time."""
+    said = of_compiled_books(range(1000, 2400))
+    assert said["books"] >= 1000
+    assert min(said[what] for what in ("correct", *CLAIMS[:6], *FINDINGS[:3])) >= 10, said
 
 
 @pytest.mark.validate
