@@ -5,11 +5,11 @@ from kinetics.rates.by_class import (
     ClassRate,
     ClassRates,
     are_by_class,
-    class_keys,
+    general_entries,
     measured_class,
-    over_classes,
     with_prior,
 )
+from kinetics.rates.class_keys import class_keys, more_general
 from kinetics.rates.of_book import BookRates
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
@@ -27,7 +27,8 @@ __all__ = [
     "about_priors",
     "are_by_class",
     "class_keys",
+    "general_entries",
     "measured_class",
-    "over_classes",
+    "more_general",
     "with_prior",
 ]

@@ -40,14 +40,14 @@ def test_what_is_alike_is_rarely_flagged():
 
 def test_rates_that_differ_are_flagged():
     """The control: pairs of single cubes join three times as fast, and the constant of all joins hides it."""
-    off = flagged(spreads(runs(8, seed=5, **{"join 1 f1 + 1 f1": 6e-4})))
+    off = flagged(spreads(runs(8, seed=5, **{"join 1 f1 + 1 f1 touching 1": 6e-4})))
     assert {(each.key, each.by) for each in off} >= {("join", "sizes"), ("join", "structure")}
     worst = next(each for each in off if each.by == "sizes")
     rates = dict(zip(worst.groups, worst.events / worst.exposure, strict=True))
     assert rates["1 + 1"] == max(rates.values())
     assert worst.sentence.startswith("join by sizes (")
     # told apart by sizes, each constant is that of its own
-    assert not flagged(spreads(runs(8, seed=5, **{"join 1 f1 + 1 f1": 6e-4}), "sizes"))
+    assert not flagged(spreads(runs(8, seed=5, **{"join 1 f1 + 1 f1 touching 1": 6e-4}), "sizes"))
 
 
 def test_power_is_that_of_rates_that_scatter():
