@@ -181,6 +181,7 @@ def test_places_that_touch_two_cubes_have_a_constant_of_their_own():
     for key, rate in (("join touching 1", 4e-4), ("join touching 2", 1.2e-4)):
         assert entries[key].low < rate < entries[key].high
         assert entries[key].high < 1.5 * entries[key].low
+    assert not flagged(class_spreads(books, found))  # nor by structures that grow but once
     control = calibrate_classes(books, "first-order", "event")
     assert control.chosen_joins.entries["join"].high < 4e-4
     assert ("join", "cubes touched") in {(each.key, each.by) for each in flagged(class_spreads(books, control))}
