@@ -165,6 +165,7 @@ def _plot(study: GrowthStudy, name: str) -> None:
     from kinetics.support import plots
 
     def draw(figure: Any) -> None:
+        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # inches; titles keep off the frame
         parts = figure.subfigures(len(study.comparisons), 1, squeeze=False)
         for part, comparison in zip(parts.flat, study.comparisons, strict=True):
             comparison.plot(part)

@@ -83,11 +83,12 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--share",
-    type=click.Choice(["auto", "event", "faces", "sizes"]),
+    type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
     show_default=True,
-    help="For rates by class: what the classes of one constant have in common. It is the event alone, also the faces, "
-    "or also the sizes; auto lets the runs choose, of joins and of breaks.",
+    help="For rates by class: what the classes of one constant have in common. It is the event alone, also the "
+    "number of cubes that a place touches, also the faces, or also the sizes; auto lets the runs choose, of joins and "
+    "of breaks.",
 )
 @events_options
 @report_option
@@ -123,9 +124,9 @@ def calibrate(
     run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
     by the guard or given up; the rates come from the others.
 
-    Rates by class (--by class) belong to pairs of faces and sizes, as far as the runs tell them apart, and serve
-    `rules grow`, `rules rank`, `predict` and `validate` for any book. Books that grow from a seed have no others: see
-    docs/class_rates.md.
+    Rates by class (--by class) belong to the number of cubes that a place touches, to pairs of faces and to sizes, as
+    far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. Books
+    that grow from a seed have no others: see docs/class_rates.md.
 
     A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself. A FOLDER,
     as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from calibration.estimating.class_evidence import BookRuns, ClassEvidence, class_evidence
 from calibration.estimating.class_fit import GROUPINGS, ClassFit, Grouping, simplest
 from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
@@ -34,15 +36,24 @@ class ClassCalibration:
 
     @cached_property
     def join_fits(self) -> tuple[ClassFit, ...]:
-        """One a grouping; none where nothing joins."""
-        return tuple(ClassFit(self.joins, grouping) for grouping in self.groupings) if self.joins.exposure.any() else ()
+        """One a grouping; none where nothing joins.
+
+        Where all places touch as many cubes, one constant is that of such places, and says little of others.
+        """
+        touched = {self.joins.classes[place].touched for place in np.flatnonzero(self.joins.exposure[:, 0]).tolist()}
+        if not touched:
+            return ()
+        left_out = {"event"} if len(touched) == 1 and "touched" in self.groupings else set()
+        return tuple(ClassFit(self.joins, grouping) for grouping in self.groupings if grouping not in left_out)
 
     @cached_property
     def break_fits(self) -> tuple[ClassFit, ...]:
         """One a break model and grouping; none where nothing could break."""
         if not self.breaks.exposure.any():
             return ()
-        return tuple(ClassFit(self.breaks, grouping, model) for model in self.models for grouping in self.groupings)
+        alike = {"touched"} if "event" in self.groupings else set()  # at a bond that breaks one face meets one
+        groupings = [grouping for grouping in self.groupings if grouping not in alike]
+        return tuple(ClassFit(self.breaks, grouping, model) for model in self.models for grouping in groupings)
 
     @cached_property
     def chosen_joins(self) -> ClassFit | None:
@@ -139,7 +150,12 @@ def _has_partners(model: BreakModel) -> bool:
 
 def _title(fit: ClassFit) -> str:
     """What sets a fit apart, in words."""
-    words = {"event": "one constant", "faces": "a constant a pair of faces", "sizes": "a constant a class with sizes"}
+    words = {
+        "event": "one constant",
+        "touched": "a constant a number touched",
+        "faces": "a constant a pair of faces",
+        "sizes": "a constant a class with sizes",
+    }
     return words[fit.grouping] + ("" if fit.breaks is None else f", {fit.breaks.name}")
 
 
@@ -147,7 +163,7 @@ def calibrate_classes(books: Iterable[BookRuns], breaks: str = "auto", share: st
     """Estimate the constants of all rate classes from runs of any books, seeded or not.
 
     breaks : name of a break model, or `auto` for the one that the runs choose
-    share : what the classes of one constant have in common (`event`, `faces` or `sizes`), or `auto`
+    share : what the classes of one constant have in common (`event`, `touched`, `faces` or `sizes`), or `auto`
 
     Cost: one pass over the paths, then a second or so for the shape.
     ValueError: as `class_evidence`; a break model whose weights are not given by sizes; another `share`.
@@ -176,8 +192,6 @@ def _is_by_size(model: BreakModel) -> bool:
 
 def _by_size(model: BreakModel) -> BreakModel:
     """The model; ValueError where its weights are not given by sizes."""
-    import numpy as np
-
     model.by_size(np.ones(1), {parameter.name: parameter.start for parameter in model.size_parameters})
     return model
 

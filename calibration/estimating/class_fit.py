@@ -1,13 +1,15 @@
 """Constants by rate class, fitted to the joins or to the breaks of runs of any books.
 
 The propensity of an event is (sum over classes of ways x constant) x (sum over partners of weight x pairs); of joins
-the second factor is the pairs themselves. Classes may share a constant: all sizes at a pair of faces, or all ways of an
-event. A channel with ways of one class gives it its events; where the ways are of several, each class takes its
-expected part (EM: Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which converges to the largest likelihood.
+the second factor is the pairs themselves. Classes may share a constant: all sizes at a pair of faces, all faces where
+as many meet, or all ways of an event. A channel with ways of one class gives it its events; where the ways are of
+several, each class takes its expected part (EM: Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which
+converges to the largest likelihood.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,11 +24,20 @@ from calibration.estimating.rate_fit import ImpossibleEventError
 from calibration.estimating.shape_posterior import posterior_of
 from calibration.estimating.shape_search import least
 from kinetics.breaks import BreakModel, ShapeParameter
-from kinetics.rates import BreakTerms, ClassRate, ShapePosterior, class_keys, measured_class, over_classes, with_prior
+from kinetics.rates import (
+    BreakTerms,
+    ClassRate,
+    ShapePosterior,
+    class_keys,
+    general_entries,
+    measured_class,
+    more_general,
+    with_prior,
+)
 from kinetics.support.arrays import Floats
 
-Grouping = Literal["event", "faces", "sizes"]
-GROUPINGS: tuple[Grouping, ...] = ("event", "faces", "sizes")  # what classes must have in common to share a constant
+Grouping = Literal["event", "touched", "faces", "sizes"]
+GROUPINGS: tuple[Grouping, ...] = ("event", "touched", "faces", "sizes")  # what classes of one constant have in common
 CLOSE = 2.0  # of AIC: within it of the smallest, the fit with the fewest parameters is taken
 ROUNDS = 1000  # of EM, at most
 EXACT = 1e-9  # of all events: what EM may still move
@@ -63,7 +74,7 @@ class ClassFit:
         return tuple(dict.fromkeys(keys))
 
     def _key(self, place: int) -> str:
-        return class_keys(self.evidence.classes[place])[2 - GROUPINGS.index(self.grouping)]
+        return class_keys(self.evidence.classes[place])[-1 - GROUPINGS.index(self.grouping)]
 
     @cached_property
     def _groups(self) -> Floats:
@@ -210,24 +221,14 @@ class ClassFit:
                 shown = tuple(float(f"{value:.6g}") for value in exposure.tolist())
                 parts = {"exposures": shown} if self.parameters else {}
                 found[key] = measured_class(events / whole, events, whole, **parts)
-        general: dict[str, list[ClassRate]] = {}
-        for key, entry in found.items():
-            for other in _more_general(key):
-                general.setdefault(other, []).append(entry)
-        wider = {key: over_classes(each) for key, each in general.items()}
+        wider = general_entries(found)
         if self.grouping == "sizes":
-            known = {key for key, each in general.items() if len(each) >= SEVERAL and wider[key].rate > 0}
+            known = Counter(other for key in found for other in more_general(key))
             for key, entry in found.items():
-                prior = next((wider[other] for other in _more_general(key) if other in known), None)
-                found[key] = entry if prior is None else with_prior(entry, prior)
+                enough = (o for o in more_general(key) if known[o] >= SEVERAL and wider[o].rate > 0)
+                prior = next(enough, None)
+                found[key] = entry if prior is None else with_prior(entry, wider[prior])
         return found | wider
-
-
-def _more_general(key: str) -> list[str]:
-    """The keys that stand for a key where it has no entry: `join 1 f1 + 2 f2` -> `join f1 + f2`, `join`."""
-    event, *sides = key.split()
-    faces = sorted(word for word in sides if word != "+" and not word.isdigit())
-    return [other for other in (f"{event} {' + '.join(faces)}" if faces else event, event) if other != key]
 
 
 def simplest(fits: Sequence[ClassFit]) -> ClassFit:

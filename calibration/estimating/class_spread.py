@@ -2,7 +2,7 @@
 
 Given its exposure, each group of channels has its part of the events of a constant by the exposures alone. The test
 asks whether the parts seen are out of the ordinary among multinomial ones: by the likelihood ratio, whose law is
-simulated, so that few events in many groups do no harm. Exposures that follow from the events make it approximate.
+simulated; groups of few events are taken together. Exposures that follow from the events make it approximate.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ SIMULATED = 9999  # studies without spread, for the p-value
 STUDIES = 400  # with spread, for the power
 SPREAD = 0.5  # relative standard deviation of the rates of groups for which the power is given
 LEVEL = 0.01
-FEWEST = 5  # events of a constant, below which nothing can be told
+FEWEST = 5  # events seen or expected, on average, of a group of its own
+OTHERS = "others"  # groups that are too small to be told apart
 WAYS = ("structure", "sizes", "cubes touched")
 
 
@@ -64,7 +65,7 @@ class ClassSpread:
 
 
 def class_spreads(books: Iterable[BookRuns], calibration: ClassCalibration, seed: int = 0) -> tuple[ClassSpread, ...]:
-    """Test all chosen constants of at least five events that serve several groups.
+    """Test all chosen constants that serve several groups of five events, seen or expected.
 
     Channels with ways of several constants are left out. Breaks count in the exposure that the fitted model gives them.
     Cost: a pass over the paths, then some 10,000 multinomial draws a test.
@@ -85,10 +86,30 @@ def class_spreads(books: Iterable[BookRuns], calibration: ClassCalibration, seed
     rng = np.random.default_rng(seed)
     tested = []
     for (key, by), groups in known.items():
-        table = np.array(list(groups.values()))
-        if len(groups) > 1 and table[:, 0].sum() >= FEWEST:
-            tested.append(_tested(key, by, tuple(map(str, groups)), table, rng))
+        names, table = _large(groups)
+        if len(names) > 1:
+            tested.append(_tested(key, by, names, table, rng))
     return tuple(tested)
+
+
+def _large(groups: dict[Hashable, Floats]) -> tuple[tuple[str, ...], Floats]:
+    """Names of groups, and events and exposure (G, 2); groups of few events, seen or expected, are taken together.
+
+    A structure that grows but once has one event, and its exposure ends with it: its part would be no multinomial one.
+    Where only what is expected decided, structures that happened to stay for long would be chosen.
+    """
+    table = np.array(list(groups.values()))
+    events, exposure = table.sum(axis=0)
+
+    def is_large(rows: Floats) -> Any:
+        return rows[..., 0] + rows[..., 1] * events / exposure >= 2 * FEWEST
+
+    large = is_large(table)
+    names = tuple(str(group) for group, alone in zip(groups, large.tolist(), strict=True) if alone)
+    rest = table[~large].sum(axis=0)
+    if not is_large(rest):
+        return names, table[large]
+    return (*names, OTHERS), np.vstack([table[large], rest])
 
 
 def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[ClassSpread, ...]:

@@ -155,7 +155,7 @@ def run_growth_validation(
     comparisons = []
     for records in alike.values():
         spec = records[0].spec
-        contents = ", ".join(f"{n} {name}" for name, n in spec.composition.items())
+        contents = ", ".join(_copies(n, name) for name, n in spec.composition.items())
         growths = [growth_of(record.path, book_of(spec.scene.rules)[1]) for record in records]
         grid = np.linspace(0.0, spec.duration, points)
         label = f"from {contents}"
@@ -165,6 +165,11 @@ def run_growth_validation(
     if not comparisons:
         raise ValueError("no held-out run reached its end: nothing to compare")
     return GrowthStudy(tuple(comparisons), rates, outcome)
+
+
+def _copies(n: int, species: str) -> str:
+    """`4 seeds`; a name that is no word, as `trimer.b`, stays as it is."""
+    return f"{n} {species}{'s' if n != 1 and species.isalpha() else ''}"
 
 
 def check_held_out_of(spec: RunSpec, rates: ClassRates) -> None:

@@ -1,21 +1,25 @@
 """The state of a network-free run: structures, the faces that may bond, and the bonds that may break.
 
 Structures that look alike are counted together, and faces are grouped by what they show and by the size of their
-structure, so that all pairs of faces from two groups have one rate constant. A bond breaks at its constant times the
-weights of all that can break it: every other body by its size, the wall, and the structure itself.
+structure, so that the rate constants of all pairs of faces from two groups differ by the number touched alone, which
+is known once a pair is drawn: pairs are drawn at the largest, and those of a smaller one are kept so much less often. A
+bond breaks at its constant times the weights of all that can break it: every other body by its size, the wall, and the
+structure itself.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from itertools import accumulate
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.assembly.deriving.ways import RateClass
+from kinetics.assembly.deriving.ways import RateClass, touched
 from kinetics.assembly.faces import scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook, View
 from kinetics.assembly.structure import Structure, placements
@@ -23,7 +27,8 @@ from kinetics.support.arrays import Floats
 
 Rate = Callable[[RateClass], float]  # rate constant of a class, 1/tu
 FaceGroup = int  # number of: cubes of the structure, what its face shows
-MAX_REMEMBERED = 50_000  # outcomes, and structures, kept for when they come again
+SIDES = 6  # of a cube
+MAX_REMEMBERED = 200_000  # outcomes, and structures, kept for when they come again
 
 
 class Breakers(NamedTuple):
@@ -68,6 +73,13 @@ class BondRates(NamedTuple):
     weight: float
 
 
+class Joined(NamedTuple):
+    """What a pair of faces makes, and the class of that join."""
+
+    kind: StructureKind
+    rate_class: RateClass
+
+
 TankEvent = tuple[tuple[StructureKind, ...], tuple[StructureKind, ...]]  # taken, made
 
 
@@ -84,13 +96,13 @@ class Known:
         self.book, self.rate, self.breakers = book, rate, breakers
         self.types = scheme_of(book.scheme).types
         self.kinds: dict[Structure, StructureKind] = {}
-        self.joins: dict[object, StructureKind | None] = {}
+        self.joins: dict[object, Joined | None] = {}
         self.breaks: dict[object, tuple[StructureKind, StructureKind]] = {}
         self.constants: dict[RateClass, float] = {}
         self.groups: dict[tuple[int, View], FaceGroup] = {}
         self.shown: list[tuple[int, View]] = []
-        self.classes: dict[tuple[FaceGroup, FaceGroup], RateClass | None] = {}  # of pairs; None: they never bond
-        self.strengths: dict[tuple[FaceGroup, FaceGroup], float] = {}
+        self.classes: dict[FaceGroup, dict[FaceGroup, RateClass | None]] = defaultdict(dict)  # None: they never bond
+        self.highest: dict[RateClass, float] = {}
         self.bonds: dict[StructureKind, BondRates] = {}
 
     def under(self, rate: Rate, breakers: Breakers) -> Known:
@@ -133,28 +145,43 @@ class Known:
             self.shown.append((size, view))
         return number
 
-    def strength(self, a: FaceGroup, b: FaceGroup) -> float:
-        """Rate constant, 1/tu, of a pair of faces; 0 where the book lets them bond at no twist and place."""
-        found = self.strengths.get((a, b))
-        if found is None:
-            if (a, b) not in self.classes:
-                (n, view), (m, other) = self.shown[a], self.shown[b]
-                allowed = self.book.allows(view, other)
-                self.classes[a, b] = class_between("join", (n, view.face), (m, other.face)) if allowed else None
-            rate_class = self.classes[a, b]
-            found = 0.0 if rate_class is None else self.constant(rate_class)
-            self.strengths[a, b] = self.strengths[b, a] = found
-        return found
+    def pair(self, a: FaceGroup, b: FaceGroup) -> RateClass | None:
+        """The class of joins at a pair of faces where one is touched; None where the book lets them bond nowhere."""
+        if b not in self.classes[a]:
+            (n, view), (m, other) = self.shown[a], self.shown[b]
+            allowed = self.book.allows(view, other)
+            found = class_between("join", (n, view.face), (m, other.face)) if allowed else None
+            self.classes[a][b] = self.classes[b][a] = found
+        return self.classes[a][b]
+
+    def strength(self, rate_class: RateClass) -> float:
+        """The rate at which a pair of faces is drawn, 1/tu: the largest constant, whatever number is touched.
+
+        Not all of these joins can happen; one without a rate is refused when it does.
+        """
+        if rate_class not in self.highest:
+            n, m = rate_class.sizes
+            known = []
+            for number in range(1, min(SIDES * min(n, m), n * m) + 1):
+                with suppress(ValueError):
+                    known.append(self.constant(rate_class._replace(touched=number)))
+            self.highest[rate_class] = max(known) if known else self.constant(rate_class)
+        return self.highest[rate_class]
 
     def joined(
         self, a: StructureKind, i: int, face_i: int, b: StructureKind, j: int, face_j: int, twist: int
-    ) -> StructureKind | None:
+    ) -> Joined | None:
         """What a face of a and one of b make at one of the four twists; None for nothing."""
         key = (a, i, face_i, b, j, face_j, twist)
         if key not in self.joins:
             placement = placements(a.structure, i, face_i, b.structure, j, face_j)[twist]
             made = self.book.join(a.structure, i, b.structure, j, placement)
-            self.joins[key] = None if made is None else self.kind(made)
+            if made is None:
+                self.joins[key] = None
+            else:
+                n = len(a.structure)
+                rate_class = class_between("join", (n, self.types[face_i]), (len(b.structure), self.types[face_j]))
+                self.joins[key] = Joined(self.kind(made), rate_class._replace(touched=touched(made, n)))
         return self.joins[key]
 
     def parted(self, kind: StructureKind, i: int, j: int) -> tuple[StructureKind, StructureKind]:
@@ -170,7 +197,6 @@ class Known:
         if max(len(self.joins), len(self.breaks), len(self.kinds)) > MAX_REMEMBERED:
             self.joins.clear()
             self.breaks.clear()
-            self.strengths.clear()
             self.classes.clear()
             self.bonds.clear()
             self.kinds.clear()  # in place, because others may share it
@@ -225,8 +251,11 @@ class GrowingTank:
             self.members.extend({} for _ in range(old, new))
             self.free.extend(range(new - 1, old - 1, -1))
         slot = self.slots[group] = self.free.pop()
+        known = self.known.classes[group]
         for other, place in self.slots.items():
-            self.strengths[slot, place] = self.strengths[place, slot] = self.known.strength(group, other)
+            rate_class = known[other] if other in known else self.known.pair(group, other)
+            if rate_class is not None:  # most pairs never bond
+                self.strengths[slot, place] = self.strengths[place, slot] = self.known.strength(rate_class)
         return slot
 
     def close(self, group: FaceGroup) -> None:
@@ -279,8 +308,13 @@ class GrowingTank:
         # Both orders are as likely, and the first writes first; otherwise the smaller is put into the larger's lattice.
         if self.known.book.semantics.update == "synchronous" and len(a.structure) < len(b.structure):
             a, i, face_i, b, j, face_j = b, j, face_j, a, i, face_i
-        made = self.known.joined(a, i, face_i, b, j, face_j, twist)
-        return None if made is None else ((a, b), (made,))
+        found = self.known.joined(a, i, face_i, b, j, face_j, twist)
+        if found is None:
+            return None
+        own, drawn_at = self.known.constant(found.rate_class), float(self.strengths[slot, other])
+        if own < drawn_at and draw() * drawn_at >= own:
+            return None
+        return (a, b), (found.kind,)
 
     def part(self, draw: Callable[[], float], total: float) -> TankEvent:
         """Draw a bond that breaks: kinds before and after."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kinetics.rates.class_keys import class_keys, more_general  # at once: a module and a function have this name
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -12,9 +13,8 @@ if TYPE_CHECKING:
         ClassRate,
         ClassRates,
         are_by_class,
-        class_keys,
+        general_entries,
         measured_class,
-        over_classes,
         with_prior,
     )
     from kinetics.rates.of_book import BookRates
@@ -24,13 +24,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "kinetics.rates.break_terms": ("BreakTerms", "ShapePosterior"),
     "kinetics.rates.by_class": (
-        "ClassRate",
-        "ClassRates",
-        "are_by_class",
-        "class_keys",
-        "measured_class",
-        "over_classes",
-        "with_prior",
+        *("ClassRate", "ClassRates"),
+        *("are_by_class", "general_entries", "measured_class", "with_prior"),
     ),
     "kinetics.rates.of_book": ("BookRates",),
     "kinetics.rates.posterior": ("RatesPosterior",),
@@ -50,8 +45,9 @@ __all__ = [
     "about_priors",
     "are_by_class",
     "class_keys",
+    "general_entries",
     "measured_class",
-    "over_classes",
+    "more_general",
     "with_prior",
 ]
 

@@ -1,16 +1,13 @@
 """Rate constants by rate class, so that one measurement serves every book that has ways of that class.
 
-The ways of a channel are sorted by what happens, the face types and the sizes of the two sides (`RateClass`). A file
-gives constants from the particular to the general, and the most particular one that fits counts:
-
-    "join 1 f1 + 2 f1"   event, sizes and faces
-    "join f1 + f1"       event and faces, whatever the sizes
-    "join"               event alone
+The ways of a channel are sorted by what happens, how many faces meet, the face types and the sizes of the two sides
+(`RateClass`). A file gives constants from the particular to the general (`class_keys`), and the most particular one
+that fits counts.
 """
 
 from __future__ import annotations
 
-import re
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -22,6 +19,7 @@ from pydantic import Field, field_validator
 from kinetics.breaks import Expansion
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.class_keys import class_keys, more_general, number_touched, plain_key
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
 from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, read_toml, validated, write_toml
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
 
 DISTINCT = Convention(combinations="distinct")
-_KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(\w+) \+ (?:(\d+) )?(\w+))?")
+UNTOLD = 2.0  # events: what all evidence of places where as many faces meet says of places where it is another number
 
 
 class ClassRate(MeasuredRate):
@@ -70,7 +68,7 @@ class ClassRates(Settings):
         """Keys with the smaller side first, as classes are printed."""
         found: dict[str, ClassRate] = {}
         for written, entry in classes.items():
-            key = _plain(written)
+            key = plain_key(written)
             if key in found:
                 raise ValueError(f"{key!r} is there twice, once written as {written!r}; keep one of them")
             found[key] = entry
@@ -122,9 +120,8 @@ class ClassRates(Settings):
         stay as they are. A channel whose ways belong to several classes gives each of them its own rate; it counts
         only for classes to which no other channel belongs alone.
 
-        For every pair of faces an entry without sizes is added. Its evidence is worth no more events than the scatter
-        of the sizes' rates allows (as many as a gamma distribution of that relative variance has), so that a draw from
-        it covers sizes that were not measured.
+        For every pair of faces and number touched an entry without sizes is added, see `general_entries`; faces and
+        numbers of which the network has none have no rate.
         """
         base = rates.expansion(derivation.network).base
         at_shapes = rates.breaks.at_shapes(base)
@@ -135,22 +132,21 @@ class ClassRates(Settings):
                 share = _Share.by(rates.channels[name], n, sum(ways.values()), at_shapes)
                 (alone if len(ways) == 1 else shared)[rate_class].append(share)
         by_class = {c: _pooled(alone.get(c) or shared[c]) for c in derivation.rate_classes}
-        general: dict[str, list[ClassRate]] = defaultdict(list)
-        for rate_class, entry in by_class.items():
-            general[class_keys(rate_class)[1]].append(entry)
+        known = {str(c): entry for c, entry in by_class.items()}
+        of_faces = {class_keys(c)[1] for c in by_class}
+        general = {key: entry for key, entry in general_entries(known).items() if key in of_faces}
         return cls(
             convention=rates.convention,
             faces=derivation.book.scheme,
             tank=rates.tank,
             breaks=rates.breaks,
-            classes={str(c): entry for c, entry in by_class.items()}
-            | {key: over_classes(entries) for key, entries in general.items()},
+            classes=known | general,
             evidence=rates.evidence,
         )
 
     def key(self, rate_class: RateClass) -> str:
         """The key of the entry from which a class takes its constant; a ValueError names a class without one."""
-        keys = class_keys(rate_class)
+        keys = tuple(dict.fromkeys(class_keys(rate_class)))
         for key in keys:
             if key in self.classes:
                 return key
@@ -270,8 +266,25 @@ def _sums(entries: Sequence[ClassRate]) -> tuple[float, float]:
     return sum(entry.events or 0.0 for entry in entries), sum(entry.exposure or 0.0 for entry in entries)
 
 
-def over_classes(entries: Sequence[ClassRate]) -> ClassRate:
-    """One entry for several classes: their mean, with the evidence that their scatter leaves of it.
+def general_entries(entries: Mapping[str, ClassRate]) -> dict[str, ClassRate]:
+    """Entries for all keys that are more general than these, each over its members, see `over_classes`.
+
+    Members at which as many faces meet say little of places where it is another number, however they agree: such
+    evidence of all joins is worth `UNTOLD` events, draws of which lie between a sixth and 2.6 times the rate (95 %).
+    """
+    members: dict[str, dict[str, ClassRate]] = defaultdict(dict)
+    for key, entry in entries.items():
+        for other in more_general(key):
+            members[other][key] = entry
+    found = {}
+    for key, some in members.items():
+        is_told = number_touched(key) is not None or len(set(map(number_touched, some))) > 1
+        found[key] = over_classes(list(some.values()), math.inf if is_told or key != "join" else UNTOLD)
+    return found
+
+
+def over_classes(entries: Sequence[ClassRate], at_most: float = math.inf) -> ClassRate:
+    """One entry for several classes: their mean, with the evidence that their scatter leaves of it, `at_most` events.
 
     Draws from it are those of the rate of a class that was not measured: of the classes' mean, and of the variance
     between them beyond that of counting (by moments, as DerSimonian & Laird 1986, doi:10.1016/0197-2456(86)90046-2).
@@ -281,10 +294,10 @@ def over_classes(entries: Sequence[ClassRate]) -> ClassRate:
     events, exposure = _sums(entries)
     rate = events / exposure
     between = _variance_between(entries)
-    if between == 0 or rate == 0:
+    if rate == 0 or (between == 0 and events <= at_most):
         return measured_class(rate, events, exposure, **_parts(entries, 1.0))
     worth = rate**2 / (between + rate / exposure)  # events of a gamma distribution as wide
-    kept = max(worth - 0.5, 0.0)  # Jeffreys' prior adds the half
+    kept = min(max(worth - 0.5, 0.0), at_most)  # Jeffreys' prior adds the half
     part = (kept + 0.5) / events
     return measured_class(rate, kept, part * exposure, **_parts(entries, part))
 
@@ -331,22 +344,3 @@ def measured_class(rate: float, events: float, exposure: float, **parts: tuple[f
     low, high = map(float, exact_limits(events, exposure))
     limits = {"low": min(low, rate), "high": max(high, rate)}
     return ClassRate.model_validate({"rate": rate, "events": events, "exposure": exposure} | limits | parts)
-
-
-def class_keys(rate_class: RateClass) -> tuple[str, str, str]:
-    """Keys of a class from the particular to the general: with sizes and faces, with faces, the event alone."""
-    return str(rate_class), f"{rate_class.event} {' + '.join(sorted(rate_class.faces))}", rate_class.event
-
-
-def _plain(key: str) -> str:
-    """A key as classes are printed: the smaller side first."""
-    match = _KEY.fullmatch(" ".join(key.split()))
-    if match is None or (match[2] is None) != (match[4] is None):
-        raise ValueError(f"{key!r} is no rate class; expected one as in 'join 1 f1 + 2 f1', 'join f1 + f1' or 'join'")
-    event, n, first, m, second = match.groups()
-    if first is None:
-        return event
-    if n is None:
-        return f"{event} {' + '.join(sorted((first, second)))}"
-    sides = sorted(((int(n), first), (int(m), second)))
-    return f"{event} {' + '.join(f'{size} {face}' for size, face in sides)}"

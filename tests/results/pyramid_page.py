@@ -97,7 +97,7 @@ def rates_of_places() -> str:
         )
         for each in found
     ]  # fmt: skip
-    jacks = ClassRates.load(ROOT / "results" / "jack13" / "classes.toml").classes["join"]
+    jacks = ClassRates.load(ROOT / "results" / "jack13" / "classes.toml").classes["join touching 1"]
     words = (
         f"Of the {len(runs)} runs, by how many cubes the place of a docking touches; the jacks' constant is "
         f"{1e5 * jacks.rate:.2f} ({1e5 * (jacks.low or 0):.2f} to {1e5 * (jacks.high or 0):.2f}) in the same unit:"

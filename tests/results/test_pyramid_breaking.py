@@ -60,7 +60,7 @@ def test_the_page_says_what_the_files_say():
 def test_places_that_touch_two_cubes_are_filled_more_slowly():
     """The reason: the jacks' constant holds beside one cube; beside two its limits and the jacks' lie apart."""
     one, two = page.contacts(page.records(page.PLAN.held_out))
-    jacks = ClassRates.load(page.ROOT / "results" / "jack13" / "classes.toml").classes["join"]
+    jacks = ClassRates.load(page.ROOT / "results" / "jack13" / "classes.toml").classes["join touching 1"]
     assert (one.touched, two.touched) == (1, 2)
     assert one.limits[0] < jacks.rate < one.limits[1]
     assert two.limits[1] < jacks.low

@@ -16,15 +16,21 @@ _TURNED = turned.tolist()
 
 
 class RateClass(NamedTuple):
-    """A class of ways that share one rate constant: kind of event, sizes and face types of the two sides, ascending."""
+    """A class of ways that share one rate constant: kind of event, sizes and face types of the two sides, ascending.
+
+    touched : pairs of faces that meet as the two sides come together, 2 for a free cube beside two others; of a break
+        always 1, because only a bond that alone holds two parts together breaks
+    """
 
     event: str
     sizes: tuple[int, int]
     faces: tuple[str, str]
+    touched: int = 1
 
     def __str__(self) -> str:
-        """`join 1 f1 + 2 f1`."""
-        return f"{self.event} {' + '.join(f'{n} {face}' for n, face in zip(self.sizes, self.faces, strict=True))}"
+        """`join 1 f1 + 2 f1 touching 1`, `break 1 f1 + 2 f1`."""
+        sides = " + ".join(f"{n} {face}" for n, face in zip(self.sizes, self.faces, strict=True))
+        return f"{self.event} {sides}" + (f" touching {self.touched}" if self.event == "join" else "")
 
 
 class Site(NamedTuple):
@@ -90,7 +96,8 @@ def joins_at(
             if made is not None:
                 if first is not a:  # written first, so its cubes come first
                     made = made.reordered((*range(len(b), len(made)), *range(len(b))))
-                yield made, s.alike * t.alike * alike / total, rate_class
+                found = rate_class._replace(touched=touched(made, len(a)))
+                yield made, s.alike * t.alike * alike / total, found
 
 
 def _twists(a: Structure, s: Site, b: Structure, t: Site) -> list[tuple[Placement, int]]:
@@ -132,6 +139,14 @@ def class_of(book: RuleBook, event: str, sizes: tuple[int, int], faces: tuple[in
     types = scheme_of(book.scheme).types
     (n, first), (m, second) = sorted(zip(sizes, (types[face] for face in faces), strict=True))
     return RateClass(event, (n, m), (first, second))
+
+
+def touched(joined: Structure, n_first: int) -> int:
+    """How many faces of one part, the first cubes, meet a face of the other."""
+    others = range(n_first, len(joined))
+    if n_first < len(others):
+        return sum(other >= n_first for cube in range(n_first) for other in joined.neighbours(cube))
+    return sum(other < n_first for cube in others for other in joined.neighbours(cube))
 
 
 def squeezes(joined: Structure, n_first: int) -> bool:

@@ -13,6 +13,7 @@ from scipy.stats import binom
 from calibration.estimating.class_calibration import BookRuns, calibrate_classes
 from calibration.estimating.class_evidence import class_evidence
 from calibration.estimating.class_fit import ClassFit, simplest
+from calibration.estimating.class_spread import class_spreads, flagged
 from calibration.estimating.named_partners import of_the_named
 from kinetics.assembly import Derivation, RateClass
 from kinetics.breaks import break_model
@@ -28,7 +29,11 @@ LINE, T5, JACK = derived("line4"), derived("t5"), derived("jack13")
 def truth(breaks="collision-wall", **classes):
     """Class rates of joins by faces and of breaks, under which a jack grows halfway and breaks now and then."""
     shape = {"first-order": {}, "collision": {"alpha": 1.0}, "collision-wall": {"alpha": 1.0, "wall": 60.0}}[breaks]
-    known = {"join f1 + f1": 2e-4, "join f1 + f2": 1e-4, "break": 5e-5 if shape else 4e-3} | classes
+    known = {
+        "join f1 + f1 touching 1": 2e-4,
+        "join f1 + f2 touching 1": 1e-4,
+        "break": 5e-5 if shape else 4e-3,
+    } | classes
     return ClassRates.model_validate(
         {
             "faces": "two",
@@ -42,7 +47,7 @@ def truth(breaks="collision-wall", **classes):
 @cache
 def grown(breaks="collision-wall", runs=40, seed=0, book="jack13", cubes=40, end=200.0, sizes=False):
     """Paths of network-free runs under the truth."""
-    more = {"join 1 f1 + 1 f1": 1e-3, "join 1 f1 + 2 f1": 5e-5} if sizes else {}
+    more = {"join 1 f1 + 1 f1 touching 1": 1e-3, "join 1 f1 + 2 f1 touching 1": 5e-5} if sizes else {}
     derivation = derived(book)
     start = {derivation.book.monomer(): cubes}
     if derivation.book.seed() is not None:
@@ -89,12 +94,12 @@ def test_events_and_exposures_by_hand():
     joins, breaks = class_evidence([BookRuns(JACK, (path,))])
     at = {str(c): i for i, c in enumerate(joins.classes)}
     # hub: two f1 and four f2 faces, each with two f1 faces of a free cube
-    assert joins.exposure[at["join 1 f1 + 1 f1"]] == pytest.approx(2 * 2 * 3 * 6.0)
-    assert joins.exposure[at["join 1 f1 + 1 f2"]] == pytest.approx(4 * 2 * 3 * 6.0)
+    assert joins.exposure[at["join 1 f1 + 1 f1 touching 1"]] == pytest.approx(2 * 2 * 3 * 6.0)
+    assert joins.exposure[at["join 1 f1 + 1 f2 touching 1"]] == pytest.approx(4 * 2 * 3 * 6.0)
     # hub with an arm: its tops, and the arm's own; three sides
-    assert joins.exposure[at["join 1 f1 + 2 f1"]] == pytest.approx((2 + 1) * 2 * 2 * 3.0)
-    assert joins.exposure[at["join 1 f1 + 2 f2"]] == pytest.approx(3 * 2 * 2 * 3.0)
-    assert joins.ways[joins.sorts[0], at["join 1 f1 + 1 f2"]] > 0
+    assert joins.exposure[at["join 1 f1 + 2 f1 touching 1"]] == pytest.approx((2 + 1) * 2 * 2 * 3.0)
+    assert joins.exposure[at["join 1 f1 + 2 f2 touching 1"]] == pytest.approx(3 * 2 * 2 * 3.0)
+    assert joins.ways[joins.sorts[0], at["join 1 f1 + 1 f2 touching 1"]] > 0
     of = [str(c) for c in breaks.classes].index("break 1 f1 + 1 f2")
     assert_allclose(breaks.exposure[of, :3], [2 * 3.0, 0.0, 0.0])  # two free cubes, and not itself
     assert_allclose(breaks.exposure[of, -2:], 3.0)
@@ -122,7 +127,7 @@ def test_known_rates_come_back_within_their_intervals():
     assert made.chosen_breaks.grouping == "event"
     rates, true = made.rates(), truth()
     assert rates.tank == TANK.size
-    for key in ("join f1 + f1", "join f1 + f2"):
+    for key in ("join f1 + f1 touching 1", "join f1 + f2 touching 1"):
         entry = rates.classes[key]
         assert entry.low < true.classes[key].rate < entry.high
         assert entry.high < 1.3 * entry.low
@@ -155,11 +160,42 @@ def test_what_classes_share_is_found():
     by_sizes = calibrated(grown("first-order", runs=60, seed=3, sizes=True))
     assert by_sizes.chosen_joins.grouping == "sizes"
     rates = by_sizes.rates()
-    entry = rates.classes["join 1 f1 + 1 f1"]
+    entry = rates.classes["join 1 f1 + 1 f1 touching 1"]
     assert entry.low < 1e-3 < entry.high
     # a class that no run had takes the entry for its faces, whose evidence says how far classes lie apart
-    assert rates.key(RateClass("join", (1, 99), ("f1", "f1"))) == "join f1 + f1"
-    assert rates.classes["join f1 + f1"].events < 5
+    assert rates.key(RateClass("join", (1, 99), ("f1", "f1"))) == "join f1 + f1 touching 1"
+    assert rates.classes["join f1 + f1 touching 1"].events < 5
+
+
+def test_places_that_touch_two_cubes_have_a_constant_of_their_own():
+    """Known rates come back, .3 of the open ones in corners. The control knows no places; its constant is flagged."""
+    pyramid = derived("pyramid45_breaking")
+    known = {"join touching 1": 4e-4, "join": 1.2e-4, "break": 1e-3}
+    rates = ClassRates.model_validate({"faces": "two", "classes": {key: {"rate": rate} for key, rate in known.items()}})
+    start = {pyramid.book.monomer(): 80, pyramid.book.seed(): 3}
+    made = grow(pyramid.book, rates, start, 150.0, 6, seed=4).runs
+    books = [BookRuns(pyramid, tuple(path_of(run, pyramid, TANK) for run in made))]
+    found = calibrate_classes(books, "first-order")
+    assert found.chosen_joins.grouping == "touched"
+    entries = found.rates().classes
+    for key, rate in (("join touching 1", 4e-4), ("join touching 2", 1.2e-4)):
+        assert entries[key].low < rate < entries[key].high
+        assert entries[key].high < 1.5 * entries[key].low
+    assert not flagged(class_spreads(books, found))  # nor by structures that grow but once
+    control = calibrate_classes(books, "first-order", "event")
+    assert control.chosen_joins.entries["join"].high < 4e-4
+    assert ("join", "cubes touched") in {(each.key, each.by) for each in flagged(class_spreads(books, control))}
+
+
+def test_jacks_say_little_of_corners():
+    """In jacks every place touches one cube: the constant is of such places, and others borrow a wide one."""
+    made = calibrate_classes([BookRuns(JACK, grown("first-order", runs=10, seed=2))], "first-order", "touched")
+    entries = made.rates().classes
+    assert entries["join touching 1"].rate == entries["join"].rate
+    assert entries["join touching 1"].events > 100
+    assert entries["join"].events == 2
+    fixed = calibrate_classes([BookRuns(JACK, grown("first-order", runs=10, seed=2))], "first-order", "event")
+    assert fixed.rates().classes["join"].events > 100  # asked to be one constant of all joins
 
 
 def test_many_classes_with_few_events_expect_as_many_events_as_there_were():
@@ -184,7 +220,7 @@ def test_books_add_up():
         assert_allclose(exposure, np.sum(parts, axis=0))
     assert both.sorts.size == sum(e.sorts.size for e in apart)
     fit = ClassFit(both, "faces")
-    assert fit.entries["join f1 + f1"].low < 2e-4 < fit.entries["join f1 + f1"].high
+    assert fit.entries["join f1 + f1 touching 1"].low < 2e-4 < fit.entries["join f1 + f1 touching 1"].high
 
 
 def test_a_channel_of_several_classes_is_shared_out_by_largest_likelihood():
@@ -214,7 +250,7 @@ def test_a_channel_of_several_classes_is_shared_out_by_largest_likelihood():
 
 def _line_paths():
     """Runs of the line whose two joins go at very different rates."""
-    rates = {"join 1 f1 + 1 f1": 2e-3, "join f1 + f1": 1e-3, "break": 1e-3}
+    rates = {"join 1 f1 + 1 f1 touching 1": 2e-3, "join f1 + f1 touching 1": 1e-3, "break": 1e-3}
     known = ClassRates.model_validate({"classes": {key: {"rate": rate} for key, rate in rates.items()}})
     made = grow(LINE.book, known, 60, 100.0, 5, seed=3)
     return [path_of(run, LINE, TANK) for run in made.runs]

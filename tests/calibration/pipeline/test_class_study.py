@@ -19,7 +19,11 @@ START = {"monomer": 20, "seed": 1}
 TRUTH = ClassRates.model_validate(
     {
         "faces": "two",
-        "classes": {"join f1 + f1": {"rate": 6e-4}, "join f1 + f2": {"rate": 2e-4}, "break": {"rate": 4e-3}},
+        "classes": {
+            "join f1 + f1 touching 1": {"rate": 6e-4},
+            "join f1 + f2 touching 1": {"rate": 2e-4},
+            "break": {"rate": 4e-3},
+        },
     }
 )
 SCENE = """
@@ -116,7 +120,7 @@ def test_a_seeded_book_is_calibrated_by_class(place, calibrated):
 
 def test_the_table_of_rates(wellmixed_here, place, calibrated):
     said = wellmixed_here("calibrate", "plan.toml", "--out", "again.toml", cwd=place).out
-    assert "join f1 + f2" in said
+    assert "join f1 + f2 touching 1" in said
     assert "break model: first-order" in said
 
 
@@ -145,7 +149,7 @@ def test_wrong_rates_are_seen(place, calibrated):
     (joins,) = (row for row in comparison.events if row.kind == "joins")
     assert joins.p == pytest.approx(2 / 400)
     assert joins.seen > joins.high
-    assert comparison.table().startswith("from 20 monomer, 1 seed, 3 runs beside 399 predicted groups of as many")
+    assert comparison.table().startswith("from 20 monomers, 1 seed, 3 runs beside 399 predicted groups of as many")
 
 
 def test_growth_by_the_rules_reads_what_was_written(wellmixed_here, place, calibrated):

@@ -90,7 +90,7 @@ def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
     assert made["calibration_cpu_seconds"] + made["held_out_cpu_seconds"] <= 0.001 * 3600
     assert "reaches a half-width of" in made["shortfalls"][0]
     assert "rates written" in run("calibrate", folder)
-    assert set(ClassRates.load(folder / "rates.toml").classes) == {"join"}
+    assert set(ClassRates.load(folder / "rates.toml").classes) == {"join", "join touching 1"}
     begun = json.loads(run("predict", folder, "--runs", "5", "--duration", "20", "--json"))
     assert (begun["initial"]["monomer"], begun["initial"]["seed"]) == (10, 2)
     with pytest.raises(ValueError, match="do not pay for a run of growth"):

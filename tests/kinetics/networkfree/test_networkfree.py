@@ -39,7 +39,12 @@ TWIST = RuleBook(
 
 
 def varied(rate_class):
-    """Rates that differ by event, sizes and faces."""
+    """Rates that differ by event, sizes, faces and the number touched."""
+    return alike(rate_class) * (1.0 if rate_class.touched == 1 else 0.3)
+
+
+def alike(rate_class):
+    """The same without regard to the number touched."""
     scale = 1.0 + 0.5 * rate_class.sizes[0] + 0.25 * rate_class.sizes[1] + 0.75 * rate_class.faces.count("f2")
     return scale * (0.004 if rate_class.event == "join" else 0.03)
 
@@ -100,6 +105,30 @@ def test_agrees_with_the_master_equation_of_the_derived_network(book, cubes, tim
     early = cells(growths, derivation, exact.space, times[0])
     with pytest.raises(AssertionError):
         assert_follows_table(early, wrong.probabilities[0], FALSE_ALARM / 10)
+
+
+def test_places_that_touch_several_cubes_are_filled_at_a_rate_of_their_own():
+    """Squares of four sticky cubes close at .3 of the rate of open places; the control fills them as these."""
+    cubes, times = 5, (1.0, 5.0)
+    derivation, network = network_of(STICKY, varied, cubes)
+    assert {c.touched for c in derivation.rate_classes if c.event == "join"} == {1, 2}
+    initial = np.bincount([0] * cubes, minlength=len(network.species))
+    exact, wrong = (
+        solve(known, Transient(), initial, times) for known in (network, network_of(STICKY, alike, cubes)[1])
+    )
+    growths = grow(STICKY, varied, cubes, times[-1], 2000, seed=8)
+    table = cells(growths, derivation, exact.space, times[-1])
+    assert_follows_table(table, exact.probabilities[-1], FALSE_ALARM)
+    with pytest.raises(AssertionError):
+        assert_follows_table(table, wrong.probabilities[-1], FALSE_ALARM)
+
+
+def test_a_join_without_a_rate_is_refused_when_it_happens():
+    """Rates of open places alone: the first place that touches more is an error that names its class."""
+    known = ClassRates.model_validate({"classes": {"join touching 1": {"rate": 4e-3}, "break": {"rate": 0.0}}})
+    assert grow(STICKY, known, 2, 50.0, runs=3).runs
+    with pytest.raises(ValueError, match=r"no rate for class 'join .* touching [2-9]'; add it"):
+        grow(STICKY, known, 12, 50.0, runs=3)
 
 
 def test_agrees_with_the_direct_method_in_a_larger_tank():
@@ -341,11 +370,14 @@ UNIFORM = ClassRates.uniform(1e-3, 1e-3)
         ({"runs": 0}, "runs = 0"),
         ({"seed": -1}, "seed = -1"),
         ({"rates": {"join": 1.0}}, "expected ClassRates, or a function of a rate class"),
-        ({"rates": lambda _: -1.0}, r"the rate of class `join 1 f1 \+ 1 f1` is -1.0; expected a number >= 0"),
+        (
+            {"rates": lambda _: -1.0},
+            r"class `join 1 f1 \+ 1 f1 touching 1` is -1.0; expected a number >= 0",
+        ),
         ({"rates": lambda _: float("nan")}, "is nan; expected a number >= 0"),
         ({"rates": lambda _: None}, "is None; expected a number >= 0"),
         ({"rates": lambda _: 1e308}, "goes beyond 1e308; the rate constants are too large"),
-        ({"rates": ClassRates(classes={"break": {"rate": 1.0}})}, r"no rate for class 'join 1 f1 \+ 1 f1'"),
+        ({"rates": ClassRates(classes={"break": {"rate": 1.0}})}, r"no rate for class 'join 1 f1 \+ 1 f1 touching 1'"),
         ({"rates": UNIFORM.model_copy(update={"faces": "six"})}, "book 'line4' has 'two', whose face types"),
         (
             {"rates": ClassRates(convention={"combinations": "ordered"}, classes={"join": {"rate": 1.0}})},

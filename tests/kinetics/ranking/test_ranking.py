@@ -437,7 +437,7 @@ def test_bad_input(books, settings, message):
 
 
 def test_a_class_without_a_rate_is_told_before_any_work():
-    with pytest.raises(ValueError, match=r"no rate for class 'join 2 f1 \+ 2 f2'"):
+    with pytest.raises(ValueError, match=r"no rate for class 'join 2 f1 \+ 2 f2 touching 1'"):
         rank([T5], TABLE3)
 
 
@@ -454,7 +454,7 @@ def test_the_command(tmp_path):
     found = done.json
     assert [(book["place"], book["book"]) for book in found["books"]] == [(1, "line4_pairs"), (2, "line4")]
     assert found["pathways"]["line4_pairs"] == ["1+1", "2+2"]
-    assert found["rates"]["classes"]["join 1 f1 + 1 f1"]["rate"] == pytest.approx(7.88e-5 / 2)
+    assert found["rates"]["classes"]["join 1 f1 + 1 f1 touching 1"]["rate"] == pytest.approx(7.88e-5 / 2)
     assert found["books"][0]["yield"]["method"] == "exact"
     assert len(table.read_text().splitlines()) == 1 + 2 * 3
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -10,15 +10,15 @@ from scipy.stats import gamma
 
 from kinetics.assembly import Derivation, RateClass, RuleBook, derive
 from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
-from kinetics.rates.by_class import ClassRate, measured_class, over_classes
+from kinetics.rates.by_class import ClassRate, general_entries, measured_class, over_classes
 
 LINE, T5 = derive(RuleBook.load("line4")), derive(RuleBook.load("t5"))
 FILE = """
 faces = "two"
 [classes]
 join = { rate = 7e-5 }
-"join f2 + f1" = { rate = 5e-5, events = 20, exposure = 4e5 }
-"join 2  f2 + 2 f1" = { rate = 3e-5, low = 2e-5, high = 4e-5 }
+"join f2 + f1 touching 1" = { rate = 5e-5, events = 20, exposure = 4e5 }
+"join 2  f2 + 2 f1 touching 1" = { rate = 3e-5, low = 2e-5, high = 4e-5 }
 "break 3 f1 + 1 f1" = { rate = 2e-5 }
 """
 
@@ -50,6 +50,29 @@ def test_the_most_particular_entry_counts(tmp_path):
         rates.apply(LINE)
 
 
+def test_places_that_touch_more_cubes_have_an_entry_of_their_own(tmp_path):
+    rates = loaded(tmp_path, FILE + '"join touching 2" = { rate = 2e-5 }\n')
+    assert rates.rate(RateClass("join", (1, 5), ("f1", "f1"), 2)) == 2e-5
+    assert rates.rate(RateClass("join", (2, 2), ("f1", "f2"), 2)) == 2e-5  # not that of two sides that meet once
+    assert rates.rate(RateClass("join", (1, 5), ("f1", "f1"), 3)) == 7e-5
+
+
+def test_open_places_say_little_of_pockets():
+    """The entry for all joins: as wide as two events where one number was touched, else as their scatter leaves it."""
+    one, two = measured_class(6e-5, 600, 1e7), measured_class(2e-5, 100, 5e6)
+    alone = general_entries({"join f1 + f1 touching 1": one})
+    assert alone["join touching 1"] == one  # control: other faces where as many are touched
+    assert alone["join"].rate == one.rate
+    assert alone["join"].events == 2
+    drawn = gamma(2.5, scale=1 / alone["join"].exposure).ppf([0.025, 0.975]) / one.rate
+    assert_allclose(drawn, (1 / 6, 2.57), rtol=0.01)
+    both = general_entries({"join touching 1": one, "join touching 2": two})
+    assert both["join"] == over_classes([one, two])
+    assert both["join"].events > 2
+    known = {"break f1 + f1": one}
+    assert general_entries(known)["break"] == one  # a bond that breaks is always alone
+
+
 @pytest.mark.parametrize("table", ["table3", "table3_geometric", "table3_literal"])
 def test_classes_of_a_table_give_its_own_propensities(table):
     """Whatever ways the table counts, and whatever combinations."""
@@ -65,7 +88,11 @@ def test_a_channel_of_several_classes_goes_at_the_sum():
     event = next(iter(LINE.events))
     mixed = Derivation(LINE.book, LINE.structures, LINE.events | {event: {first: 4.0, second: 8.0}})
     rates = ClassRates(
-        classes={"join f1 + f1": {"rate": 1.0}, "join 1 f1 + 1 f2": {"rate": 10.0}, "break": {"rate": 0.0}}
+        classes={
+            "join f1 + f1 touching 1": {"rate": 1.0},
+            "join 1 f1 + 1 f2 touching 1": {"rate": 10.0},
+            "break": {"rate": 0.0},
+        }
     )
     network = rates.apply(mixed)
     assert network.ways[0] * network.rate_constants[0] == pytest.approx(4 * 1.0 + 8 * 10.0)
@@ -87,7 +114,7 @@ def test_channels_of_one_class_are_pooled():
         "1+dimer.b->trimer.c": ChannelRate(rate=1e-5, ways=4, events=30, exposure=3e6),
     }
     pooled = ClassRates.of_rates(T5, rates_of(T5, **channels))
-    entry = pooled.classes["join 1 f1 + 2 f1"]
+    entry = pooled.classes["join 1 f1 + 2 f1 touching 1"]
     assert (entry.rate, entry.events, entry.exposure) == (60 / 4e6, 60, 4e6)
     assert entry.low == pytest.approx(gamma(60).ppf(0.025) / 4e6)
     assert entry.high == pytest.approx(gamma(61).ppf(0.975) / 4e6)
@@ -95,22 +122,22 @@ def test_channels_of_one_class_are_pooled():
     both = [network.channels.index(name) for name in channels]
     assert_allclose(network.rate_constants[both], 60 / 4e6)
     bare = {name: channel.model_copy(update={"events": None, "exposure": None}) for name, channel in channels.items()}
-    entry = ClassRates.of_rates(T5, rates_of(T5, **bare)).classes["join 1 f1 + 2 f1"]
+    entry = ClassRates.of_rates(T5, rates_of(T5, **bare)).classes["join 1 f1 + 2 f1 touching 1"]
     assert (entry.rate, entry.exposure) == (pytest.approx((2 * 3e-5 + 4 * 1e-5) / 6), None)
 
 
 def test_ways_of_the_file_are_put_into_evidence_too():
     """Half the ways in the file: half the constant, from twice the exposure."""
     channel = ChannelRate(rate=4e-5, low=2e-5, high=6e-5, ways=2, events=40, exposure=1e6)
-    entry = ClassRates.of_rates(LINE, rates_of(LINE, **{"1+1->2": channel})).classes["join 1 f1 + 1 f1"]
+    entry = ClassRates.of_rates(LINE, rates_of(LINE, **{"1+1->2": channel})).classes["join 1 f1 + 1 f1 touching 1"]
     assert (entry.rate, entry.low, entry.high, entry.events, entry.exposure) == (2e-5, 1e-5, 3e-5, 40, 2e6)
 
 
 def test_an_entry_over_sizes_is_worth_what_their_scatter_leaves():
-    alike = ClassRates.of_rates(LINE, rates_of(LINE)).classes["join f1 + f1"]
+    alike = ClassRates.of_rates(LINE, rates_of(LINE)).classes["join f1 + f1 touching 1"]
     assert (alike.rate, alike.events) == (1e-5, 40)
     apart = {"1+1->2": ChannelRate(rate=1e-4, ways=4, events=100, exposure=1e6)}
-    entry = ClassRates.of_rates(LINE, rates_of(LINE, **apart)).classes["join f1 + f1"]
+    entry = ClassRates.of_rates(LINE, rates_of(LINE, **apart)).classes["join f1 + f1 touching 1"]
     rate = 130 / 4e6
     between = (np.var([100, 10, 10, 10], ddof=1) - 130 / 4) / 1e12  # beyond what counting gives
     assert entry.rate == pytest.approx(rate)
@@ -118,7 +145,7 @@ def test_an_entry_over_sizes_is_worth_what_their_scatter_leaves():
     assert (entry.events + 0.5) / entry.exposure == pytest.approx(rate)
     assert entry.low < 1e-5
     assert entry.high > 1e-4
-    assert ClassRates.of_rates(LINE, Rates.load("table3")).classes["join f1 + f1"].exposure is None
+    assert ClassRates.of_rates(LINE, Rates.load("table3")).classes["join f1 + f1 touching 1"].exposure is None
 
 
 def test_an_entry_over_classes_predicts_the_rate_of_one_that_was_not_measured():
@@ -164,7 +191,7 @@ def test_files_come_back_as_they_were(tmp_path):
     rates = loaded(tmp_path)
     rates.save(tmp_path / "again.toml")
     assert ClassRates.load(tmp_path / "again.toml") == rates
-    assert list(rates.classes)[1:3] == ["join f1 + f2", "join 2 f1 + 2 f2"]
+    assert list(rates.classes)[1:3] == ["join f1 + f2 touching 1", "join 2 f1 + 2 f2 touching 1"]
 
 
 def test_faces_of_another_scheme_are_refused():
@@ -189,8 +216,17 @@ def test_a_book_whose_bonds_hold_needs_no_rate_of_breaking():
     [
         ("[classes]", "[class]", "'classes' is missing"),
         ("join = {", "joins = {", "'joins' is no rate class; expected one as in 'join 1 f1"),
-        ("join f2 + f1", "join 2 f2 + f1", "'join 2 f2 \\+ f1' is no rate class"),
-        ("join f2 + f1", "join 2 f1 + 2 f2", "is there twice"),
+        ("join f2 + f1 touching 1", "join 2 f2 + f1 touching 1", "'join 2 f2 \\+ f1 touching 1' is no rate class"),
+        ("join f2 + f1 touching 1", "join 2 f1 + 2 f2 touching 1", "is there twice"),
+        (
+            "join f2 + f1 touching 1",
+            "join f2 + f1",
+            "'join f2 \\+ f1' is no rate class; .* 'join f1 \\+ f1 touching 1'",
+        ),
+        ("join f2 + f1 touching 1", "join touching 0", "'join touching 0' is no rate class"),
+        ("join f2 + f1 touching 1", "join touching two", "'join touching two' is no rate class"),
+        ("break 3 f1 + 1 f1", "break 3 f1 + 1 f1 touching 1", "the only one between its parts; leave out 'touching'"),
+        ("break 3 f1 + 1 f1", "break touching 1", "the only one between its parts; leave out 'touching'"),
         ("rate = 7e-5", "rate = nan", "rate = nan"),
         ("rate = 7e-5", "rate = -1.0", r"rate = -1\.0"),
         ("rate = 7e-5", 'rate = "quick"', "rate = 'quick'"),

@@ -35,7 +35,7 @@ def rates(**changes):
             "posterior": {"points": SHAPES, "weights": (0.2, 0.5, 0.3)},
         },
         "classes": {
-            "join 2 f1 + 2 f1": {"rate": 4e-5, "events": 9, "exposure": 9 / 4e-5},
+            "join 2 f1 + 2 f1 touching 1": {"rate": 4e-5, "events": 9, "exposure": 9 / 4e-5},
             "join": {"rate": 7e-5, "events": 60, "exposure": 60 / 7e-5},
             "break": {"rate": 25 / whole, "events": 25, "exposure": whole, "exposures": SIZES},
         },
@@ -48,7 +48,7 @@ def test_draws_are_those_of_the_file():
     known = rates()
     of_book = BookRates(known, LINE)
     posterior = of_book.posterior(LINE.network)
-    assert posterior.names == ("join 2 f1 + 2 f1", "join", "break", "alpha", "wall")
+    assert posterior.names == ("join 2 f1 + 2 f1 touching 1", "join", "break", "alpha", "wall")
     drawn = posterior.constants(posterior.draw(np.random.default_rng(3), 20))
     sets = known.draws(np.random.default_rng(3), 20)
     expected = np.array([one.apply(LINE).known_rates for one in sets])

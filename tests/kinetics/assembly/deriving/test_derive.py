@@ -149,8 +149,8 @@ def test_orbit_identity_where_loops_close():
 
 def test_rate_classes_say_which_constants_are_shared(line4):
     names = [str(rate_class) for rate_class in line4.rate_classes]
-    joined = ["join 1 f1 + 1 f1", "join 1 f1 + 2 f1", "join 1 f1 + 3 f1", "join 2 f1 + 2 f1"]
-    assert names == [*joined, *(name.replace("join", "break") for name in joined)]
+    sides = ["1 f1 + 1 f1", "1 f1 + 2 f1", "1 f1 + 3 f1", "2 f1 + 2 f1"]
+    assert names == [*(f"join {both} touching 1" for both in sides), *(f"break {both}" for both in sides)]
     t5 = derive(RuleBook.load("t5"))
     shared = RateClass("join", (1, 2), ("f1", "f1"))
     channels = [

@@ -1,0 +1,65 @@
+"""Keys of a class rates file, which name classes from the particular to the general.
+
+    "join 1 f1 + 2 f1 touching 2"   event, sizes, faces, and how many faces meet
+    "join f1 + f1 touching 2"       whatever the sizes
+    "join touching 2"               whatever the faces
+    "join"                          event alone
+
+Of a break the two last are one, because a bond that breaks is the only one between its parts: "break 1 f1 + 2 f1",
+"break f1 + f1", "break".
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kinetics.assembly import RateClass
+
+_KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(?!touching\b)(\w+) \+ (?:(\d+) )?(\w+))?(?: touching ([1-9]\d*))?")
+
+
+def class_keys(rate_class: RateClass) -> tuple[str, str, str, str]:
+    """Keys of a class: with sizes, with faces, with the number of faces that meet, the event alone."""
+    event, _, faces, touched = rate_class
+    meeting = f" touching {touched}" if event == "join" else ""
+    return str(rate_class), f"{event} {' + '.join(sorted(faces))}{meeting}", event + meeting, event
+
+
+def plain_key(key: str) -> str:
+    """A key as classes are printed, the smaller side first; ValueError for what is no key."""
+    match = _KEY.fullmatch(" ".join(key.split()))
+    event, n, first, m, second, touched = (None,) * 6 if match is None else match.groups()
+    is_whole = (n is None) == (m is None)
+    if event is None or not is_whole or (touched is None and event == "join" and first is not None):
+        raise ValueError(
+            f"{key!r} is no rate class; expected one as in 'join 1 f1 + 2 f1 touching 1', 'join f1 + f1 touching 1', "
+            "'join touching 1' or 'join', and of a break 'break 1 f1 + 2 f1', 'break f1 + f1' or 'break'"
+        )
+    if event == "break" and touched is not None:
+        raise ValueError(f"{key!r}: a bond that breaks is the only one between its parts; leave out 'touching'")
+    meeting = "" if touched is None else f" touching {touched}"
+    if first is None or second is None:
+        return event + meeting
+    if n is None or m is None:
+        return f"{event} {' + '.join(sorted((first, second)))}{meeting}"
+    sides = sorted(((int(n), first), (int(m), second)))
+    return f"{event} {' + '.join(f'{size} {face}' for size, face in sides)}{meeting}"
+
+
+def more_general(key: str) -> tuple[str, ...]:
+    """The keys that stand for a plain key where it has no entry, the particular first."""
+    match = _KEY.fullmatch(key)
+    if match is None:
+        raise ValueError(f"{key!r} is no rate class")
+    event, _, first, _, second, touched = match.groups()
+    meeting = "" if touched is None else f" touching {touched}"
+    faces = [] if first is None else [f"{event} {' + '.join(sorted((first, second)))}{meeting}"]
+    return tuple(k for k in dict.fromkeys([*faces, event + meeting, event]) if k != key)
+
+
+def number_touched(key: str) -> int | None:
+    """The number of faces that meet, where a key says it."""
+    match = _KEY.fullmatch(key)
+    return None if match is None or match[6] is None else int(match[6])
