@@ -102,7 +102,7 @@ def check_contents(manifest: Any, arrays: Mapping[str, np.ndarray]) -> None:
                 raise ValueError(f"it has no array {name}")
             continue
         array = arrays[name]
-        fits = array.dtype.kind in kinds and array.ndim == len(shape)
+        fits = array.dtype.kind in kinds and array.dtype.isnative and array.ndim == len(shape)
         if not fits or any(lengths.setdefault(axis, n) != n for axis, n in zip(shape, array.shape, strict=True)):
             raise ValueError(f"its array {name} is of type {array.dtype} and shape {array.shape}; expected another")
     if len(found.open_channels) != len(found.channels):

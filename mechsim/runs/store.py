@@ -196,7 +196,9 @@ class RunStore:
         for name in map(str, table):
             if name.startswith("inputs.composition."):  # a composition names only the species it holds
                 table[name] = table[name].fillna(0).astype("int64")
-            elif pd.api.types.infer_dtype(table[name]).startswith("mixed"):  # a Parquet column has one type
+            elif table[name].dtype == object and (  # a Parquet column has one type, and integers of 64 bits
+                pd.api.types.infer_dtype(table[name]).startswith(("mixed", "integer"))
+            ):
                 table[name] = table[name].map(str)
         return events, runs, table
 

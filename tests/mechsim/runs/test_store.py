@@ -147,7 +147,9 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
         (b"not a zip", "zip"),
         (archive(good, zipfile.ZIP_LZMA), "more bytes"),
         (archive(good | {"times.npy": bytes((1 << 20) + 1)}, zipfile.ZIP_DEFLATED), "more bytes"),  # a bomb
-        (archive(good | {f"{k}.npy": b"" for k in range(64)}), "members"),
+        (archive(good | {f"{k}.npy": b"" for k in range(65 - len(good))}), "has 65 members; at most 64"),
+        (archive(good | {f"{k}.npy": b"" for k in range(64 - len(good))}), "EOF|magic"),
+        (b"", "not a zip"),
         (bytes(lying), "more bytes"),
         (archive(good | {"times.npy": giant}), "too small"),
         (archive(good | {"times.npy": objects}), "objects"),
@@ -180,6 +182,9 @@ def altered_run(arrays=(), **facts):
     [
         (altered_run({"times": None}), "no array times"),
         (altered_run({"times": np.zeros(40, int)}), "times is of type int64"),
+        (altered_run({"times": np.zeros(40, ">f8")}), "times is of type >f8"),
+        (altered_run(steps=-1), "facts.steps = -1"),
+        (altered_run(steps=2**62 + 1), "facts.steps = 4611686018427387905"),
         (altered_run({"times": np.zeros((40, 1))}), r"times is of type float64 and shape \(40, 1\)"),
         (altered_run({"times": np.zeros(39)}), "channels is of type int64"),
         (altered_run({"initial": np.zeros(3, int)}), r"initial is of type int64 and shape \(3,\)"),
@@ -197,6 +202,18 @@ def altered_run(arrays=(), **facts):
 )
 def test_a_run_that_says_what_cannot_be_is_refused(tmp_path, data, reason):
     assert_refused(RunStore(tmp_path), data, reason)
+
+
+def test_counts_from_nothing_to_the_largest_are_read():
+    for steps in (0, 2**62):
+        assert decode(altered_run(steps=steps), "x")[0]["facts"]["steps"] == steps
+
+
+def test_existing_runs_are_those_in_the_store_in_the_order_asked_for(tmp_path):
+    store, specs = RunStore(tmp_path), specs_of(4)
+    for spec in specs[::2]:
+        store.write(record_of(spec))
+    assert [record.spec for record in store.existing(specs[::-1])] == [specs[2], specs[0]]
 
 
 def test_altered_archives_with_a_good_checksum_are_refused_whatever_reading_them_raises():
@@ -424,6 +441,14 @@ def test_tables_and_their_files(tmp_path):
     assert set(pd.read_parquet(paths[4])["key"]) == set(keys)
     with pytest.raises(ValueError, match="unknown format xlsx"):
         store.export(tmp_path, ["xlsx"])
+
+
+def test_a_seed_beyond_the_whole_numbers_of_a_column_is_text(tmp_path):
+    store = RunStore(tmp_path / "runs")
+    for seed in (5, 2**70):
+        store.write(record_of(FakeSpec(seed=seed, run=0)))
+    path = store.export(tmp_path / "tables", ["parquet"])[2]
+    assert set(pd.read_parquet(path)["inputs.seed"]) == {"5", "1180591620717411303424"}
 
 
 def test_tables_of_no_runs(tmp_path):
