@@ -29,7 +29,7 @@ validate: $(READY)
 	$(BIN)/python -m pytest -q --validate
 
 faults: $(READY)
-	$(BIN)/python -m tests.faults --json faults.json
+	$(BIN)/python -m tests.faults --json results/faults.json
 
 fuzz: $(READY)
 	$(BIN)/python -m tests.helpers.fuzz_campaign
@@ -77,4 +77,4 @@ lock:
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output faults.json
+	rm -rf $(VENV) demo-output

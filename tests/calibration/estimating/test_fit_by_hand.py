@@ -11,8 +11,9 @@ from synthetic_runs import line_network
 
 from calibration import MassActionRates, Weibull, compare_fits, fit_rates
 from calibration.estimating.break_rates import BreakRates
-from calibration.estimating.likelihood import RIDGE, Evidence
+from calibration.estimating.likelihood import RIDGE, SCATTERED, Evidence
 from calibration.estimating.rate_fit import _crossing
+from calibration.estimating.shape_search import least
 from kinetics.breaks import break_model, pairs
 from kinetics.network import Tank
 from kinetics.runs import BY_WALL, NO_BREAK, JumpPath
@@ -194,3 +195,22 @@ def test_partners_count_only_where_they_are_asked_for_and_known():
     assert moved.collected_as == asked.collected_as
     assert moved.mixture().shape == (1, 5)
     assert NO_BREAK != BY_WALL
+
+
+def test_shapes_are_scattered_only_where_they_cost_no_pass_over_the_paths(monkeypatch):
+    asked = []
+
+    def noted(free, start, costs, scattered):
+        asked.append((len(free), scattered))
+        return least(free, start, costs, scattered)
+
+    monkeypatch.setattr("calibration.estimating.likelihood.least", noted)
+    network, model = line_network(), break_model("collision")
+    channel = network.channels.index("2->1+1")
+    path = JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0)
+    fit = fit_rates(BreakRates.of(model, network, None), [path], ["2->1+1"])
+    fit.profile("alpha", 1.0)  # nothing is free
+    fit.profile("b 2->1+1", 0.1)  # from the shape that is known
+    fit_rates(Weibull(), [PATH])
+    assert asked == [(1, SCATTERED), (0, 0), (1, 0), (1, 0)]
+    assert not BreakRates(model, network, None, (1.0,)).by_partner

@@ -13,7 +13,7 @@ from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
 from kinetics.kernels.direct import advance
 from kinetics.kernels.members import NAMING, Members, member_at
-from kinetics.kernels.outcomes import OVERFLOW, REACHED_END
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
 from kinetics.network import Network
 from kinetics.sampling import exposures_of_draws
 from kinetics.sampling.base import stream_key
@@ -34,7 +34,9 @@ MANY = Network.from_reactions(
     {f"{i}": ({f"S{i}": 1}, {f"S{(i + 1) % 19}": 1}) for i in range(19)}, 0.1 + np.arange(19.0)
 )
 ALIKE = network("AB", {"one": ((1, 0), (0, 1)), "two": ((1, 0), (0, 1))}, [0.7, 0.4])
+ALIKE_PAIRS = network("AB", {"one": ((2, 0), (0, 1)), "two": ((2, 0), (0, 1))}, [0.02, 0.05])
 CASES = {
+    "alike pairs": (ALIKE_PAIRS, [40, 0], 30.0),
     "alike": (ALIKE, [20, 0], 9.0),
     "line": (line(), [60, 0, 0, 0], 400.0),
     "twins": (TWINS, [12, 3], 1.5),
@@ -168,9 +170,10 @@ def test_what_cannot_happen_does_not_where_the_draw_is_zero():
     sampler = RecomputingSampler(net)
     word = np.uint64(0x9E3779B97F4A7C15)
     stream = np.array([0, word, 5, word], np.uint64)
-    times, fired = np.empty(1), np.empty(1, np.int64)
-    advance(sampler.model, sampler.changes, np.array([0, 9, 1]), np.zeros(1), 50.0, stream, times, fired)
-    assert fired.tolist() == [1]
+    times, fired, counts = np.zeros(1), np.zeros(1, np.int64), np.array([0, 9, 1])
+    found = advance(sampler.model, sampler.changes, counts, np.zeros(1), 50.0, stream, times, fired)
+    assert found == (UNFINISHED, 1)
+    assert (fired.tolist(), counts.tolist()) == ([1], [1, 8, 1])
     members = Members(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), np.array([0, 1], np.int32), np.zeros(2))
     naming = np.array([0, 0, 5, 0], np.uint64)  # its first word
     assert member_at(members, 0, np.array([0.0, 9.0, 1.0]), naming) == 1
