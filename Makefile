@@ -7,7 +7,7 @@ SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving)
 
-.PHONY: demo test core lock lint validate faults mutation benchmarks study pyramid clean
+.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks study pyramid clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -29,10 +29,13 @@ validate: $(READY)
 	$(BIN)/python -m pytest -q --validate
 
 faults: $(READY)
-	$(BIN)/python -m tests.faults --json faults.json
+	$(BIN)/python -m tests.faults --json results/faults.json
+
+fuzz: $(READY)
+	$(BIN)/python -m tests.helpers.fuzz_campaign
 
 mutation: $(READY)
-	$(BIN)/python -m tests.mutation --json mutation.json
+	$(BIN)/python -m tests.mutation
 
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
@@ -74,4 +77,4 @@ lock:
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output faults.json mutation.json
+	rm -rf $(VENV) demo-output

@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from kinetics.support.arrays import Floats
 
 SUFFIXES = (".csv", ".parquet")
+MOST_CELLS = 10_000_000  # of a Parquet file, in which any number of equal cells takes no room
+# What pyarrow and pandas raise on damaged files, whose checksums may be right.
+DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OSError, OverflowError, csv.Error)
 LARGEST = 2.0**53  # of a count; beyond it a float skips whole numbers
 
 
@@ -84,7 +87,7 @@ class Table:
 
 
 def read_table(path: str | Path) -> Table:
-    """Read a CSV or Parquet file. ValueError: neither of them, empty, or damaged."""
+    """Read a CSV or Parquet file. ValueError: neither of them, empty, damaged, or of too many cells."""
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: expected a table whose name ends in {' or '.join(SUFFIXES)}")
@@ -92,10 +95,13 @@ def read_table(path: str | Path) -> Table:
         raise ValueError(f"table {path} does not exist")
     try:
         titles, cells, lines = _csv(file) if file.suffix.lower() == ".csv" else _parquet(file)
-    except (ValueError, OSError, csv.Error) as error:  # pyarrow derives its errors from the first two
+    except DAMAGES as error:
         raise ValueError(f"{path} cannot be read as a table: {' '.join(str(error).split())}") from error
     if len(set(titles)) < len(titles):
         raise ValueError(f"{path} has two columns of one title; its titles are {', '.join(titles)}")
+    for title, column in zip(titles, cells, strict=True):
+        if any("\0" in cell for cell in (title, *column)):  # which numpy takes for the end of a text
+            raise ValueError(f"{path}: column {title!r} holds a character NUL, as no text does; write the table anew")
     if not lines.size:
         raise ValueError(f"{path} is empty: it has no rows below its titles")
     return Table(file.name, dict(zip(titles, cells, strict=True)), lines)
@@ -128,7 +134,11 @@ def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
 def _parquet(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
     """The same of a Parquet file, whose rows are numbered as if they stood below a line of titles."""
     import pandas as pd
+    from pyarrow import parquet
 
+    told = parquet.read_metadata(file)
+    if told.num_rows * told.num_columns > MOST_CELLS:
+        raise ValueError(f"{told.num_rows} rows of {told.num_columns} columns; at most {MOST_CELLS} cells are read")
     frame = pd.read_parquet(file)
     texts = frame.astype(object).where(frame.notna(), "")
     columns = [

@@ -204,7 +204,7 @@ def _of_other(code: Code, inner: list[Bounds]) -> Bounds:
         case ((Code.SINE | Code.COSINE), _):
             return WAVE
         case ((Code.FLOOR | Code.CEILING), [(low, high)]):
-            return math.floor(low) if low > -math.inf else low, high + 1
+            return math.floor(low) if math.isfinite(low) else low, high + 1
         case Code.LOG, [(low, _)]:
             return math.log(low) if low > 0 else -math.inf, math.inf
     return EVERYTHING

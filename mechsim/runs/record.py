@@ -22,6 +22,7 @@ from kinetics.support.config import is_path, validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
+from mechsim.runs.contents import RunInputs
 from mechsim.runs.load_log import LoadLog
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
@@ -159,6 +160,7 @@ class RunSpec:
 
         ValueError: no such run, or no such book.
         """
+        validated(RunInputs, inputs, str(file))
         scene = validated(Scene, inputs["scene"], str(file))
         if is_path(scene.rules):
             folder = Path(file).absolute().parent

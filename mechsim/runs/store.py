@@ -19,6 +19,7 @@ import hashlib
 import io
 import json
 import struct
+import tokenize
 import warnings
 import zipfile
 import zlib
@@ -32,6 +33,7 @@ import numpy as np
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
+from mechsim.runs.contents import check_contents
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
 from mechsim.runs.turns import lock, set_aside, sync_folder, write_in_turn
 
@@ -44,12 +46,12 @@ HEADER = struct.Struct(f"<{len(MAGIC)}sHQ")  # magic, format, bytes of payload
 START = HEADER.size + hashlib.sha256().digest_size  # of the payload
 SMALL = 1 << 20  # bytes, of a member that is compressed
 MOST_MEMBERS = 64
-# What reading an altered archive may raise, whatever its checksum says: an encrypted or an unknown member, too.
+# What reading an altered archive may raise, whatever its checksum says: an encrypted or an unknown member, too. numpy
+# takes the header of an array for Python.
 DAMAGES: tuple[type[Exception], ...] = (
     *(ValueError, TypeError, LookupError, OSError, EOFError, RuntimeError, OverflowError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(zipfile.BadZipFile, zlib.error, struct.error, SyntaxError, tokenize.TokenError),
 )
-ENTRIES = {"key", "title", "inputs", "outcome", "facts", "cost", "digest"}
 
 Contents = tuple[dict[str, Any], dict[str, np.ndarray]]
 
@@ -194,7 +196,9 @@ class RunStore:
         for name in map(str, table):
             if name.startswith("inputs.composition."):  # a composition names only the species it holds
                 table[name] = table[name].fillna(0).astype("int64")
-            elif pd.api.types.infer_dtype(table[name]).startswith("mixed"):  # a Parquet column has one type
+            elif table[name].dtype == object and (  # a Parquet column has one type, and integers of 64 bits
+                pd.api.types.infer_dtype(table[name]).startswith(("mixed", "integer"))
+            ):
                 table[name] = table[name].map(str)
         return events, runs, table
 
@@ -288,11 +292,10 @@ def decode(data: bytes, source: Path) -> Contents:
     try:
         with zipfile.ZipFile(io.BytesIO(payload)) as archive:
             members = archive.infolist()
-            _check_sizes(members, len(payload))
+            _check_members(members, len(payload))
             manifest = json.loads(archive.read("manifest.json"))
             arrays = {m.filename.removesuffix(".npy"): _array(archive.read(m)) for m in members[1:]}
-        if set(manifest) != ENTRIES:
-            raise ValueError(f"its manifest should hold {', '.join(sorted(ENTRIES))}")
+        check_contents(manifest, arrays)
     except DAMAGES as error:
         raise DamagedRunError(str(error)) from error
     return manifest, arrays
@@ -303,8 +306,8 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes | memoryview) -> No
     archive.writestr(zipfile.ZipInfo(name), bytes(content), compression)
 
 
-def _check_sizes(members: Sequence[zipfile.ZipInfo], size: int) -> None:
-    """ValueError where a payload of `size` bytes could unfold into much more memory than what we write takes."""
+def _check_members(members: Sequence[zipfile.ZipInfo], size: int) -> None:
+    """ValueError: they are not what we write, or `size` bytes of payload could unfold into much more memory."""
     kinds = {member.compress_type for member in members}
     stored = sum(member.file_size for member in members if member.compress_type == zipfile.ZIP_STORED)
     packed = [member.file_size for member in members if member.compress_type == zipfile.ZIP_DEFLATED]
@@ -312,6 +315,9 @@ def _check_sizes(members: Sequence[zipfile.ZipInfo], size: int) -> None:
         raise ValueError("its members claim more bytes than it has")
     if len(members) > MOST_MEMBERS:
         raise ValueError(f"it has {len(members)} members; at most {MOST_MEMBERS} are read")
+    names = [member.filename for member in members]
+    if names[:1] != ["manifest.json"] or len(set(names)) < len(names) or not all(n.endswith(".npy") for n in names[1:]):
+        raise ValueError("its members should be a manifest.json, then arrays of different names")
 
 
 def _array(data: bytes) -> np.ndarray:

@@ -91,7 +91,12 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=780.0, help="Begin no try after this time.")
     parser.add_argument("--short", action="store_true", help="Make few tries of each campaign, and no slow campaign.")
     parser.add_argument("--only", choices=CAMPAIGNS, help="Make this campaign alone, without controls.")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="Also write what came of it to this file.")
+    parser.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="Also write what came of it to this file; with --only, beside what is there.",
+    )
     asked = parser.parse_args()
     end = time.monotonic() + asked.seconds
     names = [asked.only] if asked.only else list(SHORT if asked.short else CAMPAIGNS)
@@ -111,6 +116,9 @@ def main() -> int:
             for loss in done["losses"]:
                 sys.stdout.write(f"    {loss}\n")
     if asked.json:
+        if asked.only and asked.json.exists():  # the others stay as they are
+            kept = json.loads(asked.json.read_text())
+            told = {"campaigns": kept["campaigns"] | told["campaigns"], "controls": kept["controls"]}
         asked.json.write_text(json.dumps(told, indent=1) + "\n")
     lost = any(done["losses"] or not done["tries"] for done in told["campaigns"].values())
     return int(lost or not all(done["caught"] for done in told["controls"].values()))

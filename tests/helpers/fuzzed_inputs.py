@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from tests.helpers import fuzzed_archives
+
 PLAIN = ["0", "1", "2", "0.5", "3.25e2", ".5", "7"]
 EXTREME = ["1e999", "1e308", "1e-320", "5e-324", "1e-999", "9223372036854775807", "9223372036854775808", "-1", "nan"]
 EXTREME += ["inf", "5.", "007", "1_0", "0x10", "2j", "1e18", "1e22", "-0.0"]
@@ -28,8 +30,15 @@ class Inputs:
 
     def files(self):
         """Name -> bytes of the files of an input; the first is the one to read."""
-        kinds = [self.law, self.condition, self.query, self.net, self.sbml, self.tra]
-        return {name: self.broken(content) for name, content in kinds[self.number % len(kinds)]().items()}
+        kinds = [self.law, self.condition, self.query, self.net, self.sbml, self.tra, self.run, self.table]
+        made = kinds[self.number % len(kinds)]()
+        return {name: self.broken(each) if isinstance(each, str) else each for name, each in made.items()}
+
+    def run(self):
+        return fuzzed_archives.run_file(self)
+
+    def table(self):
+        return fuzzed_archives.table(self)
 
     def one(self, choices):
         return choices[int(self.rng.integers(len(choices)))]

@@ -3,12 +3,17 @@
 python -m tests.helpers.limited FOLDER   prints one line of JSON a file of the folder: name, outcome, message
 """
 
+import atexit
 import contextlib
+import functools
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
+import tempfile
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +45,12 @@ def use(path):
             _ = [0] * (2 * MEMORY // 8) if "memory" in path.name else 0
             if "error" in path.name:
                 raise RecursionError
+    elif path.suffix == ".run":
+        _use_run(path)
+    elif path.suffix == ".parquet":
+        from calibration.watched.reading import read_watched
+
+        read_watched(_pair(), path)
     else:
         from kinetics.chain.explicit_files import read_explicit
         from kinetics.formats import read
@@ -66,6 +77,42 @@ def _use_text(kind, text):
         return
     law = Expression(text)
     evaluate(steps_of(law, dict.fromkeys(law.species, 0)), np.arange(6).reshape(6, 1), 1.0)
+
+
+@functools.cache
+def _pair():
+    from kinetics.network import Network
+
+    return Network.from_reactions({"join": ({"A": 2}, {"B": 1}), "break": ({"B": 1}, {"A": 2})}, [0.1, 0.2])
+
+
+@functools.cache
+def _store():
+    from mechsim.runs.store import RunStore
+
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    return RunStore(folder)
+
+
+def _use_run(path):
+    """Its tables, as `wellmixed export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
+    from mechsim.inspection.poses import record_at
+
+    store = _store()
+    copy = store.folder / f"{path.stem.rpartition('.')[2]}.run"
+    copy.write_bytes(path.read_bytes())
+    try:
+        _ = record_at(str(copy), store.folder).path.states
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that it is damaged, and moved aside
+            for table in store.to_frames():
+                table.to_parquet(index=False)
+        if not copy.exists():
+            raise ValueError("damaged, and moved aside")
+    finally:
+        for each in store.folder.glob("*.run*"):
+            each.unlink()
 
 
 def _limited(path):
@@ -103,6 +150,14 @@ def load():
     import kinetics.chain.queries
     import kinetics.formats  # noqa: F401
 
+    with contextlib.suppress(ImportError):
+        import pyarrow.parquet  # noqa: F401
+
+        import mechsim.inspection.poses  # noqa: F401
+        from mechsim.runs.record import book_of
+
+        book_of("line4")
+        _store()  # whose folder goes with this process, not with those that it forks
     with contextlib.suppress(ImportError):
         import libsbml  # noqa: F401
 

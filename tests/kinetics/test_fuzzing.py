@@ -7,10 +7,11 @@ import pytest
 from tests.helpers.fuzzing import campaign
 from tests.helpers.limited import outcomes
 
-pytest.importorskip("libsbml")
+for library in ("libsbml", "pyarrow"):
+    pytest.importorskip(library)
 SEED = 0
 CORPUS = Path(__file__).parent / "corpus"  # inputs that once did harm
-KINDS = (".law", ".condition", ".query", ".net", ".xml", ".tra")
+KINDS = (".law", ".condition", ".query", ".net", ".xml", ".tra", ".run", ".parquet")
 
 
 def check(seed, first, last):

@@ -1,46 +1,53 @@
 """The mutation score of each room: `python -m tests.mutation` draws mutants of its modules and runs its tests on each.
 
-A mutant is killed where a test fails, or where the tests take ten times as long as without it. Prints a line a room
-and each mutant that lives; the exit code is 1 where a room's score is below the floor. Mutants listed in `rooms.toml`
-as accepted are told, and count as neither. Cost: the room's tests once a mutant, compiling kernels anew.
+A mutant is killed where a test fails, or where the tests take four times the processor time. Prints a line a mutant
+and a line a room; the exit code is 1 where a room's score is below the floor. Mutants listed in `rooms.toml` as
+accepted are told, and count as neither.
+
+Verdicts are kept in `results/mutation`, a file a room, as they come. The next run of the same code goes on from there:
+it judges those that are missing, and those that lived, anew. Cost: the room's tests once a mutant, up to the first
+that fails; kernels are compiled anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import hashlib
 import json
-import os
 import random
-import shutil
-import subprocess
 import sys
-import tempfile
-import time
 import tomllib
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from queue import Queue
 
+from tests.mutation.judging import LEAST_PATIENCE, PATIENCE, ROOT, changed, copy_of, run_tests
 from tests.mutation.sites import Mutant, mutants
 
-ROOT = Path(__file__).parents[2]
-COPIED = ("kinetics", "mechsim", "calibration", "tests", "wellmixed.py", "pyproject.toml")
-LINKED = ("results", "docs", "notebooks", "README.md", "ARCHITECTURE.md")
+STORED = ROOT / "results/mutation"
 FLOOR = 0.9
-PATIENCE, LEAST_PATIENCE = 10, 120.0  # times what the tests take; s
+MOST, SEED = 40, 1
 
 
 @dataclass(frozen=True)
 class Room:
-    """Modules whose mutants are to be killed by these tests, and those accepted: "place | change" -> reason."""
+    """Modules whose mutants are to be killed by these tests, without the slow ones.
+
+    accepted : mutants that may live: "text of the line | change" -> reason
+    plain : kernels run as plain Python, which spares compiling them for every mutant
+    """
 
     name: str
     modules: tuple[str, ...]
     tests: tuple[str, ...]
     accepted: dict[str, str]
+    slow: tuple[str, ...] = ()
+    plain: bool = False
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The tests, as pytest is told."""
+        return self.tests + tuple(f"--deselect={name}" for name in self.slow)
 
 
 @dataclass(frozen=True)
@@ -54,113 +61,133 @@ class Verdict:
     fate: str
 
 
+@dataclass(frozen=True)
+class Score:
+    """The verdicts of a room.
+
+    code : of its modules, see `code_of`; possible : mutants that there are; seed : by which these were drawn
+    """
+
+    code: str
+    possible: int
+    seed: int
+    verdicts: tuple[Verdict, ...]
+
+    def of(self, fate: str) -> int:
+        """How many of a fate."""
+        return sum(verdict.fate == fate for verdict in self.verdicts)
+
+    @property
+    def share(self) -> float:
+        """Killed of those that were not accepted; 1 where there is none."""
+        counted = len(self.verdicts) - self.of("accepted")
+        return self.of("killed") / counted if counted else 1.0
+
+
 def rooms() -> dict[str, Room]:
+    """Rooms by name."""
     told = tomllib.loads(Path(__file__).with_name("rooms.toml").read_text(encoding="utf-8"))
     return {
-        name: Room(name, tuple(one["modules"]), tuple(one["tests"]), one.get("accepted", {}))
+        name: Room(
+            name,
+            tuple(one["modules"]),
+            tuple(one["tests"]),
+            one.get("accepted", {}),
+            tuple(one.get("slow", ())),
+            one.get("plain", False),
+        )
         for name, one in told.items()
     }
 
 
 def drawn(room: Room, most: int, seed: int, root: Path = ROOT) -> list[tuple[str, Mutant]]:
-    """At most so many mutants of a room, drawn without replacement from all of them; the same for the same sources."""
-    every = [(module, mutant) for module in room.modules for mutant in mutants((root / module).read_text("utf-8"))]
-    return random.Random(f"{seed} {room.name}").sample(every, min(most, len(every)))
+    """At most so many mutants of a room, drawn without replacement; fewer are the first of more of the same sources."""
+    every = all_of(room, root)
+    random.Random(f"{seed} {room.name}").shuffle(every)
+    return every[:most]
 
 
-def score(verdicts: list[Verdict]) -> float:
-    """Share killed of those that were neither accepted; 1 where there is none."""
-    counted = [verdict for verdict in verdicts if verdict.fate != "accepted"]
-    return sum(verdict.fate == "killed" for verdict in counted) / len(counted) if counted else 1.0
+def all_of(room: Room, root: Path = ROOT) -> list[tuple[str, Mutant]]:
+    """Every mutant of a room, with its module."""
+    return [(module, mutant) for module in room.modules for mutant in mutants((root / module).read_text("utf-8"))]
 
 
-@contextmanager
-def trees(n: int, root: Path = ROOT) -> Iterator[Queue[Path]]:
-    """n copies of the project, of which one at a time is taken and put back."""
-    with tempfile.TemporaryDirectory(prefix="mutation") as folder:
-        free: Queue[Path] = Queue()
-        for i in range(n):
-            tree = Path(folder) / str(i)
-            tree.mkdir()
-            for name in COPIED:
-                if (root / name).is_dir():
-                    shutil.copytree(root / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-                elif (root / name).exists():
-                    shutil.copy(root / name, tree / name)
-            for name in LINKED:
-                (tree / name).symlink_to(root / name)
-            free.put(tree)
-        yield free
+def code_of(room: Room, root: Path = ROOT) -> str:
+    """SHA-256 of what the room's modules do: comments and docstrings may change, nothing else."""
+    seen = hashlib.sha256()
+    for module in room.modules:
+        tree = ast.parse((root / module).read_text("utf-8"))
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list):
+                node.body = [one for one in body if not _is_text(one)] or [ast.Pass()]  # type: ignore[attr-defined]
+        seen.update(f"{module}\n{ast.unparse(tree)}\n".encode())
+    return seen.hexdigest()
 
 
-def passes(tree: Path, tests: tuple[str, ...], limit: float) -> bool:
-    """Whether all of these tests pass within a time, s."""
-    command = [sys.executable, "-B", "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
-    try:
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=limit, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    if done.returncode not in (0, 1, 2):
-        raise RuntimeError(f"pytest ended with {done.returncode}: {done.stderr.decode()[-2000:]}")
-    return done.returncode == 0
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
-def judge(room: Room, module: str, mutant: Mutant, free: Queue[Path], limit: float) -> Verdict:
-    """Run the room's tests on a mutant in a tree that is free."""
-    tree = free.get()
-    try:
-        path = tree / module
-        sound = path.read_text(encoding="utf-8")
-        path.write_text(mutant.source, encoding="utf-8")
-        lives = passes(tree, room.tests, limit)
-        path.write_text(sound, encoding="utf-8")
-    finally:
-        free.put(tree)
-    fate = ("accepted" if f"{mutant.place} | {mutant.change}" in room.accepted else "lives") if lives else "killed"
-    return Verdict(module, mutant.line, mutant.place, mutant.change, fate)
+def stored(name: str, folder: Path = STORED) -> Score | None:
+    """What was kept of a room, if anything."""
+    path = folder / f"{name}.json"
+    if not path.exists():
+        return None
+    told = json.loads(path.read_text("utf-8"))
+    return Score(**told | {"verdicts": tuple(Verdict(**one) for one in told["verdicts"])})
 
 
-def judged(room: Room, most: int, seed: int, workers: int, root: Path = ROOT) -> list[Verdict]:
-    """Verdicts of the mutants drawn, told as they come. Raises RuntimeError where a test fails without any mutant."""
-    chosen = drawn(room, most, seed, root)
-    with trees(workers, root) as free, ThreadPoolExecutor(workers) as pool:
-        tree, began = free.get(), time.monotonic()
-        if not passes(tree, room.tests, 3600.0):
-            raise RuntimeError(f"{room.name}: a test of {', '.join(room.tests)} fails without any mutant")
-        free.put(tree)
-        limit = max(LEAST_PATIENCE, PATIENCE * (time.monotonic() - began))
-        found = []
-        for verdict in pool.map(lambda one: judge(room, *one, free, limit), chosen):
-            found.append(verdict)
-            print(f"  {verdict.fate:8} {verdict.module}:{verdict.line}  {verdict.place} | {verdict.change}", flush=True)
-    return found
+def judged(room: Room, most: int, seed: int, folder: Path = STORED, root: Path = ROOT) -> Score:
+    """Verdicts of the mutants drawn, told and kept as they come. RuntimeError: a test fails without any mutant."""
+    chosen, code, possible = drawn(room, most, seed, root), code_of(room, root), len(all_of(room, root))
+    before = stored(room.name, folder)
+    known = before.verdicts if before and (before.code, before.seed) == (code, seed) else ()
+    found: list[Verdict] = []
+    with copy_of(root) as tree:
+        sound = run_tests(tree, room.arguments, plain=room.plain)
+        if not sound.passed:
+            raise RuntimeError(f"{room.name}: a test of {', '.join(room.tests)} fails without any mutant: {sound.said}")
+        limit = max(LEAST_PATIENCE, PATIENCE * sound.seconds)
+        print(f"{room.name}: its tests take {sound.seconds:.1f} s of processor time; {len(chosen)} mutants", flush=True)
+        for i, (module, mutant) in enumerate(chosen):
+            if i < len(known) and known[i].fate == "killed":
+                found.append(known[i])
+                continue
+            with changed(tree / module, mutant.source):
+                outcome = run_tests(tree, room.arguments, limit, room.plain)
+            spared = "accepted" if f"{mutant.place} | {mutant.change}" in room.accepted else "lives"
+            fate = spared if outcome.passed else "killed"
+            found.append(Verdict(module, mutant.line, mutant.place, mutant.change, fate))
+            print(f"  {fate:8} {module}:{mutant.line}  {mutant.place} | {mutant.change}", flush=True)
+            _keep(room.name, Score(code, possible, seed, (*found, *known[i + 1 :])), folder)
+    return Score(code, possible, seed, tuple(found))
+
+
+def _keep(name: str, score: Score, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.json").write_text(json.dumps(asdict(score), indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> int:
+    """Judge the rooms that are named; all without any."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("rooms", nargs="*", choices=[*rooms(), []], help="which ones; all without any")
-    parser.add_argument("--most", type=int, default=60, help="mutants drawn a room (60)")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", metavar="FILE", help="write every verdict there")
+    parser.add_argument("rooms", nargs="*", help=f"Judge these rooms alone: {', '.join(rooms())}.")
+    parser.add_argument("--most", type=int, default=MOST, help=f"Draw at most so many mutants a room ({MOST}).")
+    parser.add_argument("--seed", type=int, default=SEED, help="Draw them by this seed.")
     options = parser.parse_args()
-    told, low = {}, False
+    if unknown := set(options.rooms) - set(rooms()):
+        parser.error(f"there is no room {', '.join(sorted(unknown))}; expected some of {', '.join(rooms())}")
+    low = False
     for room in rooms().values():
         if options.rooms and room.name not in options.rooms:
             continue
-        print(f"{room.name}: {options.most} mutants at most")
-        verdicts = judged(room, options.most, options.seed, options.workers)
-        share = score(verdicts)
-        low |= share < FLOOR
-        fates = [verdict.fate for verdict in verdicts]
-        told[room.name] = {"seed": options.seed, "score": share, "verdicts": [asdict(verdict) for verdict in verdicts]}
+        score = judged(room, options.most, options.seed)
+        low |= score.share < FLOOR
         print(
-            f"{room.name}: {fates.count('killed')} of {len(fates)} killed, {fates.count('lives')} live, "
-            f"{fates.count('accepted')} accepted: {100 * share:.0f} %"
+            f"{room.name}: {score.of('killed')} of {len(score.verdicts)} killed, {score.of('lives')} live, "
+            f"{score.of('accepted')} accepted: {100 * score.share:.0f} %"
         )
-        if options.json:
-            Path(options.json).write_text(json.dumps(told, indent=1), encoding="utf-8")
     return int(low)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutation.__main__ import ROOT, Room, Verdict, drawn, judged, rooms, score
+from tests.mutation.__main__ import Room, Score, Verdict, code_of, drawn, judged, rooms, stored
+from tests.mutation.judging import ROOT, run_tests
 from tests.mutation.sites import mutants
 
 SOURCE = '''"""A docstring with 1 number."""
@@ -49,7 +50,9 @@ def test_a_mutant_differs_in_its_change_alone():
 @pytest.mark.parametrize("room", rooms().values(), ids=lambda room: room.name)
 def test_a_room_is_what_is_there(room):
     """Its files exist, the draw is the same each time, and mutants accepted are mutants of it."""
-    assert all((ROOT / name).exists() for name in room.modules + room.tests)
+    assert all((ROOT / name.partition("::")[0]).exists() for name in room.modules + room.tests + room.slow)
+    for file, _, test in (name.partition("::") for name in room.slow):
+        assert f"def {test}(" in (ROOT / file).read_text("utf-8")
     once, again, other = (
         [(module, mutant.line, mutant.change) for module, mutant in drawn(room, 5, seed)] for seed in (1, 1, 2)
     )
@@ -74,27 +77,52 @@ ROOM = Room(
 
 def test_what_is_tested_is_killed_and_what_is_not_lives(tmp_path):
     root = small_project(tmp_path, "assert least(1, 2) == 1 and least(4, 3) == 3")
-    fates = {verdict.change: verdict.fate for verdict in judged(ROOM, 60, 1, 2, root)}
-    assert fates == {
+    score = judged(ROOM, 60, 1, tmp_path / "stored", root)
+    assert {verdict.change: verdict.fate for verdict in score.verdicts} == {
         "a < b -> a <= b": "lives",  # the same numbers where they are equal
         "b + 0 * 7 -> b - 0 * 7": "lives",
         "0 * 7 -> 0 / 7": "lives",
         "0 -> 1": "killed",
         "7 -> 8": "accepted",
     }
+    assert score.share == pytest.approx(1 / 4)
+    assert stored("small", tmp_path / "stored") == score
+
+
+def test_a_second_run_judges_what_is_left(tmp_path, capsys):
+    """Those not yet judged, and those that lived; all of them where the code is another."""
+    root = small_project(tmp_path, "assert least(1, 2) == 1 and least(4, 3) == 3")
+    first = judged(ROOM, 3, 1, tmp_path / "stored", root)
+    capsys.readouterr()
+    whole = judged(ROOM, 60, 1, tmp_path / "stored", root)
+    assert whole.verdicts[:3] == first.verdicts
+    told = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
+    assert len(told) == 5 - first.of("killed")
+    source = root / "kinetics/least.py"
+    source.write_text('"""A docstring."""\n\n' + source.read_text())
+    assert code_of(ROOM, root) == whole.code
+    source.write_text(source.read_text().replace("7", "9"))
+    assert code_of(ROOM, root) != whole.code
 
 
 def test_a_test_that_cannot_fail_lets_all_live(tmp_path):
-    verdicts = judged(ROOM, 2, 2, 2, small_project(tmp_path, "assert True"))
-    assert score(verdicts) == 0
+    assert judged(ROOM, 2, 2, tmp_path / "stored", small_project(tmp_path, "assert True")).share == 0
+
+
+def test_a_mutant_that_never_ends_is_killed(tmp_path):
+    root = small_project(tmp_path, "assert True")
+    outcome = run_tests(root, ("tests/test_least.py",))
+    assert outcome.passed
+    (root / "tests/test_least.py").write_text("def test():\n    while True:\n        pass\n")
+    assert not run_tests(root, ("tests/test_least.py",), seconds=1.0).passed
 
 
 def test_a_test_that_fails_without_any_mutant_is_no_judge(tmp_path):
     with pytest.raises(RuntimeError, match="fails without any mutant"):
-        judged(ROOM, 60, 1, 1, small_project(tmp_path, "assert False"))
+        judged(ROOM, 60, 1, tmp_path / "stored", small_project(tmp_path, "assert False"))
 
 
 def test_score():
     fates = ["killed", "killed", "lives", "accepted"]
-    assert score([Verdict("m.py", 1, "", "", fate) for fate in fates]) == pytest.approx(2 / 3)
-    assert score([]) == 1.0
+    assert Score("", 9, 1, tuple(Verdict("m.py", 1, "", "", fate) for fate in fates)).share == pytest.approx(2 / 3)
+    assert Score("", 9, 1, ()).share == 1.0

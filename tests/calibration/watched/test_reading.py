@@ -272,6 +272,23 @@ def test_files_that_are_none(tmp_path, name, data, said):
         read_watched(line_network(), tmp_path / name)
 
 
+CORPUS = Path(__file__).parents[2] / "kinetics/corpus"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("metadata_is_a_number", "cannot be read as a table"),
+        ("metadata_is_deep", "cannot be read as a table: maximum recursion"),
+        ("nul_in_a_name", "column 'run' holds a character NUL"),
+        ("rows_without_end", "10000000 rows of 2 columns; at most 10000000 cells are read"),
+    ],
+)
+def test_a_sound_parquet_file_may_hold_what_is_no_table(name, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_watched(line_network(), CORPUS / f"{name}.parquet")
+
+
 def two_ways() -> Network:
     return Network.from_reactions(
         {"alone": ({"X": 1}, {"Y": 1}), "helped": ({"X": 1, "E": 1}, {"Y": 1, "E": 1}), "back": ({"Y": 1}, {"X": 1})},

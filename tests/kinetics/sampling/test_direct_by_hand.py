@@ -1,0 +1,179 @@
+"""The direct method's kernels against the same runs in plain Python, draw by draw from streams of whole numbers.
+
+Waits agree to rounding, channels and counts exactly: a kernel that draws, adds or chooses otherwise gives another run.
+"""
+
+from math import log
+
+import numpy as np
+import pytest
+from known_systems import line, network
+from numpy.testing import assert_allclose, assert_array_equal
+from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
+
+from kinetics.kernels.direct import advance
+from kinetics.kernels.members import NAMING, Members, member_at
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
+from kinetics.network import Network
+from kinetics.sampling import exposures_of_draws
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.direct import RecomputingSampler
+
+# Where kernels run as plain Python, numpy tells that words wrap around, as they should.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered")
+
+BITS = 2**64 - 1
+KEY = stream_key(12)
+TWINS = network(
+    ("A", "B"),
+    {"one": ((2, 0), (0, 1)), "two": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0)), "by A": ((1, 1), (3, 0))},
+    [0.1, 0.3, 1.0, 0.2],
+    "ordered",
+)
+MANY = Network.from_reactions(
+    {f"{i}": ({f"S{i}": 1}, {f"S{(i + 1) % 19}": 1}) for i in range(19)}, 0.1 + np.arange(19.0)
+)
+ALIKE = network("AB", {"one": ((1, 0), (0, 1)), "two": ((1, 0), (0, 1))}, [0.7, 0.4])
+ALIKE_PAIRS = network("AB", {"one": ((2, 0), (0, 1)), "two": ((2, 0), (0, 1))}, [0.02, 0.05])
+CASES = {
+    "alike pairs": (ALIKE_PAIRS, [40, 0], 30.0),
+    "alike": (ALIKE, [20, 0], 9.0),
+    "line": (line(), [60, 0, 0, 0], 400.0),
+    "twins": (TWINS, [12, 3], 1.5),
+    "mixed": (MIXED, [9] * len(MIXED.species), 1.0),
+    "products": (PRODUCTS, [6] * len(PRODUCTS.species), 1.0),
+    "third order": (THIRD_ORDER, [8] * len(THIRD_ORDER.species), 1.0),
+    "more than two blocks": (MANY, [1] * 19, 2.0),
+}
+
+
+class Stream:
+    """xoshiro256++ whose state is SplitMix64 of a key and a run, on whole numbers (Blackman & Vigna 2021)."""
+
+    def __init__(self, key, run):
+        self.state = []
+        for word in key.tolist():
+            z = (word + (run + 1) * 0x9E3779B97F4A7C15) & BITS
+            z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & BITS
+            z = ((z ^ z >> 27) * 0x94D049BB133111EB) & BITS
+            self.state.append(z ^ z >> 31)
+
+    def uniform(self):
+        s = self.state
+        mixed = (s[0] + s[3]) & BITS
+        word = ((mixed << 23 | mixed >> 41) + s[0]) & BITS
+        shifted = s[1] << 17 & BITS
+        s[2] ^= s[0]
+        s[3] ^= s[1]
+        s[1] ^= s[2]
+        s[0] ^= s[3]
+        s[2] ^= shifted
+        s[3] = (s[3] << 45 | s[3] >> 19) & BITS
+        return (word >> 11) * 2.0**-53
+
+
+def chosen(weights, u):
+    """The first whose running sum is above its share."""
+    sums = np.cumsum(weights)
+    return int(np.argmax(sums > u * sums[-1]))
+
+
+def by_hand(net, initial, end, run):
+    """Times, channels and states of one run; and the time to go after the last event."""
+    merging = RecomputingSampler(net).merging
+    groups = np.split(merging.members, merging.spans[1:-1])
+    events, names = Stream(KEY, run), Stream(KEY ^ np.uint64(NAMING), run)
+    t, state, times, channels, states = 0.0, np.array(initial), [], [], [np.array(initial)]
+    while True:
+        propensities = net.propensities(state[None])[0]
+        sums = np.array([propensities[group].sum() for group in groups])
+        if sums.sum() == 0:
+            break
+        t -= log(1.0 - events.uniform()) / sums.sum()
+        if t > end:
+            break
+        group = groups[chosen(sums, events.uniform())]
+        channel = group[0] if len(group) == 1 else group[chosen(propensities[group], names.uniform())]
+        state = state + net.stoichiometry[channel]
+        times.append(t)
+        channels.append(channel)
+        states.append(state)
+    return np.array(times), np.array(channels), np.array(states)
+
+
+@pytest.mark.parametrize(("net", "initial", "end"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize("run", [0, 5])
+def test_a_path_is_that_by_hand(net, initial, end, run):
+    times, channels, _ = by_hand(net, initial, end, run)
+    outcome, found, fired = RecomputingSampler(net).path(np.array(initial), end, KEY, run)
+    assert outcome == REACHED_END
+    assert len(times) > 8
+    assert_array_equal(fired, channels)
+    assert_allclose(found, times, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("net", "initial", "end"), CASES.values(), ids=CASES)
+def test_counts_on_a_grid_are_those_by_hand(net, initial, end):
+    grid = np.linspace(0.0, end, 7)
+    out = np.empty((2, 7, len(initial)), np.int64)
+    assert RecomputingSampler(net).ensemble(np.array(initial), grid, KEY, 3, out) == (REACHED_END, 4)
+    for run, counts in zip((3, 4), out, strict=True):
+        times, _, states = by_hand(net, initial, end, run)
+        assert_array_equal(counts, states[np.searchsorted(times, grid)])
+
+
+@pytest.mark.parametrize(("net", "initial", "end"), CASES.values(), ids=CASES)
+def test_events_and_exposures_are_those_by_hand(net, initial, end):
+    ((events, exposures),) = exposures_of_draws(net, net.known_rates[None], initial, end, 2, 12, first_run=3)
+    for i, run in enumerate((3, 4)):
+        times, channels, states = by_hand(net, initial, end, run)
+        waits = np.diff(np.concatenate([[0.0], times, [end]]))
+        assert_array_equal(events[i], np.bincount(channels, minlength=len(net.channels)))
+        expected = net.ways * (waits @ net.combinations_of(states))
+        assert_allclose(exposures[i], expected, rtol=1e-11, atol=1e-12 * end)
+
+
+def test_a_run_of_more_events_than_a_buffer_goes_on():
+    """Births and deaths, 1,024 at a time on a grid, 4,096 at a time as a path."""
+    net = network("X", {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [50.0, 1.0])
+    times, channels, states = by_hand(net, [50], 52.0, 1)
+    assert len(times) > 4096
+    _, found, fired = RecomputingSampler(net).path(np.array([50]), 52.0, KEY, 1)
+    assert_array_equal(fired, channels)
+    assert_allclose(found, times, rtol=1e-12)
+    out = np.empty((1, 3, 1), np.int64)
+    RecomputingSampler(net).ensemble(np.array([50]), np.array([1.0, 30.0, 52.0]), KEY, 1, out)
+    assert_array_equal(out[0], states[np.searchsorted(times, [1.0, 30.0, 52.0])])
+    ((events, exposures),) = exposures_of_draws(net, net.known_rates[None], [50], 52.0, 1, 12, first_run=1)
+    assert_array_equal(events[0], np.bincount(channels))
+    waits = np.diff(np.concatenate([[0.0], times, [52.0]]))
+    assert_allclose(exposures[0], waits @ net.combinations_of(states), rtol=1e-10)
+
+
+def test_a_count_beyond_its_type_stops_the_run_that_it_is_in():
+    """A third birth is one too many; the first run that has it before the end is told."""
+    net = network("X", {"birth": ((0,), (1,))}, [1.0])
+    births = [len(by_hand(net, [0], 1.5, run)[0]) for run in range(20)]
+    first = next(run for run in range(20) if births[run] < 3 <= births[run + 1])
+    full = np.array([2**63 - 3])
+    out = np.empty((9, 1, 1), np.int64)
+    assert RecomputingSampler(net).ensemble(full, np.array([1.5]), KEY, first, out) == (OVERFLOW, first + 1)
+    outcome, times, _ = RecomputingSampler(net).path(full, 1.5, KEY, first + 1)
+    assert (outcome, len(times)) == (OVERFLOW, 2)
+    with pytest.raises(ValueError, match=f"run {first + 1}: a count"):
+        list(exposures_of_draws(net, [[1.0]], full, 1.5, 9, 12, first_run=first))
+
+
+def test_what_cannot_happen_does_not_where_the_draw_is_zero():
+    """A state of the stream whose second word is 0: the share that is looked for ends before the first channel."""
+    net = network("AB", {"never": ((1, 0), (0, 1)), "back": ((0, 1), (1, 0))}, [1.0, 1.0])
+    sampler = RecomputingSampler(net)
+    word = np.uint64(0x9E3779B97F4A7C15)
+    stream = np.array([0, word, 5, word], np.uint64)
+    times, fired, counts = np.zeros(1), np.zeros(1, np.int64), np.array([0, 9, 1])
+    found = advance(sampler.model, sampler.changes, counts, np.zeros(1), 50.0, stream, times, fired)
+    assert found == (UNFINISHED, 1)
+    assert (fired.tolist(), counts.tolist()) == ([1], [1, 8, 1])
+    members = Members(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), np.array([0, 1], np.int32), np.zeros(2))
+    naming = np.array([0, 0, 5, 0], np.uint64)  # its first word
+    assert member_at(members, 0, np.array([0.0, 9.0, 1.0]), naming) == 1
