@@ -1,205 +1,192 @@
-"""Whether there is a correct book of so many letters, of any kind: by a SAT solver, apart from compiler and checker.
+"""Whether there is a correct book of so many letters, of any kind: by a solver of logic programs, apart from compiler
+and checker (clingo; Gebser et al. 2019, doi:10.1017/S1471068418000054).
 
-The solver proposes what a cube answers to each reading; the book is followed to its first fault; and the answers that
-led there are excluded together, with all renamings of the letters, until a book goes well or none is left
-(lazy clause generation). Books may give one shape several letterings and let a join happen in some of its ways alone.
+A program says what follows from the answers that cubes give to what they read: what is made, what comes to rest, and
+which cubes can come home; its answer sets are the books. In an answer set nothing is made, rests or comes home but by
+a finite chain of events. Books may give one shape several letterings, and let a join happen in some of its ways alone.
 Bonds are mutual, both cubes read before either writes, and internal rules follow at once.
 """
 
-from itertools import permutations, product
+from itertools import combinations, combinations_with_replacement, product
 
-from pysat.solvers import Cadical153
+import clingo
 
-from kinetics.assembly.faces import roll, scheme_of
-from kinetics.assembly.structure import Structure, placements
+from tests.helpers.answered_books import answered_book
+from tests.helpers.lettered_pieces import LetteredPieces, with_letters
 
-FREE = ("follow",), ("a",), ()  # a free cube, which stays free
+FREE = ("follow",), ("a",), ()  # a free cube stays free
 
 
 class Oracle:
-    """A book that makes a target and pieces of it alone, each of which can become it; `rounds` counts proposals."""
+    """A book that makes a target, in one lettering, and pieces of it alone, and each cube of them can come home.
 
-    def __init__(self, target, senses, breaks, letters, most=10**9):
-        self.senses, self.scheme, self.breaks, self.most = senses, senses.faces, breaks, most
-        self.names = "abcdefgh"[:letters]
-        self.types = scheme_of(self.scheme).types
-        self.target = self.bare(target)
-        self.shapes, fresh = set(), {self.target}
-        while fresh:
-            self.shapes |= fresh
-            fresh = {piece for shape in fresh for piece in self.smaller(shape)} - self.shapes
-        self.solver, self.variables, self.known, self.rounds = Cadical153(), {}, {}, 0
-        self.answers = {}  # of the solver, or what changes nothing
-        self.asked = set()  # what the last book proposed was asked
+    most : conflicts of the solver; with more, nothing is decided
+    conflicts : of the solver, so far
+    book : the book that was found; None so far
+    """
 
-    def bare(self, structure):
-        return structure.with_letters(("#",) * len(structure)).canonical(self.scheme)
-
-    def smaller(self, shape):
-        """Without one cube; every connected piece comes of such steps."""
-        for gone in range(len(shape)):
-            try:
-                yield self.bare(shape.part([cube for cube in range(len(shape)) if cube != gone]))
-            except ValueError:
-                continue
-
-    def literal(self, reading, answer):
-        if (reading, answer) not in self.variables:
-            options = [*(("",) if reading[0][0] == "join" else ()), *self.names]
-            own = [self.variables.setdefault((reading, o), len(self.variables) + 1) for o in options]
-            self.solver.add_clause(own)
-            for n, one in enumerate(own):
-                for other in own[:n]:
-                    self.solver.add_clause([-one, -other])
-        return self.variables[reading, answer]
-
-    def answer(self, reading):
-        if reading == FREE:
-            return "a"
-        self.asked.add(reading)
-        if reading not in self.answers:
-            self.answers[reading] = "" if reading[0][0] == "join" else reading[1][0]
-        return self.answers[reading]
+    def __init__(self, target, senses, breaks, letters, most=1_000_000):
+        self.pieces, self.breaks = LetteredPieces(target, senses, "abcdefgh"[:letters]), breaks
+        self.control, self.atoms, self.known = clingo.Control(), {}, {}
+        self.book, self.conflicts = None, 0
+        self.control.configuration.solve.solve_limit = str(most)
+        with self.control.backend() as self.backend:
+            self.follows(self.atom("is in the tank", 0, ("a",)), [])
+            self.follows(self.atom("answers", FREE, "a"), [])
+            self.say_what_is_finished()
+            for piece, letterings in enumerate(self.pieces.letterings):
+                for lettering in letterings:
+                    self.say_what_follows(piece, lettering)
+                    self.say_what_breaks(piece, lettering)
+            for pair in combinations_with_replacement(range(len(self.pieces.shapes)), 2):
+                self.say_what_joins(*pair)
 
     def finds_one(self):
-        """Whether there is a book; None where the rounds are used up."""
-        while self.rounds < self.most:
-            self.rounds += 1
-            if not self.solver.solve():
-                return False
-            model = set(self.solver.get_model() or ())
-            self.answers = {reading: answer for (reading, answer), n in self.variables.items() if n in model}
-            fault = self.fault()
-            if fault is None:
-                return True
-            for renamed in permutations(self.names[1:]):
-                name = dict(zip(self.names, ("a", *renamed), strict=True))
-                self.solver.add_clause(
-                    [
-                        (1 if is_other else -1) * self.literal(_renamed(reading, name), name.get(answer, answer))
-                        for reading, answer, is_other in sorted(fault)  # so that each run proposes the same
-                    ]
-                )
-        return None
+        """Whether there is a book; None where it is not decided. That large pieces must not bond is said if need be."""
+        result = self.solved()
+        if result.satisfiable:
+            with self.control.backend() as self.backend:
+                for pair in combinations_with_replacement(range(len(self.pieces.shapes)), 2):
+                    if self.size(*pair) > len(self.pieces.shapes[-1]):
+                        self.say_what_must_not_join(*pair)
+            result = self.solved()
+        return None if result.unknown else bool(result.satisfiable)
 
-    @property
-    def book(self):
-        """Of the book that was found last: what cubes answer to what they read."""
-        return {reading: self.answers[reading] for reading in self.asked}
+    def solved(self):
+        result = self.control.solve(on_model=self.read)
+        self.conflicts += int(self.control.statistics["solving"]["solvers"]["conflicts"])
+        return result
 
-    def fault(self):
-        """What must not all be so: (reading, answer, whether it is any other answer); None: the book is correct."""
-        made, events, order = {}, [], []
-        self.asked = set()
-        start = self.lettered(((0, 0, 0),), (0,), ("a",))
-        made[start] = frozenset()
-        order.append(start)
-        everything, refused = set(), []
-        for n, new in enumerate(order):
-            happenings = [(old, new) for old in order[: n + 1]]
-            for pair in happenings:
-                reasons = made[pair[0]] | made[pair[1]]
-                for readings, cubes, joined, fits in self.meetings(*pair):
-                    told = [self.answer(reading) for reading in readings]
-                    if "" in told:
-                        refusals = [(r, "", False) for r, answer in zip(readings, told, strict=True) if not answer]
-                        if fits:  # else a bond is a fault anyway
-                            refused.append((self.bare(joined), min(refusals, key=lambda r: r not in everything)))
-                            everything.add(refused[-1][1])
-                        continue
-                    if not fits:
-                        return reasons | {(reading, "", True) for reading in readings}
-                    used = {(reading, answer, False) for reading, answer in zip(readings, told, strict=True)}
-                    letters = list(joined.letters)
-                    for cube, answer in zip(cubes, told, strict=True):
-                        letters[cube] = answer
-                    rested = self.rest(joined, tuple(letters), used)
-                    everything |= used
-                    if rested is None:
-                        return reasons | used
-                    self.enter(rested, reasons | used, made, order)
-                    events.append((pair, (rested,)))
-            for i, j in new.bonds if self.breaks else ():
-                sides = new.sides(i, j)
-                if sides is None:
-                    continue
-                used, letters, after = set(), list(new.letters), []
-                for own, gone in ((i, j), (j, i)):
-                    near = tuple(sorted(new.letters[c] for c in new.neighbours(own) if c != gone))
-                    reading = (("break",), (new.letters[own],), near, (new.letters[gone],))
-                    letters[own] = self.answer(reading)
-                    used.add((reading, letters[own], False))
-                for side in sides:
-                    part = new.with_letters(letters).part(side)
-                    after.append(self.rest(part, part.letters, used))
-                everything |= used
-                if None in after:
-                    return made[new] | used
-                for part in after:
-                    self.enter(part, made[new] | used, made, order)
-                events.append(((new,), tuple(after)))
-        home = {s for s in made if self.bare(s) == self.target}
-        size = 0
-        while len(home) > size:
-            size = len(home)
-            home |= {s for before, after in events if home.intersection(after) for s in before}
-        if not home and len(self.names) == 1:  # then a shape has one lettering, so what is made is all that can be
-            shapes = {self.bare(structure) for structure in made}
-            return {refusal for shape, refusal in refused if shape not in shapes}
-        return None if len(home) == len(made) else everything
+    def read(self, model):
+        true = [key for key, atom in self.atoms.items() if model.is_true(atom)]
+        answers = {key[1]: key[2] for key in true if key[0] == "answers"}
+        target = next(self.pieces.shapes[-1].with_letters(key[1]) for key in true if key[0] == "is the target")
+        self.book = answered_book(answers, self.pieces.senses, self.breaks, self.pieces.names, target)
 
-    def enter(self, structure, reasons, made, order):
-        if structure not in made:
-            made[structure] = frozenset(reasons)
-            order.append(structure)
+    def atom(self, *key):
+        if key not in self.atoms:
+            self.atoms[key] = self.backend.add_atom()
+        return self.atoms[key]
 
-    def lettered(self, *cubes):
-        return Structure(*cubes).canonical(self.scheme)
+    def follows(self, head, body):
+        self.backend.add_rule([head], body)
 
-    def rest(self, structure, letters, used):
-        seen = []
-        while letters not in seen:
-            seen.append(letters)
-            following = []
-            for cube, own in enumerate(letters):
-                reading = (("follow",), (own,), tuple(sorted(letters[n] for n in structure.neighbours(cube))))
-                following.append(self.answer(reading))
-                if reading != FREE:
-                    used.add((reading, following[-1], False))
-            letters = tuple(following)
-        return structure.with_letters(letters).canonical(self.scheme) if letters == seen[-1] else None
+    def never(self, *body):
+        self.backend.add_rule([], list(dict.fromkeys(body)))
 
-    def meetings(self, one, two):
-        """Each way once: what the two cubes read, which they are, the joined structure, whether it is a piece."""
-        if (one, two) not in self.known:
-            found = {}
-            for (i, face), (j, other) in product(one.open_faces(), two.open_faces()):
-                for placed in map(two.moved, placements(one, i, face, two, j, other)):
-                    if one.places.keys() & placed.places.keys():
-                        continue
-                    joined = one.joined(placed)
-                    readings = self.reading(one, i, placed, j), self.reading(placed, j, one, i)
-                    fits = self.bare(joined) in self.shapes if len(joined) <= len(self.target) else False
-                    marks = [
-                        f"{letter}!" if c in (i, len(one) + j) else letter for c, letter in enumerate(joined.letters)
-                    ]
-                    key = joined.with_letters(marks).canonical(self.scheme) if fits else None
-                    found.setdefault((tuple(sorted(readings)), key), (readings, (i, len(one) + j), joined, fits))
-            self.known[one, two] = list(found.values())
-        return self.known[one, two]
+    def one_of(self, atoms):
+        self.backend.add_rule(atoms, [], True)
+        self.never(*[-atom for atom in atoms])
+        for pair in combinations(atoms, 2):
+            self.never(*pair)
 
-    def reading(self, own, i, other, j):
-        """What a cube reads as it docks."""
-        face, theirs = own.face_towards(i, other.positions[j]), other.face_towards(j, own.positions[i])
-        behind = own.cube_at(own.faced(i, face ^ 1)) if self.senses.across else None
-        touched = sorted(other.letters[n] for n in other.touching(own.positions[i])) if self.senses.touched else ()
-        near = tuple(sorted(own.letters[n] for n in own.neighbours(i)))
-        twist = roll(self.scheme, own.rotations[i], face, other.rotations[j]) if self.senses.roll else ""
-        seen = "join", self.types[face], self.types[theirs], twist
-        across = () if behind is None else (own.letters[behind],)
-        return seen, (own.letters[i],), near, (other.letters[j],), across, tuple(touched)
+    def answer(self, reading, answer):
+        """The atom of an answer, "" for no bond; a reading has one answer."""
+        if reading != FREE and ("answers", reading, "a") not in self.atoms:
+            options = [*(("",) if reading[0][0] == "join" else ()), *self.pieces.names]
+            self.one_of([self.atom("answers", reading, option) for option in options])
+        return self.atom("answers", reading, answer)  # a free cube has no other one
 
+    def home(self, piece, letters, cube):
+        return self.atom("comes home", piece, letters, self.pieces.first(piece, letters)[1][cube])
 
-def _renamed(reading, name):
-    seen, *letters = reading
-    return seen, *(tuple(sorted(name[n] for n in each)) for each in letters)
+    def say_what_is_finished(self):
+        whole = len(self.pieces.shapes) - 1
+        self.one_of([self.atom("is the target", letters) for letters in self.pieces.letterings[whole]])
+        for letters in self.pieces.letterings[whole]:
+            for alike in self.pieces.finished_with(letters):
+                body = [self.atom("rests", whole, letters), self.atom("is the target", alike)]
+                self.follows(self.atom("is finished", letters), body)
+            for cube in range(len(letters)):
+                self.follows(self.home(whole, letters, cube), [self.atom("is finished", letters)])
+
+    def say_what_follows(self, piece, letters):
+        """Internal rules act until a structure rests, and from all that rests cubes come home."""
+        is_there, rests = (self.atom(what, piece, letters) for what in ("is in the tank", "rests"))
+        settles = self.atom("settles", piece, letters)
+        readings = self.pieces.followed(piece, letters)
+        self.never(is_there, -settles)
+        for cube in range(len(letters)):
+            self.never(rests, -self.home(piece, letters, cube))
+        for answers in product(self.pieces.names, repeat=len(letters)):
+            told = dict(zip(readings, answers, strict=True))
+            if tuple(told[reading] for reading in readings) != answers:
+                continue  # cubes that read alike answer alike
+            after, cubes = self.pieces.first(piece, answers)
+            body = [is_there, *(self.answer(*each) for each in told.items())]
+            if answers == letters:
+                self.follows(rests, body)
+                self.follows(settles, [rests])
+                continue
+            becomes = self.atom("becomes", piece, letters, answers)
+            self.follows(becomes, body)
+            self.follows(settles, [becomes, self.atom("settles", piece, after)])
+            self.happens(becomes, [((piece, letters, cube), (piece, after, n)) for cube, n in enumerate(cubes)])
+
+    def say_what_breaks(self, piece, letters):
+        for (i, j), readings, parts in self.pieces.breaks(piece, letters) if self.breaks else ():
+            for answers in product(self.pieces.names, repeat=2):
+                new = list(letters)
+                new[i], new[j] = answers
+                moves = []
+                for part, members in parts:
+                    after, cubes = self.pieces.first(part, tuple(new[cube] for cube in members))
+                    moves += [((piece, letters, c), (part, after, n)) for c, n in zip(members, cubes, strict=True)]
+                event = self.atom("breaks", piece, letters, i, j, answers)
+                self.follows(event, [self.atom("rests", piece, letters), *map(self.answer, readings, answers)])
+                self.happens(event, moves)
+
+    def say_what_joins(self, one, two):
+        meetings = self.pieces.meetings(one, two)
+        fitting = [met for met in meetings if met.made is not None]
+        for first, second in product(*(self.pieces.letterings[piece] for piece in (one, two))):
+            if not fitting or (one == two and first > second):
+                continue
+            both = [self.atom("rests", one, first), self.atom("rests", two, second)]
+            letters = first + second
+            cubes = [(one, first, c) for c in range(len(first))] + [(two, second, c) for c in range(len(second))]
+            for met, answers in product(fitting, product(self.pieces.names, repeat=2)):
+                readings = [with_letters(reading, letters) for reading in met.readings]
+                new = list(letters)
+                for cube, answer in zip(met.docking, answers, strict=True):
+                    new[cube] = answer
+                after, numbers = self.pieces.first(met.made, tuple(new[met.order.index(n)] for n in range(len(new))))
+                event = self.atom("joins", one, first, two, second, met, answers)
+                self.follows(event, [*both, *map(self.answer, readings, answers)])
+                ends = [(met.made, after, numbers[n]) for n in met.order]
+                self.happens(event, zip(cubes, ends, strict=True))
+        if self.size(one, two) <= len(self.pieces.shapes[-1]):
+            self.say_what_must_not_join(one, two)
+
+    def size(self, one, two):
+        return len(self.pieces.shapes[one]) + len(self.pieces.shapes[two])
+
+    def say_what_must_not_join(self, one, two):
+        """Bonds that would make no piece of the target, whatever the letters of the cubes that are not read."""
+        n, size = len(self.pieces.shapes[one]), self.size(one, two)
+        for readings in (met.readings for met in self.pieces.meetings(one, two) if met.made is None):
+            read = sorted({int(name) for _, *names in readings for each in names for name in each})
+            for known in product(self.pieces.names, repeat=len(read)):
+                letters = dict(zip(read, known, strict=True))
+                told = [with_letters(reading, letters) for reading in readings]
+                sides = [
+                    self.some_rest(piece, tuple((c - low, letters[c]) for c in read if low <= c < high))
+                    for piece, low, high in ((one, 0, n), (two, n, size))
+                ]
+                if None not in sides:
+                    self.never(*sides, *(-self.answer(reading, "") for reading in told))
+
+    def some_rest(self, piece, letters):
+        """The atom for any piece at rest with these letters of some cubes; None where there is none."""
+        if (piece, letters) not in self.known:
+            fitting = [one for one in self.pieces.letterings[piece] if all(one[c] == letter for c, letter in letters)]
+            self.known[piece, letters] = self.atom("some rest", piece, letters) if fitting else None
+            for lettering in fitting:
+                self.follows(self.known[piece, letters], [self.atom("rests", piece, lettering)])
+        return self.known[piece, letters]
+
+    def happens(self, event, moves):
+        """What it makes is there, and a cube comes home where it comes home from what it becomes."""
+        for (piece, letters, cube), (after, new, number) in moves:
+            self.follows(self.atom("is in the tank", after, new), [event])
+            self.follows(self.home(piece, letters, cube), [event, self.atom("comes home", after, new, number)])

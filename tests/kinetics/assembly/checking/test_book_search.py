@@ -5,13 +5,13 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from book_oracle import Oracle
-from polycubes import SHAPES, grown_shapes
 
 from kinetics.assembly import RuleBook, check, derive
 from kinetics.assembly.checking.book_search import BookSearch, Pieces
 from kinetics.assembly.compiler import Target, compile_book
-from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal, Semantics, Senses
+from kinetics.assembly.rules.conditions import Senses
+from tests.helpers.answered_books import answered_book
+from tests.helpers.polycubes import SHAPES, grown_shapes
 
 LETTERS = {"I2": 1, "I3": 2, "L3": 2, "I4": 2, "L4": 2, "T4": 2, "S4": 2, "O4": 3, "corner": 2, "right": 2, "left": 2}
 
@@ -46,13 +46,6 @@ def test_the_compiler_takes_the_fewest_letters_of_its_kind_of_books(name):
         assert searched(made, fewer)[0] is False
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=LONG if name == "left" else ()) for name in SHAPES])
-def test_no_book_with_one_letter_does_of_any_kind(name):
-    """Nor where a join happens in some of its ways alone; by the solver. A pair of cubes takes one letter."""
-    book = compiled(name).book
-    assert Oracle(book.target, book.senses, book.semantics.bonds == "break", 1).finds_one() is (LETTERS[name] == 1)
-
-
 def test_the_plate_has_a_book_of_two_letters_of_another_kind():
     """Three are the fewest of the compiler's kind: here, shapes come with several letterings."""
     like, book = compiled("O4").book, RuleBook.load(Path(__file__).with_name("plate_of_two_letters.toml"))
@@ -62,8 +55,6 @@ def test_the_plate_has_a_book_of_two_letters_of_another_kind():
     assert check(book).is_correct
     shapes = Counter(bare(s, book.scheme) for s in derive(book).structures.values())
     assert max(shapes.values()) > 1
-    oracle = Oracle(like.target, like.senses, like.semantics.bonds == "break", 2)
-    assert oracle.finds_one() is True
 
 
 def bare(structure, scheme):
@@ -76,34 +67,13 @@ def test_what_it_finds_is_a_book_of_its_kind(name):
     made = compiled(name)
     found, rules = searched(made, made.letters)
     assert found
-    book = book_of(rules, made.book, made.book.letters)
+    answers = {reading: answer for reading, (answer, _) in rules.items()}
+    book = answered_book(answers, made.book.senses, True, made.book.letters)
     derived = derive(book)
     shapes = Counter(bare(s, book.scheme) for s in derived.structures.values())
     assert set(shapes.values()) == {1}
     assert bare(made.book.target, book.scheme) in shapes
     assert max(map(len, shapes)) == len(made.book.target)
-
-
-def book_of(rules, like, names):
-    """The rules that were found as a rule book."""
-    combine, dissociate, internal = [], [], []
-    senses = like.senses
-    for number, (((kind, *seen), (own,), near, *rest), (becomes, _)) in enumerate(rules.items()):
-        rule = {"rule": f"{number}", "letter": (own,), "neighbours": near, "becomes": becomes}
-        if kind == "break":
-            dissociate.append(Dissociation(**rule, lost=rest[0]))
-        elif kind == "follow" and becomes != own:
-            internal.append(Internal(**rule))
-        elif kind == "join" and becomes:
-            (face, partner_face, twist), (partner, across, touched) = seen, rest
-            more = {
-                **({"across": across or ("",)} if senses.across else {}),
-                **({"roll": (twist,)} if senses.roll else {}),
-                **({"touched": touched} if senses.touched else {}),
-            }
-            combine.append(Combination(**rule, face=(face,), partner=partner, partner_face=(partner_face,), **more))
-    rules = tuple(combine), tuple(dissociate), tuple(internal)
-    return RuleBook("found", names, "a", senses, None, None, Semantics(bonds=like.semantics.bonds), *rules)
 
 
 def test_more_steps_than_allowed_decide_nothing():
