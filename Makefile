@@ -57,11 +57,24 @@ study: $(READY)
 	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.study_pages
 
-# The held-out growth of the pyramid whose bonds break, beside class rates of jacks, and the block of its page.
+# Class rates of jacks and pyramids together beside the held-out growth of pyramids, the control that knows no places, and
+# the rates of jacks alone; and the block of the page. The runs of both are read from one folder, so they are copied there.
 PYRAMID := results/pyramid45/breaking
+PYRAMID_RUNS := $(PYRAMID)/all-runs
+BOTH := results/jack13/plan.toml --also $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
+HELD_OUT := $(PYRAMID)/touched.toml --runs-folder $(PYRAMID)/runs
 pyramid: $(READY)
-	$(BIN)/wellmixed validate $(PYRAMID)/plan.toml --rates results/jack13/classes.toml --groups 899 \
-		--runs-folder $(PYRAMID)/runs --plot $(PYRAMID)/by_jacks.svg --json > $(PYRAMID)/by_jacks.json
+	mkdir -p $(PYRAMID_RUNS)
+	cp results/jack13/runs/format results/jack13/runs/*.run $(PYRAMID)/runs/*.run $(PYRAMID_RUNS)
+	$(BIN)/wellmixed calibrate $(BOTH) --out $(PYRAMID)/classes.toml
+	$(BIN)/wellmixed calibrate $(BOTH) --share event --out $(PYRAMID)/control.toml
+	rm -r $(PYRAMID_RUNS)
+	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/classes.toml --plot $(PYRAMID)/growth.svg --json \
+		> $(PYRAMID)/growth.json
+	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/control.toml --groups 99 --json \
+		> $(PYRAMID)/control.json
+	$(BIN)/wellmixed validate $(HELD_OUT) --rates results/jack13/classes.toml --groups 99 --json \
+		> $(PYRAMID)/by_jacks.json
 	$(BIN)/python -m tests.results.pyramid_page
 
 # Every package by its hash, the one that builds ours among them; then ours.

@@ -17,7 +17,7 @@ import numpy as np
 from calibration.estimating.exposure import Exposure, count
 from calibration.pipeline.plan import PlannedRuns, StudyPlan
 from kinetics.assembly import Derivation, RuleBook, derive
-from kinetics.rates import ClassRates
+from kinetics.rates import ClassRate, ClassRates
 from kinetics.runs import NO_BREAK
 from kinetics.support.intervals import exact_limits
 from mechsim.runs.record import RunRecord
@@ -27,7 +27,10 @@ from tests.results.studies import ROOT, paragraph, table
 PAGE = ROOT / "results" / "pyramid45" / "README.md"
 FOLDER = PAGE.parent / "breaking"
 BLOCK = re.compile(r"(<!-- breaking -->\n).*?(<!-- end -->)", re.DOTALL)
-PLAN = StudyPlan.load(FOLDER / "plan.toml")
+FIRST = StudyPlan.load(FOLDER / "plan.toml")  # whose held-out runs showed what places do
+PLAN = StudyPlan.load(FOLDER / "touched.toml")  # which judges
+BESIDE = {"control": "Control", "by_jacks": "Rates of jacks alone"}  # comparisons that do not judge
+COMPARED = ("growth", *BESIDE)
 
 
 class Contacts(NamedTuple):
@@ -75,9 +78,9 @@ def contacts(runs: list[RunRecord]) -> list[Contacts]:
 
 
 @cache
-def compared() -> dict[str, Any]:
-    """The stored comparison with the rates of jacks."""
-    (found,) = json.loads((FOLDER / "by_jacks.json").read_text(encoding="utf-8"))["comparisons"]
+def compared(name: str) -> dict[str, Any]:
+    """A stored comparison with the held-out runs: `growth`, `control` or `by_jacks`."""
+    (found,) = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["comparisons"]
     return dict(found)
 
 
@@ -87,60 +90,86 @@ def number(value: float) -> str:
 
 
 def rates_of_places() -> str:
-    """The rate of docking by the number of cubes touched, beside the jacks' constant."""
-    runs = records(PLAN.held_out) + records(PLAN.calibration)
-    found = contacts(runs)
+    """The rate of docking by the number of cubes touched, in the calibration runs, beside the constants in use."""
+    runs = records(PLAN.calibration)
+    classes = ClassRates.load(FOLDER / "classes.toml").classes
     rows = [
         (
-            str(each.touched), str(each.events), f"{each.exposure:,.0f}",
-            f"{1e5 * each.rate:.2f} ({1e5 * each.limits[0]:.2f} to {1e5 * each.limits[1]:.2f})",
+            str(each.touched), str(each.events), f"{each.exposure:,.0f}", _per_way(each.rate, *each.limits),
+            _per_way(*_constant(classes[f"join touching {each.touched}"])),
         )
-        for each in found
+        for each in contacts(runs)
     ]  # fmt: skip
-    jacks = ClassRates.load(ROOT / "results" / "jack13" / "classes.toml").classes["join touching 1"]
-    words = (
-        f"Of the {len(runs)} runs, by how many cubes the place of a docking touches; the jacks' constant is "
-        f"{1e5 * jacks.rate:.2f} ({1e5 * (jacks.low or 0):.2f} to {1e5 * (jacks.high or 0):.2f}) in the same unit:"
-    )
-    titles = ("cubes touched", "dockings", "exposure (tu)", "rate per way (1e-5/tu)")
+    titles = ("cubes touched", "dockings", "exposure (tu)", "rate per way (1e-5/tu)", "constant, jacks too")
+    words = f"Of the {len(runs)} calibration runs of pyramids, by how many cubes the place of a docking touches:"
     return f"{paragraph(words)}\n\n{table(titles, rows)}"
 
 
+def _constant(entry: ClassRate) -> tuple[float, float, float]:
+    return entry.rate, entry.low or 0.0, entry.high or 0.0
+
+
+def _per_way(rate: float, low: float, high: float) -> str:
+    return f"{1e5 * rate:.2f} ({1e5 * low:.2f} to {1e5 * high:.2f})"
+
+
 def growth() -> str:
-    """The comparison as a table, and its verdict."""
-    found = compared()
+    """The comparison that judges, the control and the rates of jacks alone as a table, and their verdicts."""
+    judge, *others = (compared(name) for name in COMPARED)
     rows = [
-        (e["kind"], str(e["seen"]), f"{number(e['expected'])} ({e['low']:.0f} to {e['high']:.0f})", "", f"{e['p']:.2g}")
-        for e in found["events"]
-    ]
-    for curve, each in found["curves"].items():
+        (
+            e["kind"], str(e["seen"]), f"{number(e['expected'])} ({e['low']:.0f} to {e['high']:.0f})", "",
+            f"{e['p']:.2g}", *(_other(number(o["events"][i]["expected"]), o["events"][i]["p"]) for o in others),
+        )
+        for i, e in enumerate(judge["events"])
+    ]  # fmt: skip
+    for curve, each in judge["curves"].items():
         seen, expected, low, high = (each[key][-1] for key in ("observed", "predicted", "low", "high"))
-        band = f"{number(expected)} ({number(low)} to {number(high)})"
-        rows.append((curve, number(seen), band, f"{100 * each['coverage']:.0f} %", f"{each['p_misfit']:.2g}"))
-    titles = ("", "seen", "predicted (95 %)", "times inside", "p")
-    ends = f"Rates of jacks, {found['groups']} predicted groups of {found['runs']} runs; curves at 400 tu:"
-    return f"{paragraph(ends)}\n\n{table(titles, rows)}\n\n{paragraph('Verdict: ' + found['verdict'] + '.')}"
+        beside = [o["curves"][curve] for o in others]
+        rows.append(
+            (
+                curve, number(seen), f"{number(expected)} ({number(low)} to {number(high)})",
+                f"{100 * each['coverage']:.0f} %", f"{each['p_misfit']:.2g}",
+                *(_other(number(o["predicted"][-1]), o["p_misfit"]) for o in beside),
+            )
+        )  # fmt: skip
+    titles = ("", "seen", "predicted (95 %)", "times inside", "p", *(f"{name} (p)" for name in BESIDE.values()))
+    words = (
+        f"{judge['runs']} held-out runs beside predicted groups of as many, curves at 400 tu. Rates of jacks and "
+        f"pyramids that know places, {judge['groups']} groups: {_bare(judge['verdict'])}."
+    )
+    for name, other in zip(BESIDE.values(), others, strict=True):
+        words += f" {name}, {other['groups']} groups: {_bare(other['verdict'])}."
+    return f"{table(titles, rows)}\n\n{paragraph(words)}"
+
+
+def _other(expected: str, p: float) -> str:
+    return f"{expected} ({p:.2g})"
+
+
+def _bare(verdict: str) -> str:
+    """Without the power, which the page tells once, and without what so few groups cannot fail."""
+    return "not decided by so few" if verdict.startswith("not decided") else verdict.split("; this many", maxsplit=1)[0]
 
 
 def cost() -> str:
     """What was run, and how many bonds broke."""
     parts = []
-    for part, words in ((PLAN.held_out, "held out"), (PLAN.calibration, "calibration")):
+    for part, words in (
+        (PLAN.calibration, "calibration"),
+        (PLAN.held_out, "held out"),
+        (FIRST.held_out, "held out before"),
+    ):
         runs = records(part)
         broken = sum(int((run.arrays["partners"] != NO_BREAK).sum()) for run in runs)
         seconds = sum(run.cost["cpu_seconds"] for run in runs)
-        planned = sum(tanks.runs for tanks in part.tanks)
-        made = f"{len(runs)}" if len(runs) == planned else f"{len(runs)} of {planned}"
-        if runs:
-            parts.append(f"{words}, {made} runs of 400 tu ({seconds:.0f} s of CPU time, {broken} breaks)")
-        else:
-            parts.append(f"{words}, none of {planned} runs")
-    return paragraph(f"Made of what the plan fixed: {'; '.join(parts)}.")
+        parts.append(f"{words}, {len(runs)} runs of 400 tu ({seconds:.0f} s of CPU time, {broken} breaks)")
+    return paragraph(f"Runs: {'; '.join(parts)}.")
 
 
 def block() -> str:
     """All of it."""
-    return f"{cost()}\n\n{growth()}\n\n{rates_of_places()}"
+    return f"{cost()}\n\n{rates_of_places()}\n\n{growth()}"
 
 
 def filled(page: str) -> str:
