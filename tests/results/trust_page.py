@@ -61,8 +61,8 @@ def mutated() -> str:
         scores.append(f"{room.name} {score.of('killed')} of {len(score.verdicts) - score.of('accepted')}{older}")
         spared += score.of("accepted")
     return (
-        f"small changes of the code that a test sees: {', '.join(scores)}; {spared} more change nothing, each with its "
-        "reason in `tests/mutation/rooms.toml`"
+        "small changes of the code, drawn by chance, that a test sees, now that those that lived at first have tests: "
+        f"{', '.join(scores)}; {spared} more change no answer, each with its reason in `tests/mutation/rooms.toml`"
     )
 
 
