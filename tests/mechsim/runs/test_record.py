@@ -211,3 +211,16 @@ def test_compositions_whose_checksums_agree_draw_different_numbers(line4):
     one, other, again = (np.random.default_rng(spec.streams).random(8) for spec in (*specs, specs[0]))
     assert not (one == other).any()
     assert (one == again).all()
+
+
+def test_seeds_and_runs_are_counted_from_zero(line4):
+    assert RunSpec(line4, {"monomer": 2}, 1.0, seed=0, run=0).title.endswith("seed 0, run 0")
+    for seed, run in ((-1, 0), (0, -1)):
+        with pytest.raises(ValueError, match="neither may be negative"):
+            RunSpec(line4, {"monomer": 2}, 1.0, seed=seed, run=run)
+
+
+@pytest.mark.parametrize("poses", [0.0, -1.0, float("inf")])
+def test_poses_are_recorded_at_an_interval_above_zero(line4, poses):
+    with pytest.raises(ValueError, match="poses = "):
+        RunSpec(line4, {"monomer": 2}, 1.0, seed=0, run=0, poses=poses)

@@ -1,0 +1,118 @@
+"""README's block on trust, from what its commands have kept: `python -m tests.results.trust_page` writes it anew.
+
+Each figure stands beside the command that makes it. Where the code of a room has changed since its mutants were
+judged, the block says so.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+from tests.helpers.fraction_campaign import STORED as FRACTIONS
+from tests.helpers.fuzz_campaign import STORED as FUZZED
+from tests.helpers.fuzz_campaign import generators
+from tests.mutation.__main__ import ROOT, code_of, rooms, stored
+from tests.mutation.known import STORED as KNOWN
+
+README = ROOT / "README.md"
+FAULTS = ROOT / "results/faults.json"
+HELD_OUT = ROOT / "results/line4/validation.json"
+BLOCK = re.compile(r"(<!-- TRUST -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def told(path: Any) -> Any:
+    """What a command has kept."""
+    return json.loads(path.read_text("utf-8"))
+
+
+def faults() -> str:
+    """Tries and losses of the fault campaigns, and what became of the controls."""
+    campaigns, controls = (list(part.values()) for part in told(FAULTS).values())
+    made, possible = (sum(one[key] for one in campaigns) for key in ("tries", "possible"))
+    losses, caught = sum(len(one["losses"]) for one in campaigns), sum(one["caught"] for one in controls)
+    return (
+        "a study struck by kills, failing disks, power failures, rivals, clocks and lost clusters: "
+        f"{made} of {possible} possible tries made, {losses} runs or files lost; {caught} of {len(controls)} "
+        "stores that are wrong on purpose caught"
+    )
+
+
+def fuzzed() -> str:
+    """Random inputs and those that did harm."""
+    found = told(FUZZED)
+    kinds = ", ".join(sorted({name.split()[0] for name in found["counts"]}))
+    older = "" if found["generators"] == generators() else ", made by an older generator"
+    return (
+        f"{found['inputs']:,} random inputs ({kinds}) read or refused in 10 s and 300 MB, but for "
+        f"{len(found['failures'])}; {len(found['mended'])} more did harm once and do none now{older}"
+    )
+
+
+def mutated() -> str:
+    """The score of each room."""
+    scores, spared = [], 0
+    for room in rooms().values():
+        score = stored(room.name)
+        if score is None:
+            continue
+        older = "" if score.code == code_of(room) else " (code changed since)"
+        scores.append(f"{room.name} {score.of('killed')} of {len(score.verdicts) - score.of('accepted')}{older}")
+        spared += score.of("accepted")
+    return (
+        "small changes of the code, drawn by chance, that a test sees, now that those that lived at first have tests: "
+        f"{', '.join(scores)}; {spared} more change no answer, each with its reason in `tests/mutation/rooms.toml`"
+    )
+
+
+def known() -> str:
+    """The mutants that once lived."""
+    fates = list(told(KNOWN).values())
+    return f"{fates.count('killed')} of {len(fates)} changes that no test saw once are seen"
+
+
+def proven() -> str:
+    """Limits against exact fractions."""
+    found = told(FRACTIONS)
+    return (
+        f"{found['proven']:,} limits called proven, of {found['chains']:,} random chains, against exact fractions: "
+        f"{found['outside']} off, the widest {found['widest']:.0e} of its value; {found['doubles_outside']:,} answers "
+        "by LU in doubles lie outside"
+    )
+
+
+def held_out() -> str:
+    """The verdict on the line of four."""
+    found = told(HELD_OUT)
+    (checks,) = re.findall(r"consistent with the prediction in all (\d+) checks at 1 %", found["verdict"])
+    cleared = sum(rule["is_cleared"] for rule in found["rules"])
+    return (
+        f"held-out assemblies of the line of four agree with rates that never saw them in all {checks} checks at 1 %; "
+        f"{cleared} of the plan's {len(found['rules'])} rules hold (`docs/line_of_four.md`)"
+    )
+
+
+def block() -> str:
+    """The lines of the table."""
+    rows = {
+        "make faults": faults(),
+        "make fuzz": fuzzed(),
+        "make mutation": mutated(),
+        "python -m tests.mutation.known": known(),
+        "python -m tests.helpers.fraction_campaign": proven(),
+        "make study": held_out(),
+    }
+    lines = [f"| `{command}` | {what} |" for command, what in rows.items()]
+    return "\n".join(["| command | what came of it |", "|---|---|", *lines, ""])
+
+
+def written(text: str) -> str:
+    """A page with the block as it is now. ValueError: it has no place for it."""
+    if len(BLOCK.findall(text)) != 1:
+        raise ValueError("expected one block from <!-- TRUST --> to <!-- end -->")
+    return BLOCK.sub(lambda found: found[1] + block() + found[2], text)
+
+
+if __name__ == "__main__":
+    README.write_text(written(README.read_text("utf-8")), encoding="utf-8")
