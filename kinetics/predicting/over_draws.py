@@ -39,6 +39,12 @@ class DrawMeans:
         """The same at the last time alone."""
         return replace(self, means=self.means[:, -1:], noise=self.noise[:, -1:])
 
+    @property
+    def is_hidden(self) -> bool:
+        """Whether somewhere the means differ between draws by no more than the noise of their runs."""
+        noise = self.noise.mean(axis=0)
+        return bool(((noise > 0.0) & (self.means.var(axis=0, ddof=1) <= noise)).any())
+
     def limits(self, inside: Floats) -> tuple[Floats, Floats]:
         """95 % interval of the mean (T, S) from the rates; it holds `inside` (T, S), the estimate that it belongs to.
 

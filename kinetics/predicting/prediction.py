@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network, Tank
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.over_draws import DrawMeans, runs_over_draws
+from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
 from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
@@ -174,6 +174,10 @@ def predict(
     mean = result.mean()
     drawn = None if spread is None else spread.drawn
     low, high = (None, None) if drawn is None else drawn.limits(mean)
+    if drawn is not None and drawn.is_hidden:
+        notes.append(
+            f"an interval without width is narrower than {RUNS_PER_DRAW} runs under a draw of the rates can show"
+        )
     return Prediction(
         shown,
         result.times,

@@ -154,6 +154,9 @@ def test_interval_does_not_widen_with_monte_carlo_noise():
     assert np.all(loose.high - loose.low > 3 * (made.high - made.low))
     assert np.all(loose.low < loose.mean)
     assert np.all(loose.mean < loose.high)
+    words = "an interval without width is narrower than 100 runs under a draw of the rates can show"
+    assert words in made.notes
+    assert words not in loose.notes
 
 
 def test_the_same_seed_gives_the_same_prediction():
