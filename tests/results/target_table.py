@@ -13,12 +13,14 @@ import re
 import sys
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from kinetics.assembly import derive
 from kinetics.assembly.checking.certificate import certified
 from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, compile_book
 from kinetics.assembly.compiler.compiling import LADDER
+from kinetics.assembly.rules.conditions import Senses
 from tests.results.studies import ROOT, table
 
 PAGE, STORE = ROOT / "docs" / "rules.md", ROOT / "results" / "rules" / "targets.json"
@@ -36,14 +38,17 @@ TARGETS = {
     "h7": "H of 7",
     "ring8": "ring of 8",
     "cube3": "cube 3×3×3",
+    "cube4": "cube 4×4×4",
     "pyramid45": "pyramid of 45",
 }
 QUICK = ("l3", "line4", "corner", "plate2x2")
 NOTES = {
     "line4": "the paper uses 4",
     "t5": "the paper uses 4",
+    "cube4": "with these senses, which were asked for",
     "pyramid45": "our own book by hand: 7",
 }
+SENSES = {"cube4": Senses(faces="six", roll=True)}  # asked for, where weaker ones take long to decide
 TIME_LIMIT = 3600.0  # s
 EFFORTS = {"cube2": 0.1, "ring8": 0.1}  # what is taken of the compiler's usual steps, where these take long
 
@@ -51,8 +56,10 @@ EFFORTS = {"cube2": 0.1, "ring8": 0.1}  # what is taken of the compiler's usual 
 def compiled(name: str) -> dict[str, Any]:
     """What the table says of a target, and the CPU time, s, that it takes to find out."""
     start = time.process_time()
+    target = Target.load(name)
+    asked = replace(target, senses=SENSES.get(name, target.senses))
     try:
-        made = compile_book(Target.load(name), time_limit=TIME_LIMIT, effort=EFFORTS.get(name, 1.0))
+        made = compile_book(asked, time_limit=TIME_LIMIT, effort=EFFORTS.get(name, 1.0))
     except (InfeasibleError, UndecidedError) as error:
         *_, ruled, remedy = str(error).splitlines()
         return {
