@@ -165,8 +165,15 @@ def made(rows: Rows) -> str:
     kinds = {effort: [size for size in EFFORTS if EFFORTS[size] == effort] for effort in EFFORTS.values()}
     efforts = listed([f"{effort:g} for {listed(sizes)} cubes" for effort, sizes in kinds.items()])
     missing = len(chosen(SIZES, only(seeds))) - len(rows)
+    versions = {size: Counter(row.code for row in those) for size, those in by_size(rows).items()}
+    mixed = [f"{size} cubes ({', '.join(map(str, sorted(n.values())))})" for size, n in versions.items() if len(n) > 1]
     return paragraph(
         (f"**{missing} shapes of the table have no row yet.** " if missing else "")
+        + (
+            f"Several versions of the code made the rows of {listed(mixed)}; `--resume` makes the older ones anew. "
+            if mixed
+            else ""
+        )
         + drawn
         + f"Of the steps that `compile` usually takes at most: {efforts}; CPU time of a compilation: at most "
         f"{CPU_LIMIT:g} s. Yields: {CUBES} free cubes at time 0 in a tank of 2 x 2 x 3, "
