@@ -92,8 +92,34 @@ class _Manifest(Settings):
     digest: str
 
 
+class _TrialFacts(_PartlyRead):
+    steps: Count
+    block: Annotated[float, Field(ge=0)]
+
+
+class _TrialManifest(Settings):
+    key: str
+    title: str
+    inputs: dict[str, Any]
+    outcome: str
+    facts: _TrialFacts
+    cost: dict[str, float]
+    digest: str
+
+
+def is_trial(inputs: Any) -> bool:
+    """Whether these inputs are those of a trial of accuracy, see `mechsim.accuracy.trial`, and of no run."""
+    return isinstance(inputs, dict) and "trial" in inputs
+
+
 def check_contents(manifest: Any, arrays: Mapping[str, np.ndarray]) -> None:
-    """ValueError: the manifest or an array is not what a run leaves."""
+    """ValueError: the manifest or an array is not what a run leaves, or a trial, of which nothing more is read."""
+    if isinstance(manifest, dict) and is_trial(manifest.get("inputs")):
+        validated(_TrialManifest, manifest, "its manifest")
+        for name, array in arrays.items():
+            if array.dtype.kind not in "iuf" or not array.dtype.isnative:
+                raise ValueError(f"its array {name} is of type {array.dtype}; expected numbers")
+        return
     found = validated(_Manifest, manifest, "its manifest").facts
     lengths = {"S": len(found.species), "2": 2, "3": 3}
     for name, (kinds, shape) in (NEEDED | OTHERS).items():

@@ -22,7 +22,7 @@ from kinetics.support.config import is_path, validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
-from mechsim.runs.contents import RunInputs
+from mechsim.runs.contents import RunInputs, is_trial
 from mechsim.runs.load_log import LoadLog
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
@@ -160,6 +160,8 @@ class RunSpec:
 
         ValueError: no such run, or no such book.
         """
+        if is_trial(inputs):
+            raise ValueError(f"{file} is a trial of the accuracy of mechanics, not a run")
         validated(RunInputs, inputs, str(file))
         scene = validated(Scene, inputs["scene"], str(file))
         if is_path(scene.rules):

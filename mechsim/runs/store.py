@@ -33,7 +33,7 @@ import numpy as np
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
-from mechsim.runs.contents import check_contents
+from mechsim.runs.contents import check_contents, is_trial
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
 from mechsim.runs.turns import lock, set_aside, sync_folder, write_in_turn
 
@@ -162,7 +162,7 @@ class RunStore:
         """Manifest (key, title, inputs, outcome, facts, cost, digest) and arrays of every run in the store, by key."""
         for path in sorted(self.folder.glob("*.run")):
             contents = self._contents(path)
-            if contents is not None:
+            if contents is not None and not is_trial(contents[0]["inputs"]):
                 yield contents
 
     def to_frames(self, rules: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:

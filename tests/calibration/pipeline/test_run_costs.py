@@ -17,6 +17,10 @@ def spec_of(run=0, **changes):
     return replace(RunSpec(Scene.load("line4"), {"monomer": 6}, 10.0, 1, run), **changes)
 
 
+NOTHING = {"initial": np.array([9]), "times": np.zeros(0), "channels": np.zeros(0, np.int64)}
+FACTS = {"steps": 1, "species": ["monomer"], "channels": [], "open_channels": []}
+
+
 @pytest.fixture
 def tried(monkeypatch):
     """The runs of which a trial was made: 7 s a tu each."""
@@ -33,7 +37,7 @@ def tried(monkeypatch):
 def test_stored_runs_alike_are_the_guide(tmp_path, tried):
     store = RunStore(tmp_path)
     for run, end, seconds in ((0, 10.0, 2.0), (1, 4.0, 1.5)):  # the second was stopped
-        store.write(RunRecord(spec_of(run), "any", {"times": np.zeros(0)}, {"end": end}, {"cpu_seconds": seconds}))
+        store.write(RunRecord(spec_of(run), "any", NOTHING, FACTS | {"end": end}, {"cpu_seconds": seconds}))
     assert RunCosts(tmp_path)(spec_of(duration=40.0, seed=2)) == pytest.approx(3.5 / 14 * 40)
     assert tried == []
     other = spec_of(composition={"monomer": 9})

@@ -6,7 +6,8 @@ from known_systems import walk
 
 from kinetics.chain import Chain, Sensitivity
 from kinetics.derivatives import forwards
-from kinetics.kernels import elimination, markov
+from kinetics.kernels import markov
+from kinetics.native import twins
 
 
 class Counted:
@@ -28,9 +29,9 @@ def counted(monkeypatch):
         (markov, "retreat", lambda *arguments: arguments[-1].size),
         (markov, "powers", lambda *arguments: len(arguments[-1]) - 1),
         (markov, "steps_back", lambda begins, ends, shares, stays, vectors, *rest: len(vectors)),
-        (elimination, "reduce", lambda *arguments: 1),
-        (elimination, "solve", lambda *arguments: 1),
-        (elimination, "occupy", lambda *arguments: 1),
+        (twins, "reduce", lambda *arguments: 1),
+        (twins, "solve", lambda *arguments: 1),
+        (twins, "occupy", lambda *arguments: 1),
     ):
         found[name] = Counted(getattr(module, name), amount)
         monkeypatch.setattr(module, name, found[name])

@@ -68,8 +68,8 @@ def interpreted(monkeypatch):
 def test_a_method_is_added_by_one_file_and_its_line(tmp_path):
     done = run(tmp_path, MEMBER, "newmember or differ")
     assert done.returncode == 0, done.stdout
-    asked = "from kinetics.commands.predict import METHODS; from kinetics.trust.accuracy.curves import CURVES; "
-    asked += "assert 'newmember' in METHODS; assert 'newmember' in [curve.name for curve in CURVES]"
+    asked = "from kinetics.predicting.methods import names; from kinetics.trust.accuracy.curves import CURVES; "
+    asked += "assert 'newmember' in names(); assert 'newmember' in [curve.name for curve in CURVES]"
     subprocess.run([sys.executable, "-c", asked], cwd=tmp_path, env=os.environ | {"PYTHONPATH": "."}, check=True)
 
 

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom, poisson
 
 from kinetics import Network, Transient
-from kinetics.kernels import markov
+from kinetics.native import twins
 from kinetics.solving import FiniteStateProjection, projection
 from kinetics.solving.states import TooManyStatesError
 from kinetics.solving.uniformisation import DiscreteChain
@@ -112,8 +112,8 @@ def test_refusals():
 @pytest.fixture
 def steps(monkeypatch):
     """How many steps the kernel makes, call by call."""
-    done, advance = [], markov.advance
-    monkeypatch.setattr(markov, "advance", lambda *arrays: (done.append(len(arrays[-1])), advance(*arrays)))
+    done, advance = [], twins.advance
+    monkeypatch.setattr(twins, "advance", lambda *arrays: (done.append(len(arrays[-1])), advance(*arrays)))
     return done
 
 
