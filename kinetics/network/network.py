@@ -371,7 +371,9 @@ class Network(Shown):
         reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
         return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws, self.given.rates)
 
-    def _headline(self) -> str:
+    @property
+    def headline(self) -> str:
+        """Its size, and what it conserves."""
         facts = {
             "conserved": ", ".join(self.conserved),
             "a law without its reactants": self.at_zero if self.laws else "",
@@ -386,4 +388,4 @@ class Network(Shown):
         unit = f" (1/{self.time_unit})" * bool(self.time_unit)
         rate = [f"{'k, or law' if self.laws else 'k'}{unit}"] if has_rates else []
         titles = ["channel", "reaction", "N", *rate]
-        return ResultTable(self._headline(), titles, self.rows(), [str(event) for event in self.events])
+        return ResultTable(self.headline, titles, self.rows(), [str(event) for event in self.events])

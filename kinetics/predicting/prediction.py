@@ -62,6 +62,15 @@ class Prediction(Shown):
         """Number of runs from which mean and sd come; None for a method that does not sample."""
         return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
 
+    @property
+    def headline(self) -> str:
+        """What the figures are, how they were found, how well they are known, and their cost."""
+        explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
+        precision = f"numerical error of the probabilities below {self.error:.1g}"
+        if self.runs is not None:
+            precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
+        return f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
+
     def summary(self) -> ResultTable:
         """Mean, sd and interval at some of the times, and how well they are known."""
 
@@ -71,12 +80,7 @@ class Prediction(Shown):
                 text += f" [{self.low[t, s]:.4g}, {self.high[t, s]:.4g}]"
             return text
 
-        explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
-        precision = f"numerical error of the probabilities below {self.error:.1g}"
-        if self.runs is not None:
-            precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
-        headline = f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
-        return over_time(headline, self.times, self.network.time_unit, self.network.species, cell, self.notes)
+        return over_time(self.headline, self.times, self.network.time_unit, self.network.species, cell, self.notes)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""

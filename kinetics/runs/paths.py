@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
-from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
+from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -236,16 +236,18 @@ class Ensemble(Shown):
             raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
         return Ensemble(self.network, self.times[kept], self.counts[:, kept])
 
+    @property
+    def headline(self) -> str:
+        """How much it holds."""
+        return f"{self.runs} runs of {len(self.network.species)} species at {self.times.size} times"
+
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        mean, sd = self.mean(), self.sd()
-        return over_time(
-            f"{self.runs} runs of {len(self.network.species)} species at {self.times.size} times",
-            self.times,
-            self.network.time_unit,
-            self.network.species,
-            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
-            [f"mean ± sd of a run; largest Monte-Carlo error of a mean {self.standard_error().max():.2g}"],
+        error = self.standard_error().max(initial=0.0)
+        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        network = self.network
+        return means_over_time(
+            self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
         )
 
     def mean(self) -> Floats:

@@ -16,7 +16,7 @@ from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.memory import check_memory
-from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
+from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -62,17 +62,19 @@ class EnsembleStatistics(Shown):
         """Whether all requested runs were made."""
         return self.runs == self.asked
 
+    @property
+    def headline(self) -> str:
+        """How much it holds."""
+        made = str(self.runs) if self.is_complete else f"{self.runs} of {self.asked}"
+        return f"statistics of {made} runs of {len(self.network.species)} species at {self.times.size} times"
+
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        mean, sd = self.mean(), self.sd()
-        made = str(self.runs) if self.is_complete else f"{self.runs} of {self.asked}"
-        return over_time(
-            f"statistics of {made} runs of {len(self.network.species)} species at {self.times.size} times",
-            self.times,
-            self.network.time_unit,
-            self.network.species,
-            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
-            [f"mean ± sd of a run; largest Monte-Carlo error of a mean {self.standard_error().max():.2g}"],
+        error = self.standard_error().max(initial=0.0)
+        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        network = self.network
+        return means_over_time(
+            self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
         )
 
     def mean(self) -> Floats:

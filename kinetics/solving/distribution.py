@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats, read_only
-from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
+from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,17 +50,18 @@ class Distribution(Shown):
         """The network whose states these are."""
         return self.space.network
 
+    @property
+    def headline(self) -> str:
+        """How much it holds."""
+        return f"probabilities of {len(self.space)} states at {self.times.size} times"
+
     def summary(self) -> ResultTable:
         """Mean and standard deviation of the counts, at some of the times."""
-        mean, sd = self.mean(), self.sd()
         kind = "proven" if self.is_bound else "estimated"
-        return over_time(
-            f"probabilities of {len(self.space)} states at {self.times.size} times",
-            self.times,
-            self.network.time_unit,
-            self.network.species,
-            lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}",
-            [f"mean ± sd; solved, not sampled: error of all probabilities together {self.error:.1g}, {kind}"],
+        note = f"mean ± sd; solved, not sampled: error of all probabilities together {self.error:.1g}, {kind}"
+        network = self.network
+        return means_over_time(
+            self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
         )
 
     def mean(self) -> Floats:

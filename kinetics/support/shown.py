@@ -46,12 +46,17 @@ class ResultTable:
 class Shown(ABC):
     """Base of results: `repr` is their headline, `str` and the display of a notebook their table."""
 
+    @property
+    @abstractmethod
+    def headline(self) -> str:
+        """What it is, in a line that costs nothing to make."""
+
     @abstractmethod
     def summary(self) -> ResultTable:
         """What it is, its figures, and what to know about them."""
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self.summary().headline}>"
+        return f"<{type(self).__name__}: {self.headline}>"
 
     def __str__(self) -> str:
         return self.summary().text
@@ -72,6 +77,13 @@ def over_time(
     step = max(1, -(-(times.size - 1) // (MOST_TIMES - 1))) if times.size > MOST_TIMES else 1
     rows = [[f"{times[t]:g}", *(cell(t, s) for s in range(len(names)))] for t in range(0, times.size, step)]
     return ResultTable(headline, (of_unit("time", unit), *names), rows, notes)
+
+
+def means_over_time(
+    headline: str, times: Floats, unit: str, names: Sequence[str], mean: Floats, sd: Floats, note: str
+) -> ResultTable:
+    """The same with means and standard deviations (T, S) in its columns."""
+    return over_time(headline, times, unit, names, lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}", [note])
 
 
 def on_axes(draw: Callable[..., Any]) -> Callable[..., Any]:

@@ -85,11 +85,14 @@ class _Facts(_PartlyRead):
 class _Manifest(Settings):
     key: str
     title: str
-    inputs: _Inputs
     outcome: str
-    facts: _Facts
     cost: dict[str, float]
     digest: str
+
+
+class _RunManifest(_Manifest):
+    inputs: _Inputs
+    facts: _Facts
 
 
 class _TrialFacts(_PartlyRead):
@@ -97,14 +100,9 @@ class _TrialFacts(_PartlyRead):
     block: Annotated[float, Field(ge=0)]
 
 
-class _TrialManifest(Settings):
-    key: str
-    title: str
+class _TrialManifest(_Manifest):
     inputs: dict[str, Any]
-    outcome: str
     facts: _TrialFacts
-    cost: dict[str, float]
-    digest: str
 
 
 def is_trial(inputs: Any) -> bool:
@@ -120,7 +118,7 @@ def check_contents(manifest: Any, arrays: Mapping[str, np.ndarray]) -> None:
             if array.dtype.kind not in "iuf" or not array.dtype.isnative:
                 raise ValueError(f"its array {name} is of type {array.dtype}; expected numbers")
         return
-    found = validated(_Manifest, manifest, "its manifest").facts
+    found = validated(_RunManifest, manifest, "its manifest").facts
     lengths = {"S": len(found.species), "2": 2, "3": 3}
     for name, (kinds, shape) in (NEEDED | OTHERS).items():
         if name not in arrays:

@@ -54,6 +54,13 @@ def test_a_result_is_a_line_a_table_and_html(name):
         assert result.summary().rows[0][0] == "0"
 
 
+def test_a_line_costs_no_statistics(monkeypatch):
+    """What a debugger asks for at every step must not go through all counts, nor fail where there are none."""
+    runs = RESULTS["runs"]()
+    monkeypatch.setattr(type(runs), "mean", lambda self: pytest.fail("went through the counts"))
+    assert repr(runs) == "<Ensemble: 40 runs of 4 species at 26 times>"
+
+
 def test_names_cannot_bring_html_of_their_own():
     hostile = Network.from_reactions({"<b>r</b>": ({}, {"<script>": 1})}, [1.0])
     for result in (hostile, simulate(hostile, "ssa", [0], [1.0], runs=3)):
