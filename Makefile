@@ -86,7 +86,7 @@ $(READY): pyproject.toml requirements.lock $(wildcard kinetics/native/c/*)
 
 # constraints.txt says the versions, peers' and oracles' too; uv finds the hashes.
 lock:
-	uv pip compile pyproject.toml --extra all --extra test --constraint constraints.txt --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra all --extra test --extra docs --constraint constraints.txt --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:

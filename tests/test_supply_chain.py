@@ -50,7 +50,7 @@ def test_the_lock_has_the_versions_of_the_constraints(locked):
 
 
 def test_what_the_project_asks_for_is_in_the_lock(locked):
-    peers = ("peers", "oracle")
+    peers = ("peers", "oracle", "bngl")
     asked = [line for line in requires("wellmixed") if not any(f'extra == "{extra}"' in line for extra in peers)]
     names = {normal(re.match(r"[\w.-]+", line)[0]) for line in asked} - {"wellmixed"}
     assert len(names) > 20
