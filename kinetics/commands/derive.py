@@ -6,7 +6,7 @@ import click
 
 from kinetics.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.commands.start import Start, is_network_file, network_of_book, start
-from kinetics.formats import SUFFIXES
+from kinetics.formats import WRITTEN
 from kinetics.support.cli.options import AskedStart, echo_json, in_a_folder, json_option, starting_options
 
 MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
@@ -19,7 +19,7 @@ MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
     "out_file",
     metavar="FILE",
     callback=in_a_folder,
-    help=f"Write the network to this file, in the format of its suffix: {', '.join(SUFFIXES)}.",
+    help=f"Write the network to this file, in the format of its suffix: {', '.join(WRITTEN)}.",
 )
 @click.option(
     "--breaks",

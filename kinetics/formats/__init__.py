@@ -17,11 +17,14 @@ from kinetics.support.output import write_whole
 from kinetics.formats.bionetgen import BioNetGen
 from kinetics.formats.sbml import Sbml
 from kinetics.formats.rxn import ReactionLines
+from kinetics.formats.antimony import Antimony
+from kinetics.formats.bngl import Bngl
 
-__all__ = ["FORMATS", "SUFFIXES", "Format", "NetworkModel", "read", "write"]
+__all__ = ["FORMATS", "SUFFIXES", "WRITTEN", "Format", "NetworkModel", "read", "write"]
 
 FORMATS: tuple[Format, ...] = tuple(kind() for kind in members(globals(), Format))
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
+WRITTEN = tuple(suffix for kind in FORMATS if kind.is_written for suffix in kind.suffixes)
 
 
 def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel:
@@ -31,7 +34,7 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
         what they are, and the noise is that of so many copies.
     """
     file = Path(path)
-    kind = _kind_of(file)
+    kind = _kind_of(file, SUFFIXES)
     if not file.is_file():
         raise ValueError(f"network file {path} does not exist")
     return kind.read(file, copies_per_unit)
@@ -39,11 +42,11 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
 def write(model: NetworkModel, path: str | Path) -> None:
     """Write a network file, whose suffix gives the format, whole or not at all."""
-    write_whole(path, _kind_of(Path(path)).text(model))
+    write_whole(path, _kind_of(Path(path), WRITTEN).text(model))
 
 
-def _kind_of(file: Path) -> Format:
-    for kind in FORMATS:
-        if file.suffix.lower() in kind.suffixes:
-            return kind
-    raise ValueError(f"{file} is no network file of a known format; its name must end in {', '.join(SUFFIXES)}")
+def _kind_of(file: Path, suffixes: tuple[str, ...]) -> Format:
+    suffix = file.suffix.lower()
+    if suffix not in suffixes:
+        raise ValueError(f"{file} is no network file of a known format; its name must end in {', '.join(suffixes)}")
+    return next(kind for kind in FORMATS if suffix in kind.suffixes)

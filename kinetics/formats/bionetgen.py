@@ -27,6 +27,7 @@ from kinetics.network.laws.reading import NUMBER
 from kinetics.network.parameters import Parameters
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.limits import text_in
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 BARE = re.compile(r"\w+\(\)")
@@ -43,12 +44,16 @@ class BioNetGen(Format):
 
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with `ordered` combinations, its counts and its groups."""
-        graph = Graph(MOST_NODES + path.stat().st_size)
-        return _NetReader(path, blocks_of(path), graph, copies_per_unit).model()
+        return model_in(path, text_in(path), copies_per_unit)
 
     def text(self, model: NetworkModel) -> str:
         """The model as a .net file."""
         return net_text(model)
+
+
+def model_in(path: Path, text: str, copies_per_unit: float | None) -> NetworkModel:
+    """The model of a text; `path` is the user's file, for messages."""
+    return _NetReader(path, blocks_of(path, text), Graph(MOST_NODES + len(text)), copies_per_unit).model()
 
 
 @dataclass

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from kinetics.support.limits import MOST_REACTIONS, MOST_SPECIES, check_count, check_names, text_in
+from kinetics.support.limits import MOST_REACTIONS, MOST_SPECIES, check_count, check_names
 
 NEEDED = ("species", "reactions")
 READ = ("parameters", "functions", "species", "reactions", "groups")
@@ -31,9 +31,8 @@ class Line(NamedTuple):
     comment: str
 
 
-def blocks_of(path: Path) -> dict[str, list[Line]]:
+def blocks_of(path: Path, text: str) -> dict[str, list[Line]]:
     """The lines of every block that is read; a ValueError with the line number where the file is damaged."""
-    text = text_in(path)
     blocks: dict[str, list[Line]] = {}
     inside: str | None = None
     began = 0

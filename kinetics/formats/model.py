@@ -59,10 +59,12 @@ class Format(ABC):
 
     name : name of the format in tests and messages, in lower case
     suffixes : suffixes of its files, in lower case, with the dot
+    is_written : whether models are written in it, and not only read
     """
 
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
+    is_written: ClassVar[bool] = True
 
     @abstractmethod
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
@@ -72,6 +74,6 @@ class Format(ABC):
             copy are a mistake
         """
 
-    @abstractmethod
     def text(self, model: NetworkModel) -> str:
         """The text of a file for a model; a ValueError where the format cannot hold all of it."""
+        raise NotImplementedError(f"{self.name} is read only")

@@ -21,6 +21,7 @@ from kinetics.formats.scaling import model_of
 from kinetics.network import Network
 from kinetics.network.laws.graph import BudgetError
 from kinetics.network.parameters import Parameters
+from kinetics.support.limits import XML_BYTES, check_size
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,22 @@ class Sbml(Format):
 
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with `distinct` combinations, its counts, and what its rules add up."""
-        document = document_of(path)  # its model lives as long as it does
-        names = SbmlNames(path, document.getModel())
-        try:
-            return _model(names, copies_per_unit)
-        except ValueError as error:
-            raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
+        check_size(path, XML_BYTES)
+        return model_in(path, path.read_bytes(), copies_per_unit)
 
     def text(self, model: NetworkModel) -> str:
         """The model in Level 3 Version 1, amounts in copies."""
         return sbml_text(model)
+
+
+def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> NetworkModel:
+    """The model of a document; `path` is the user's file, for messages."""
+    document = document_of(path, data)  # its model lives as long as it does
+    names = SbmlNames(path, document.getModel())
+    try:
+        return _model(names, copies_per_unit)
+    except ValueError as error:
+        raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
 
 
 def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:

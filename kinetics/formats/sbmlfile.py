@@ -10,10 +10,8 @@ from kinetics.formats.sbmlchecks import check_consistency
 from kinetics.support.limits import (
     MOST_REACTIONS,
     MOST_SPECIES,
-    XML_BYTES,
     check_count,
     check_names,
-    check_size,
 )
 
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
@@ -22,12 +20,10 @@ MAX_ERRORS = 5  # reported at once
 HARMLESS = ("layout", "render", "annot", "l3v2extendedmath")
 
 
-def document_of(path: Path) -> Any:
-    """The document, with a model, without faults that libsbml sees or packages that change what it means."""
+def document_of(path: Path, data: bytes) -> Any:
+    """The document in a file's bytes: with a model, and nothing that libsbml faults or that we do not know."""
     import libsbml
 
-    check_size(path, XML_BYTES)
-    data = path.read_bytes()
     _check_depth(path, data)
     try:
         text = data.decode("utf-8")

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics.formats import FORMATS, SUFFIXES, NetworkModel, read, write
+from kinetics.formats import FORMATS, SUFFIXES, WRITTEN, NetworkModel, read, write
 from kinetics.network import Network
 from kinetics.network.laws import Event
 from kinetics.network.sparse_tables import SparseTable
@@ -16,6 +16,8 @@ from kinetics.sampling import General
 from wellmixed import main
 
 FORMAT = pytest.mark.parametrize("kind", FORMATS, ids=lambda kind: kind.name)
+WRITES = pytest.mark.parametrize("kind", [kind for kind in FORMATS if kind.is_written], ids=lambda kind: kind.name)
+READS = pytest.mark.parametrize("kind", [kind for kind in FORMATS if not kind.is_written], ids=lambda kind: kind.name)
 PAIR = {"pair": ({"A": 2}, {"B": 1}), "part": ({"B": 1}, {"A": 2})}
 
 
@@ -114,7 +116,7 @@ def test_it_says_what_it_is(kind):
     assert all(re.fullmatch(r"\.[a-z0-9]+", suffix) for suffix in kind.suffixes)
 
 
-@FORMAT
+@WRITES
 @pytest.mark.parametrize("name", KEPT)
 def test_a_network_comes_back(kind, name, tmp_path):
     model = model_of(KEPT[name]())
@@ -123,7 +125,7 @@ def test_a_network_comes_back(kind, name, tmp_path):
     assert_same(through(kind, again, tmp_path), again)
 
 
-@FORMAT
+@WRITES
 @pytest.mark.parametrize("name", HARD)
 def test_what_it_cannot_hold_is_refused_and_not_changed(kind, name, tmp_path):
     assert_kept_or_refused(kind, model_of(HARD[name](), copies=6), tmp_path)
@@ -140,7 +142,7 @@ def assert_kept_or_refused(kind, model, folder):
         assert not path.exists()
 
 
-@FORMAT
+@WRITES
 def test_large_counts_and_extreme_rates_come_back(kind, tmp_path):
     network = KEPT["mass action"]().with_rates([4.9e-300, 1.7e300])
     model = NetworkModel(network, [10**14 + 1, 0])
@@ -149,7 +151,7 @@ def test_large_counts_and_extreme_rates_come_back(kind, tmp_path):
         assert_kept_or_refused(kind, NetworkModel(network, [0, count]), tmp_path / str(count))
 
 
-@FORMAT
+@WRITES
 def test_a_scale_keeps_the_rate_equations_or_is_refused(kind, tmp_path):
     """Ten copies to a unit of amount: ten times the counts, and of order 0 and 1 ten times the propensities there."""
     model = model_of(KEPT["of nothing"]())
@@ -169,7 +171,7 @@ def test_a_scale_keeps_the_rate_equations_or_is_refused(kind, tmp_path):
     assert_allclose(found, 10 * expected, rtol=1e-14)
 
 
-@FORMAT
+@WRITES
 def test_its_files_are_found_by_every_suffix_in_any_case(kind, tmp_path):
     model = model_of(KEPT["mass action"]())
     for suffix in kind.suffixes:
@@ -179,7 +181,7 @@ def test_its_files_are_found_by_every_suffix_in_any_case(kind, tmp_path):
             assert (tmp_path / name).read_text(encoding="utf-8") == kind.text(model)
 
 
-@FORMAT
+@WRITES
 def test_large_networks_need_no_dense_table(kind, tmp_path, monkeypatch):
     n = 600
     names = [f"s{i}" for i in range(n)]
@@ -196,7 +198,7 @@ def test_large_networks_need_no_dense_table(kind, tmp_path, monkeypatch):
     assert_allclose(again.network.propensities(np.ones(n)), np.arange(n) + 0.5, rtol=1e-15)
 
 
-@FORMAT
+@WRITES
 def test_a_damaged_file_is_refused_by_name(kind, tmp_path):
     """Cut short, with bytes exchanged, empty, not text, too large: never anything but a ValueError, or a network."""
     path = tmp_path / f"model{kind.suffixes[0]}"
@@ -222,7 +224,7 @@ def test_a_damaged_file_is_refused_by_name(kind, tmp_path):
         read(path)
 
 
-@FORMAT
+@WRITES
 def test_the_commands_know_it(kind, tmp_path):
     run = CliRunner().invoke
     assert all(suffix in run(main, ["derive", "--help"]).output for suffix in kind.suffixes)
@@ -233,10 +235,27 @@ def test_the_commands_know_it(kind, tmp_path):
     assert "2 species and 2 channels are in" in done.output
 
 
+@READS
+def test_what_is_read_only_is_not_written_and_refused_by_name(kind, tmp_path):
+    for suffix in kind.suffixes:
+        path = tmp_path / f"model{suffix}"
+        with pytest.raises(ValueError, match="must end in"):
+            write(model_of(KEPT["mass action"]()), path)
+        for damaged in (b"", b"\xff\xfe\x00", b"\x00" * 50, b"begin model\nA ->"):
+            path.write_bytes(damaged)
+            with pytest.raises((ValueError, ModuleNotFoundError)) as refused:
+                read(path)
+            assert isinstance(refused.value, ModuleNotFoundError) or str(path) in str(refused.value)
+        with path.open("wb") as file:
+            file.truncate(2**30)
+        with pytest.raises(ValueError, match=f"{re.escape(str(path))} has {2**30} bytes; at most"):
+            read(path)
+
+
 def test_other_files_are_refused_with_all_suffixes(tmp_path):
     model = model_of(KEPT["mass action"]())
-    for act in (lambda path: write(model, path), read):
-        with pytest.raises(ValueError, match=r"must end in " + ", ".join(map(re.escape, SUFFIXES))):
+    for act, suffixes in ((lambda path: write(model, path), WRITTEN), (read, SUFFIXES)):
+        with pytest.raises(ValueError, match=r"must end in " + ", ".join(map(re.escape, suffixes)) + "$"):
             act(tmp_path / "model.csv")
     with pytest.raises(ValueError, match=f"network file .*model{SUFFIXES[0]} does not exist"):
         read(tmp_path / f"model{SUFFIXES[0]}")

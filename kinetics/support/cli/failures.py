@@ -31,6 +31,8 @@ EXTRAS = {
     "imageio_ffmpeg": "movie",
     "plotly": "movie",
     "libsbml": "sbml",
+    "antimony": "antimony",
+    "bionetgen": "bngl",
 }
 KEPT = "wellmixed.kept"
 

@@ -97,7 +97,7 @@ def test_commands_take_other_values(tmp_path):
         ([file, "--set", "k3=1"], "unknown parameter 'k3' (did you mean k2 or k1?)"),
         ([file, "--set", "k1"], "--set k1; expected a name and a number"),
         (["line4", "--rates", "table3", "--cubes", 6, "--set", "k1=1"], "is a rule book, whose rates"),
-        (["model.ant"], "model.ant ends in .ant, which is not read; a network file ends in .net"),
+        (["model.cps"], "model.cps ends in .cps, which is not read; a network file ends in .net"),
     ):
         told = run("predict", *words)
         assert told.exit_code == 2
