@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ SUFFIXES = (".csv", ".parquet")
 MOST_CELLS = 10_000_000  # of a Parquet file, in which any number of equal cells takes no room
 # What pyarrow and pandas raise on damaged files, whose checksums may be right.
 DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OSError, OverflowError, csv.Error)
+INDEX = re.compile(r"__index_level_\d+__")  # the rows of a data frame, numbered
 LARGEST = 2.0**53  # of a count; beyond it a float skips whole numbers
 
 
@@ -133,18 +135,27 @@ def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
 
 def _parquet(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
     """The same of a Parquet file, whose rows are numbered as if they stood below a line of titles."""
-    import pandas as pd
     from pyarrow import parquet
 
-    told = parquet.read_metadata(file)
-    if told.num_rows * told.num_columns > MOST_CELLS:
-        raise ValueError(f"{told.num_rows} rows of {told.num_columns} columns; at most {MOST_CELLS} cells are read")
-    frame = pd.read_parquet(file)
-    texts = frame.astype(object).where(frame.notna(), "")
-    columns = [
-        np.array([str(cell).strip() for cell in texts.iloc[:, place]], dtype=object) for place in range(texts.shape[1])
-    ]
-    return [str(title).strip() for title in frame.columns], columns, np.arange(len(frame), dtype=np.int64) + 2
+    opened = parquet.ParquetFile(file)
+    told, titles = opened.metadata, opened.schema_arrow.names
+    if told.num_rows * max(1, len(titles)) > MOST_CELLS:
+        raise ValueError(f"{told.num_rows} rows of {len(titles)} columns; at most {MOST_CELLS} cells are read")
+    if len(set(titles)) < len(titles):
+        raise ValueError(f"two columns of one title; its titles are {', '.join(titles)}")
+    kept = [title for title in titles if not INDEX.fullmatch(title)]
+    columns = [_texts(opened.read(columns=[title], use_threads=False).column(0)) for title in kept]
+    return [title.strip() for title in kept], columns, np.arange(told.num_rows, dtype=np.int64) + 2
+
+
+def _texts(column: Any) -> NDArray[Any]:
+    """The cells of a column of Arrow as text, each text kept once however often it stands there."""
+    coded = column.combine_chunks()
+    if not hasattr(coded, "dictionary"):
+        coded = coded.dictionary_encode()
+    values = coded.dictionary.to_pylist()
+    texts = ["" if value is None or str(value) == "nan" else str(value).strip() for value in values]
+    return np.array([*texts, ""], dtype=object)[coded.indices.fill_null(len(texts)).to_numpy()]
 
 
 def near(name: str, known: Sequence[str], shown: int = 8) -> str:

@@ -43,6 +43,7 @@ def run(path: Path, seed: int, inputs: int) -> dict:
     still = [failure for number, *_ in told["failures"] for failure in campaign(seed, number, number + 1)[1]]
     told["mended"] += sorted({number for number, *_ in told["failures"]} - {number for number, *_ in still})
     told["failures"] = still
+    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     while told["inputs"] < inputs:
         last = min(told["inputs"] + IN_ONE_PROCESS, inputs)
         began = time.monotonic()
