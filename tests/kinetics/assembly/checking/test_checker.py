@@ -68,6 +68,7 @@ def test_growth_without_end_is_not_closed():
     finding = only(check(book, max_cubes=6), "not closed")
     assert len(finding.structure) == 7
     assert "beyond 6 cubes" in finding.text
+    assert finding.is_error
     assert only(check(book, max_cubes=6, max_species=5), "not proven").is_error
 
 
@@ -120,6 +121,8 @@ def test_target_with_other_letters_and_target_that_grows():
     finding = only(check(book("ab", [pair("a", "a", "b")], target="aa")), "target not reached")
     assert "made with other letters" in finding.text
     more = Combination(rule="more", letter="b", partner="a", face="f1", partner_face="f1", becomes="b")
+    short = only(check(book("ab", [pair("a", "a", "b")], target="bbb")), "target not reached")
+    assert short.text == "no structure has the target's shape"  # the pair, a part of it, has not
     joined = [pair("a", ["a", "b"], "b"), more]
     report = check(book("ab", joined, target="bb"), max_cubes=5)
     assert {"not closed", "off-target", "target not final"} <= set(kinds(report))
@@ -129,6 +132,14 @@ def test_livelock_is_named():
     flip = [Internal(rule=f"flip {x}", letter=x, has=x, becomes=y) for x, y in ("bc", "cb")]
     finding = only(check(book("abc", [pair("a", "a", "b")], flip)), "livelock")
     assert "never come to rest" in finding.text
+    joins = [
+        Combination(rule=f"{one} {other}", letter=one, partner=list(other), face="f2", partner_face="f2", becomes="b")
+        for one, other in (("a", "g"), ("g", "ag"))
+    ]
+    twice = check(
+        book("abcg", [pair("a", "a", "g"), *joins], flip)
+    )  # a pair restless with a free cube, or another pair
+    assert only(twice, "livelock").text.endswith("(2 such events)")
 
 
 def test_a_cube_that_never_rests_is_a_finding():

@@ -10,6 +10,7 @@ from kinetics.assembly import LivelockError, Structure, check
 from kinetics.assembly.checking import examined
 from kinetics.assembly.compiler.seeded import compile_seeded
 from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.deriving.history import random_growth
 
 PLATE = tuple(product(range(-1, 2), range(-1, 2), (0,)))
@@ -73,3 +74,10 @@ def test_a_checker_that_sees_no_dead_end_is_found_out(monkeypatch):
     monkeypatch.setattr(examined.Examined, "_missing", lambda self, target: ())
     with pytest.raises(AssertionError):
         compared(compiled(PLATE))
+
+
+def test_free_cubes_and_the_seed_are_there_from_the_start():
+    found = examined.Examined(explore(compiled(PLATE[:3])))
+    assert found.seed == 1
+    assert found.costs[:2] == [0, 0]
+    assert min(found.costs[2:]) == 1
