@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 NAMED = 40  # groups that have room for a line of their own
-OBSERVED, PREDICTED, THIRD = COLOURS[5], COLOURS[0], COLOURS[2]  # vermilion, blue, green
+OBSERVED, PREDICTED = COLOURS[7], COLOURS[0]  # mechanics are black everywhere; predictions of a species have its colour
 
 
 class Limited(NamedTuple):
@@ -194,16 +194,17 @@ def trajectory(
     observed: tuple[str, Limited],
     sampled: tuple[str, Floats] | None = None,
     title: str = "",
+    colour: str = PREDICTED,
 ) -> Axes:
-    """Mean copies (T,) of one species: the prediction with its band, the runs with their interval.
+    """Mean copies (T,) of one species: the prediction with its band, in the species' colour, and the runs' interval.
 
     predicted, observed : label, and values with limits (T,); sampled : label and mean (T,) of SSA runs, dotted
     """
     label, band = predicted
-    ax.fill_between(times, band.low, band.high, color=PREDICTED, alpha=0.25, linewidth=0)
-    ax.plot(times, band.values, color=PREDICTED, label=label)
+    ax.fill_between(times, band.low, band.high, color=colour, alpha=0.25, linewidth=0)
+    ax.plot(times, band.values, color=colour, label=label)
     if sampled is not None:
-        ax.plot(times, sampled[1], ":", color=THIRD, label=sampled[0])
+        ax.plot(times, sampled[1], ":", color=colour, label=sampled[0])
     label, band = observed
     ax.fill_between(times, band.low, band.high, color=OBSERVED, alpha=0.2, linewidth=0)
     ax.plot(times, band.values, "--", color=OBSERVED, label=label)
@@ -222,6 +223,7 @@ def first_times(
     horizon: float,
     predicted: tuple[str, Floats, Floats],
     predicted_mean: float,
+    colour: str = PREDICTED,
 ) -> Axes:
     """Share of runs that have the first copy, with exact pointwise 95 % limits, beside the predicted distribution.
 
@@ -236,9 +238,9 @@ def first_times(
     low = np.where(reached > 0, betaincinv(np.maximum(reached, 1), n - reached + 1, 0.025), 0.0)
     high = np.where(reached < n, betaincinv(reached + 1, np.maximum(n - reached, 1), 0.975), 1.0)
     label, times, curve = predicted
-    ax.plot(times, curve, color=PREDICTED, label=label)
+    ax.plot(times, curve, color=colour, label=label)
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)
-    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs")
+    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs, 95 % limits")
     if seen.size == n:  # the curve is flat from the last one on
         ax.set_xlim(0, min(horizon, 1.5 * max(seen[-1], predicted_mean)))
     ax.set_ylim(0, 1)

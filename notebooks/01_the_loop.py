@@ -302,7 +302,7 @@ events[["size", "group", "seen", "expected", "low", "high", "ratio", "p", "p_sca
 # %%
 figure, axes = plt.subplots(2, 4, figsize=(16, 6.5))
 for ax, comparison in zip(axes.flat, predicted.comparisons, strict=False):
-    comparison.first.plot(ax)
+    comparison.first.plot(ax, comparison.network.index(comparison.first.species))
     ax.set_title(comparison.label)
 for ax in axes.flat[len(predicted.comparisons) :]:
     ax.axis("off")

@@ -46,6 +46,22 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(skip)
 
 
+@pytest.fixture(autouse=True)
+def _figures_are_legible(monkeypatch):
+    """Every figure that a test saves is looked at: its words may not cover each other, nor be cut off."""
+    from legible import illegible
+    from matplotlib.figure import Figure
+
+    save = Figure.savefig
+
+    def looked_at(figure, *arguments, **named):
+        save(figure, *arguments, **named)
+        wrong = illegible(figure)  # afterwards: a second layout may differ
+        assert not wrong, "; ".join(wrong[:5])
+
+    monkeypatch.setattr(Figure, "savefig", looked_at)
+
+
 @pytest.fixture(scope="session")
 def wellmixed():
     """wellmixed(*arguments, cwd=): the outcome of the installed command, in a process of its own."""

@@ -203,7 +203,9 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
         parts.append(Chart(caption, draw, panels=len(species), rows=comparison.table(), name=name))
         if comparison.first is not None:
             first = comparison.first
-            parts.append(Chart(f"{comparison.label}: first {first.species}.", first.plot, name=f"{name}-first"))
+            place = comparison.network.index(first.species)
+            drawn = partial(first.plot, place=place)
+            parts.append(Chart(f"{comparison.label}: first {first.species}.", drawn, name=f"{name}-first"))
     return parts + diagnosis_parts(study.diagnosis, "held-out-diagnostics")
 
 

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from kinetics.support.labels import keep_apart
 from kinetics.support.output import checked_name, write_together
 from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
@@ -111,6 +112,7 @@ class Chart:
             axes = [figure.add_subplot(rows, columns, i + 1) for i in range(self.panels)]
             self.draw(axes[0] if self.panels == 1 else axes)
             words_as_they_are(figure)
+            keep_apart(figure)
             buffer = io.BytesIO()
             figure.savefig(buffer, format="svg", metadata={"Date": None})
         return buffer.getvalue()

@@ -225,6 +225,7 @@ class CrossValidation:
     def plot(self, axes: Sequence[Axes], species: Sequence[str] | None = None) -> Sequence[Axes]:
         """Plot observed and predicted means with bands, one species per axes; all species unless some are named."""
         from calibration import plots
+        from kinetics.support.plots import colour
 
         percent, sampled = f"{100 * self.level:g} %", f"SSA, {self.cost.ssa_runs} runs"
         label = f"{'exact' if self.is_exact else sampled}, {percent} band for {self.runs} runs"
@@ -240,6 +241,7 @@ class CrossValidation:
                 observed=(f"mechanics, {percent} interval", observed),
                 sampled=(sampled, self.ssa_mean[:, s]) if self.is_exact else None,
                 title=self.label,
+                colour=colour(s),
             )
         return axes
 

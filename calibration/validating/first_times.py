@@ -72,15 +72,21 @@ class FirstTimes:
         return int(np.isnan(self.observed).sum())
 
     @on_axes
-    def plot(self, ax: Axes) -> Axes:
-        """Plot the share of runs with a copy, with its 95 % band, and the predicted curve; returns `ax`."""
+    def plot(self, ax: Axes, place: int = 0) -> Axes:
+        """Plot the share of runs with a copy, with its 95 % limits, and the predicted curve; returns `ax`.
+
+        place : the species' in its network, which gives the curve its colour
+        """
         from calibration import plots
+        from kinetics.support.plots import colour
 
         # with a rate of 0 the chain may end elsewhere, and the mean is infinite
         mean = f", mean {self.mean:.4g} tu" if np.isfinite(self.mean) else ""
         label = f"exact{mean}" if self.is_exact else f"SSA, within {self.curve_error:.1g} (1 s.e.)"
         predicted = (label, self.curve_times, self.curve)
-        return plots.first_times(ax, self.species, self.observed, self.horizon, predicted, self.predicted_mean)
+        return plots.first_times(
+            ax, self.species, self.observed, self.horizon, predicted, self.predicted_mean, colour(place)
+        )
 
 
 def compare_first_times(

@@ -217,7 +217,7 @@ class GrowthComparison:
                 continue
             ax.fill_between(self.times, self.low[:, v], self.high[:, v], color=plots.colour(0), alpha=0.2, linewidth=0)
             ax.plot(self.times, self.predicted[:, v], color=plots.colour(0))
-            ax.plot(self.times, self.observed[:, v], ".", color=plots.colour(5), markersize=4)
+            ax.plot(self.times, self.observed[:, v], ".", color="black", markersize=4)
             if not (self.high[:, v].any() or self.observed[:, v].any()):
                 ax.set_ylim(-0.05, 1.0)  # else about 0, with signs and digits that mean nothing
             ax.set_title(self.curves[v], fontsize="medium")

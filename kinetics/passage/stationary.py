@@ -91,7 +91,13 @@ class Stationary(ChainStationary):
         from kinetics.support import plots
 
         shares = self.marginal(species)
-        ax.stairs(shares, np.arange(shares.size + 1) - 0.5, color=plots.COLOURS[0], fill=True, alpha=0.4)
+        ax.stairs(
+            shares,
+            np.arange(shares.size + 1) - 0.5,
+            color=plots.colour(self.space.network.index(species)),
+            fill=True,
+            alpha=0.4,
+        )
         ax.set_xlabel(f"copies of {species}")
         ax.set_ylabel("stationary probability")
         return ax

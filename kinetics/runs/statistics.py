@@ -162,7 +162,9 @@ class EnsembleStatistics(Shown):
         some, rest = found > 0, found < self.runs
         low[some] = betaincinv(found[some], self.runs - found[some] + 1, tail)
         high[rest] = betaincinv(found[rest] + 1, self.runs - found[rest], 1 - tail)
-        return Marginal(species, float(time), first, width, found / self.runs, low, high, level, self.network.time_unit)
+        return Marginal(
+            species, float(time), first, width, found / self.runs, low, high, level, self.network.time_unit, s
+        )
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
         """Statistics of the runs of both, which must be different runs of one network at the same times."""
@@ -215,6 +217,7 @@ class Marginal:
     high: Floats
     level: float
     time_unit: str = ""
+    place: int = 0
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -223,7 +226,9 @@ class Marginal:
 
         middle = self.first + (self.width - 1) / 2
         spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
-        ax.errorbar(middle, self.share, spread, fmt="o", ms=3, capsize=2, color=plots.colour(0), label=self.species)
+        ax.errorbar(
+            middle, self.share, spread, fmt="o", ms=3, capsize=2, color=plots.colour(self.place), label=self.species
+        )
         ax.set_xlabel(f"copies of {self.species} at {in_unit(f'{self.time:g}', self.time_unit)}")
         ax.set_ylabel(f"share of runs ({100 * self.level:g} % intervals)" if self.width == 1 else "share of runs a bin")
         return ax

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.support.labels import keep_apart
 from kinetics.support.output import write_whole
 from kinetics.support.tables import in_unit, of_unit
 
@@ -17,15 +18,23 @@ from kinetics.support.tables import in_unit, of_unit
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 
 
+LINES = ("-", "--", "-.", ":")
+
+
 def colour(i: int) -> str:
-    """Colour of the i-th curve."""
+    """Colour of the i-th species of a network, in every figure; of the i-th curve, where curves are no species."""
     return COLOURS[i % len(COLOURS)]
+
+
+def line(i: int) -> dict[str, Any]:
+    """Colour and line of the i-th curve, no two alike up to the 32nd."""
+    return {"color": colour(i), "linestyle": LINES[i // len(COLOURS) % len(LINES)]}
 
 
 def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], unit: str = "tu") -> Any:
     """Counts (T, S) that hold from each time to the next; returns `ax`."""
     for i, (name, column) in enumerate(zip(names, np.asarray(counts).T, strict=True)):
-        ax.step(times, column, where="post", color=colour(i), label=name)
+        ax.step(times, column, where="post", label=name, **line(i))
     return _finish(ax, "copies", unit)
 
 
@@ -42,7 +51,7 @@ def bands(
     columns = zip(names, np.asarray(middle).T, np.asarray(low).T, np.asarray(high).T, strict=True)
     for i, (name, curve, bottom, top) in enumerate(columns):
         ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
-        ax.plot(times, curve, color=colour(i), label=name)
+        ax.plot(times, curve, label=name, **line(i))
     return _finish(ax, "copies (mean, middle 95 %)", unit)
 
 
@@ -99,6 +108,7 @@ def save_figure(path: str, draw: Any, size: tuple[float, float], dpi: int = 150)
     figure, picture = Figure(figsize=size, layout="constrained"), io.BytesIO()
     draw(figure)
     words_as_they_are(figure)
+    keep_apart(figure)
     with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
         figure.savefig(picture, format=kind, dpi=dpi, metadata=undated.get(kind))
     write_whole(path, picture.getvalue())

@@ -31,9 +31,9 @@ def draw(accuracy: Accuracy, figure: Any) -> Any:
         handles, labels = ax.get_legend_handles_labels()
         shown = dict(zip(labels, handles, strict=True)) | shown
     figure.legend(
-        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown), frameon=False, fontsize=8,
-        title=f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu at each "
-        f"step, half as much at other settings; reference: step {accuracy.reference.setting.label} tu",
+        shown.values(), shown.keys(), loc="outside upper center", ncols=min(len(shown), 3 * n), frameon=False,
+        fontsize=8, title=f"{accuracy.scene.name}, {accuracy.cubes} cubes, {accuracy.runs} × {accuracy.duration:g} tu "
+        f"at each step, half as much at other settings; reference: step {accuracy.reference.setting.label} tu",
     )  # fmt: skip
     if accuracy.model:
         sensitivity(figure.add_subplot(grid[1, :]), accuracy)

@@ -158,20 +158,20 @@ def plot_tails(ax: Any, found: Gauge) -> Any:
     from kinetics.support import plots
 
     loads = found.loads
-    for k, s in enumerate(loads.can_break):
+    for s in loads.can_break:
         value = np.sort(loads.value[loads.struck == s])
         if not len(value):
             continue
         above = np.arange(len(value), 0, -1)  # at least so large
         low, high = exact_limits(above, loads.alone[s])
-        ax.plot(value, above / loads.alone[s], color=plots.colour(k), label=loads.species[s])
-        ax.fill_between(value, low, high, color=plots.colour(k), alpha=0.2, linewidth=0)
+        ax.plot(value, above / loads.alone[s], color=plots.colour(s), label=loads.species[s])
+        ax.fill_between(value, low, high, color=plots.colour(s), alpha=0.2, linewidth=0)
         fits = [row for row in found.breaks if (row.species, row.source) == (loads.species[s], "all")]
         if fits:
             tail = fits[-1].tails[0]
             far = np.linspace(tail.level, MOST_SHOWN * loads.threshold, 200)
             rate = tail.number / loads.alone[s] * tail.beyond(far)
-            ax.plot(far[rate > 0], rate[rate > 0], color=plots.colour(k), linestyle="--", linewidth=0.9)
+            ax.plot(far[rate > 0], rate[rate > 0], color=plots.colour(s), linestyle="--", linewidth=0.9)
     ax.axvline(loads.threshold, color="0.4", linestyle=":", label="threshold")
     ax.set_xlim(right=MOST_SHOWN * loads.threshold)  # a single load far out would squeeze all others
     ax.set_yscale("log")

@@ -11,11 +11,11 @@ from kinetics.assembly import FACE_NORMALS
 from kinetics.assembly.deriving.history import alike_first
 from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.drawing.pictures import FACE_COLOURS, strip
+from kinetics.support.plots import colour
 from mechsim.inspection.poses import Poses
 from mechsim.runs.record import RunRecord, book_of
 
-# Okabe and Ito's colours, by the number of cubes in a structure: 1, 2, 3, 4, 5, more.
-COLOURS = ("#BBBBBB", "#56B4E9", "#E69F00", "#D55E00", "#009E73", "#CC79A7")
+LARGEST = 6  # number of cubes in a structure from which on all have one colour
 EYE = np.array((4.8, -3.15, 2.25))  # in halves of the tank's mean edge
 LIGHT = np.array((0.45, -0.6, 0.9))
 Paint = Literal["size", "type"]
@@ -51,8 +51,8 @@ def draw_frame(poses: Poses, ax: Any, frame: int, paint: Paint = "size", legend:
     ax.add_collection(PolyCollection(list(polygons), facecolors=colours, edgecolors="0.25", linewidths=0.3, zorder=2))
     ax.add_collection(LineCollection(list(_project(edges[~behind], eye)), colors="0.55", linewidths=0.7, zorder=3))
     if legend:
-        for label, colour in labels(poses, frame, paint):
-            ax.plot([], [], "s", ms=9, color=colour, mec="0.4", label=label)
+        for label, painted in labels(poses, frame, paint):
+            ax.plot([], [], "s", ms=9, color=painted, mec="0.4", label=label)
         title = "structures of" if paint == "size" else "faces of type"
         ax.legend(loc="upper left", bbox_to_anchor=(0.97, 1.0), frameon=False, title=title)
     corners = _project(edges, eye).reshape(-1, 2)
@@ -129,7 +129,8 @@ def growth(record: RunRecord, frames: int = 9) -> Drawing:
 
 
 def _colour(size: int) -> str:
-    return COLOURS[min(size, len(COLOURS)) - 1]
+    """That of the curve of n-mers, where a network has one structure of each size, as lines have."""
+    return colour(min(size, LARGEST) - 1)
 
 
 def _rgb(colour: str) -> tuple[float, ...]:
