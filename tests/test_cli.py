@@ -7,6 +7,7 @@ The demonstration makes a calibration and held-out runs; `calibrate` and `valida
 import html
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -175,6 +176,10 @@ def test_demo(place, demonstrated):
     assert report.count("<img") >= 5
     for reference in ("http://", "https://", "<script", "<link"):  # self-contained
         assert reference not in report
+    names = re.findall(r"<th>(.*?)</th>", report) + re.findall(r"<tr><td>(.*?)</td>", report.partition("Provenance")[0])
+    assert len(names) > 60
+    shortened = {"low", "high", "aic", "came", "freedom", "crps", "sd", "n"}
+    assert [name for name in names if "_" in name or name.lower() in shortened] == []
 
 
 def test_calibrate(place, calibrated):

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
+from calibration.reporting.words import in_words
 from kinetics.rates import Rates, about_priors
 
 if TYPE_CHECKING:
@@ -238,4 +239,4 @@ def _draw_single_runs(comparisons: Sequence[CrossValidation], axes: Any) -> None
 
 def _one_column_each(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows as columns, named by their labels: many figures of few experiments are read downwards."""
-    return [{"": key} | {str(row["label"]): row[key] for row in rows} for key in rows[0] if key != "label"]
+    return [{"": in_words(key)} | {str(row["label"]): row[key] for row in rows} for key in rows[0] if key != "label"]

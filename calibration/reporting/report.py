@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from calibration.reporting.words import in_words
 from kinetics.support.labels import keep_apart
 from kinetics.support.output import checked_name, write_together
 from kinetics.support.plots import words_as_they_are
@@ -61,7 +62,7 @@ class Text:
 class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
-    rows : mappings from column to number or text; the columns are those of the first row, `_` shown as a space
+    rows : mappings from column to number or text; the columns are those of the first row, named in words
     """
 
     caption: str
@@ -176,7 +177,7 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
     if not rows:
         return "<p>No rows.</p>"
     columns = list(rows[0])
-    titles = "".join(f"<th>{html.escape(str(column).replace('_', ' '))}</th>" for column in columns)
+    titles = "".join(f"<th>{html.escape(in_words(str(column)))}</th>" for column in columns)
     lines = ["<tr>" + "".join(_cell(_shown(row.get(column))) for column in columns) + "</tr>" for row in rows]
     first = f"<tr>{titles}</tr>\n" if head else ""
     return f'<div><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"

@@ -5,6 +5,7 @@ import pytest
 
 from calibration import Chart, Heading, HtmlReport, ReportTable, Text
 from calibration.reporting.overview import NOTABLE, notable
+from calibration.reporting.words import IN_WORDS
 from calibration.validating.events import EventRow
 
 NASTY = "<script>alert(\"1\")</script> & 'co'"
@@ -116,3 +117,13 @@ def test_channels_without_anything_to_show_are_left_out_at_every_size():
     shown = notable([small, large])
     assert [[r.group for r in rows] for rows in shown] == [["joins", "odd"]] * 2
     assert [[r.group for r in rows] for rows in notable([small])] == [["joins"]]
+
+
+def test_columns_are_named_in_words():
+    """Every short name has words of its own, which are no short name."""
+    assert len(set(IN_WORDS.values())) == len(IN_WORDS)
+    assert not set(IN_WORDS) & set(IN_WORDS.values())
+    page = HtmlReport(
+        "", [ReportTable("", [{"channel": "a", "low": 1.0, "p_scatter": 0.1, "free_parameters": 2}])]
+    ).html()
+    assert re.findall(r"<th>(.*?)</th>", page) == ["channel", "95 % from", "p of the scatter", "free parameters"]

@@ -1,0 +1,66 @@
+"""What the columns of tables are called in reports; in CSV and JSON they keep their short names."""
+
+from __future__ import annotations
+
+IN_WORDS = {
+    # rates
+    "exposure": "exposure (combinations × time)",
+    "ways": "ways N",
+    "rate": "rate k",
+    "low": "95 % from",
+    "high": "95 % to",
+    "paper's estimator": "by the paper's estimator",
+    # break models
+    "is_chosen": "chosen",
+    "log_likelihood": "log-likelihood",
+    "aic_above_least": "AIC above the least",
+    "aic_by_partner": "AIC by partner, above the least",
+    "p_against_nested": "p of the simpler model",
+    "log_score": "log score of runs left out",
+    "freedom": "degrees of freedom",
+    "p_deviance": "p of the deviance",
+    # rules of a plan
+    "came": "what came",
+    "is_cleared": "holds",
+    # events
+    "scatter": "scatter (1 if Poisson)",
+    "scatter_low": "95 % of scatters from",
+    "scatter_high": "95 % of scatters to",
+    "p_scatter": "p of the scatter",
+    # validation, one row each
+    "is_consistent": "consistent",
+    "coverage": "times inside the band of the mean",
+    "coverage_low": "95 % of such shares from",
+    "coverage_high": "95 % of such shares to",
+    "run_coverage": "single runs inside their band",
+    "run_coverage_low": "95 % of shares of runs from",
+    "run_coverage_high": "95 % of shares of runs to",
+    "misfit": "misfit of the means",
+    "p_misfit": "p of the misfit",
+    "crps": "continuous ranked probability score",
+    "crps_floor": "score expected if the prediction holds",
+    "p_crps": "p of the score",
+    "p_single_runs": "p of single runs (PIT)",
+    "p_joins": "p of the number of joins",
+    "p_breaks": "p of the number of breaks",
+    "p_scatter_joins": "p of the scatter of joins",
+    "p_scatter_breaks": "p of the scatter of breaks",
+    "first_observed": "first target, mean up to the end (tu)",
+    "first_low": "95 % of that mean from (tu)",
+    "first_high": "95 % of that mean to (tu)",
+    "first_censored": "runs without a target",
+    "first_predicted": "first target, predicted mean up to the end (tu)",
+    "first_predicted_error": "standard error of that prediction (tu)",
+    "first_mean": "first target, predicted mean without an end (tu)",
+    "first_sd": "standard deviation of that (tu)",
+    "p_first": "p of the first targets",
+    "cpu_mechanics_s": "CPU time of the mechanics (s)",
+    "cpu_ssa_s": "CPU time of the SSA runs (s)",
+    "ssa_runs": "SSA runs",
+    "cpu_exact_s": "CPU time of the exact solution (s)",
+}
+
+
+def in_words(column: str) -> str:
+    """The name of a column for readers."""
+    return IN_WORDS.get(column, column.replace("_", " "))
