@@ -21,6 +21,12 @@ class ChainAnswer:
     is_bound : whether the limits are proven; otherwise they are an estimate
     method : how it was found
     cpu_seconds : time that took
+
+    >>> from math import exp
+    >>> from kinetics import Chain
+    >>> answer = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0).until([False, True], by=10.0)
+    >>> answer.low <= 1 - exp(-1) <= answer.high, answer.high - answer.low < 1e-12, answer.is_bound
+    (True, True, True)
     """
 
     value: float

@@ -57,6 +57,11 @@ class Chain:
     Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `ChainAnswer`, with limits that
     are proven unless it says otherwise; small probabilities come with a relative error. ValueError: what is no chain,
     label, reward or target, or a question without a finite answer.
+
+    >>> from kinetics import Chain
+    >>> pump = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0, labels={"down": [False, True]})
+    >>> round(pump.in_the_end("down").value, 6), round(pump.until("down", by=10.0).value, 6)  # 1/21, 1 - 1/e
+    (0.047619, 0.632121)
     """
 
     generator: Any

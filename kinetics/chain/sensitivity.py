@@ -57,6 +57,13 @@ class Sensitivity:
     one elimination and two substitutions, and up to four more where a target is remote. Limits are relative to the
     answer; of `always`, the end, `passage_sd` and higher moments, as much wider as rates fire often before. ValueError:
     a chain from elsewhere without parameters, and what the chain refuses.
+
+    >>> from kinetics import Chain, Network, Sensitivity
+    >>> steps = Network.from_text('''first: A -> B, 1
+    ... second: B -> C, 4''')
+    >>> slopes = Sensitivity(Chain.of(steps, {"A": 1})).passage("C == 1")  # of the mean, 1/1 + 1/4
+    >>> dict(zip(slopes.parameters, slopes.value.round(9).tolist())), slopes.elasticity.round(9).tolist()
+    ({'first': -1.0, 'second': -0.25}, [-0.8, -0.2])
     """
 
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:

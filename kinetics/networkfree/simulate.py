@@ -51,6 +51,13 @@ def grow(
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
     finished are returned, if any.
+
+    >>> from kinetics import ClassRates, grow
+    >>> from kinetics.assembly import RuleBook
+    >>> rates = ClassRates.uniform(join=1e-3)
+    >>> grown = grow(RuleBook.load("line4"), rates, initial=8, end=1e5, runs=2, seed=1)
+    >>> grown.largest([0.0, 1e5]).tolist()  # cubes, of each run
+    [[1, 4], [1, 4]]
     """
     horizon = float(rising_times([end])[0])
     start = _checked(book, initial) if isinstance(initial, Mapping) else free_cubes(book, initial)

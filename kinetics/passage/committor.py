@@ -98,6 +98,15 @@ class Committor(ChainCommittor):
     """The probabilities that each of several targets is reached first, from every state of a network.
 
     space : the states
+
+    >>> from kinetics import Network, committor
+    >>> turnover = Network.from_text("0 <-> A, 1, 1")
+    >>> ends = {"full": lambda states: states[:, 0] == 3, "extinct": lambda states: states[:, 0] == 0}
+    >>> found = committor(turnover, {"A": 1}, ends)
+    >>> dict(zip(found.space.states[:, 0].tolist(), found.committors[0].round(9).tolist()))  # copies: chance of "full"
+    {1: 0.25, 2: 0.5, 0: 0.0, 3: 1.0}
+    >>> found.sample_path("full", seed=1).states[-1].tolist()
+    [3]
     """
 
     space: StateSpace
@@ -124,6 +133,13 @@ def committor(
     even a probability of 1e-30 has digits. The cost is some tens of passes over the rates for each target, or where
     that does not converge an elimination, states times the square of the band's width. Choose it where the states can
     be listed, and `rare_event` where they cannot.
+
+    >>> from kinetics import Network, committor
+    >>> turnover = Network.from_text("0 <-> A, 1, 1")
+    >>> targets = {"extinct": lambda states: states[:, 0] == 0, "full": lambda states: states[:, 0] == 3}
+    >>> found = committor(turnover, {"A": 1}, targets)
+    >>> found.probabilities.round(9).tolist(), found.error < 1e-12
+    ([0.75, 0.25], True)
     """
     if not targets:
         raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")

@@ -41,6 +41,12 @@ class Ranking:
     notes : what a reader must know about the figures
     draws : number of draws of the rates; 0 where no rate has evidence
     unfinished : books not reached before Ctrl-C
+
+    >>> from kinetics import ClassRates, rank
+    >>> from kinetics.assembly import RuleBook
+    >>> ranking = rank([RuleBook.load("line4")], ClassRates.uniform(join=1e-3), cubes=8, horizon=500.0)
+    >>> ranking.possible, ranking.pathways["line4"], round(ranking.books[0].figure("yield").value, 4)
+    (2, ('1+1', '1+2', '1+3', '2+2'), 0.6834)
     """
 
     books: tuple[RankedBook, ...]
@@ -233,6 +239,13 @@ def rank(
 
     The figures of a book depend on the book and the seed, not on the other books. After Ctrl-C the ranking holds the
     books that were finished, if any.
+
+    >>> from kinetics import ClassRates, rank
+    >>> from kinetics.assembly import RuleBook
+    >>> books = [RuleBook.load("line4"), RuleBook.load("line4_pairs")]
+    >>> ranking = rank(books, ClassRates.uniform(join=1e-3), cubes=8, horizon=500.0)
+    >>> [book.name for book in ranking.books], ranking.places
+    (['line4_pairs', 'line4'], (1, 2))
     """
     _check(books, cubes, horizon, by)
     whole_number("runs", runs, 2)

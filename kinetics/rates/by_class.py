@@ -53,6 +53,13 @@ class ClassRates(Settings):
     tank : edges of the tank in which the constants hold; None: not known
     breaks : the break model; the constant of a break is its coefficient, per partner of weight 1
     evidence : table of free form that says where the rates come from
+
+    >>> from kinetics import ClassRates
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> line = derive(RuleBook.load("line4"))
+    >>> network = ClassRates.uniform(join=1e-4, break_=1e-3).apply(line)
+    >>> sorted(set(network.rate_constants.tolist()))
+    [0.0001, 0.001]
     """
 
     convention: Convention = DISTINCT

@@ -29,6 +29,14 @@ def simulate(
 
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
+
+    >>> from kinetics import Network, simulate
+    >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
+    >>> runs = simulate(binding, "auto", {"A": 20, "B": 10}, [0.0, 5.0, 50.0], runs=400, seed=1)
+    >>> runs.counts.shape
+    (400, 3, 3)
+    >>> bool((runs["B"] + runs["AB"] == 10).all())
+    True
     """
     return sampling_method(method).simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
@@ -37,6 +45,11 @@ def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0,
     """Every event of one exact run from `initial` until `end`, tu.
 
     The method is that of `path_method`: the direct method under mass action, `General` under other rate laws.
+
+    >>> from kinetics import Network, sample_path
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> sample_path(decay, {"A": 5}, end=1e6, seed=1).states[:, 0].tolist()
+    [5, 4, 3, 2, 1, 0]
     """
     return path_method(network).sample_path(network, initial, end, seed=seed, run=run)
 

@@ -4,7 +4,9 @@ import ast
 import importlib
 import subprocess
 import sys
+from doctest import SKIP, DocTestParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,6 +54,43 @@ def test_what_a_user_looks_for_is_there():
     assert {"General", "Network", "Rates", "__version__", "predict", "simulate", "solve"} <= set(
         dir(importlib.import_module("kinetics"))
     )
+
+
+def without_example(package):
+    """Public callables whose docstrings show no use with its outcome; pytest runs what they show."""
+
+    def has_one(found):
+        shown = DocTestParser().get_examples(found.__doc__ or "")
+        return any(each.want and SKIP not in each.options for each in shown)
+
+    return [name for name in package.__all__ if callable(found := getattr(package, name)) and not has_one(found)]
+
+
+@pytest.mark.parametrize("name", ["kinetics", "mechsim", "calibration"])
+def test_every_public_callable_has_an_example(name):
+    assert without_example(importlib.import_module(name)) == []
+
+
+def test_a_callable_without_an_example_is_seen():
+    def shown():
+        """>>> 1 + 1
+        2
+        """
+
+    def promised():
+        """>>> promised()"""
+
+    def skipped():
+        """>>> skipped()  # doctest: +SKIP
+        2
+        """
+
+    class Told(list):
+        """A list, whose own docstring has examples for all I know."""
+
+    package = SimpleNamespace(shown=shown, promised=promised, skipped=skipped, Told=Told, number=2, bare=lambda: 0)
+    package.__all__ = ["shown", "promised", "skipped", "Told", "number", "bare"]
+    assert without_example(package) == ["promised", "skipped", "Told", "bare"]
 
 
 def test_importing_the_packages_imports_none_of_their_rooms():

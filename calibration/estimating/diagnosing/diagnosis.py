@@ -28,6 +28,13 @@ class Diagnosis:
 
     tests : the diagnostics, in order
     results : theirs, in the same order, channel by channel
+
+    >>> from calibration import diagnose
+    >>> from kinetics import Network, sample_path
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> diagnosis = diagnose([sample_path(decay, {"A": 40}, end=10.0, seed=1)])
+    >>> diagnosis.doubtful, [row["test"] for row in diagnosis.verdicts() if row["p"] is None]
+    ([], ['runs', 'start', 'size', 'rebinding'])
     """
 
     tests: tuple[Diagnostic, ...]
@@ -144,6 +151,13 @@ def diagnose(
     bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where unknown; with them rebinding
         is also counted by pieces
     seed : of the draws behind p-values over groups
+
+    >>> from calibration import diagnose
+    >>> from kinetics import Network, sample_path
+    >>> turnover = Network.from_text("0 <-> A, 5, 1")
+    >>> paths = [sample_path(turnover, {"A": 5}, end=20.0, seed=1, run=run) for run in range(10)]
+    >>> diagnose(paths).verdict
+    'No sign against the model in 15 tests, at 1% for all together; the smallest p is 0.096 (r1: waits).'
     """
     diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
     return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(diagnosed)))

@@ -46,6 +46,11 @@ def verify(
     correlated within a seed and between neighbouring seeds, and of waits. Every p-value is exact or a proven bound, and
     Bonferroni's correction is over all findings, so that the false-alarm rate holds at any number of runs, as far as
     the solution's error is proven (`is_bound`): not where a rate law cannot be bounded, whose channel is then named.
+
+    >>> from kinetics import Direct, Network, verify
+    >>> decay = Network.from_text("decay: A -> 0, 0.1")
+    >>> verify(decay, Direct(), {"A": 20}, [5.0, 10.0], runs=2000, seed=1, with_power=False).passed
+    True
     """
     return verify_against(Reference.of(network, initial, times, solver), method, runs, seed, false_alarm, with_power)
 
