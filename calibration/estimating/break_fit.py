@@ -39,7 +39,8 @@ def fit_breaks(
     by_partner : whether the likelihood is that of who broke what, where the runs name the partner, which says far more
         of the weights; such a likelihood can be compared only among models that have partners
 
-    Cost: one pass over the runs, then milliseconds.
+    Cost: one pass over the runs, then milliseconds. ValueError: no runs, no breaks, or some runs with a tank and some
+    without
 
     >>> from calibration import fit_breaks
     >>> from kinetics import Network, break_model, sample_path

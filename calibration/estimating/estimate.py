@@ -204,6 +204,10 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
     """Estimate rates from runs of one network, as pooled events over pooled exposure.
 
     measured : paths or exposures, one per run, from any initial states, restarted or not, with any channels closed
+    ValueError: no runs, runs of several networks, or some with a tank and some without
+
+    It is the largest likelihood under mass action (Albert 1962, doi:10.1214/aoms/1177704594). Cost: linear in events
+    times channels.
 
     >>> from calibration import estimate
     >>> from kinetics import JumpPath, Network

@@ -113,7 +113,7 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
     ages : limits (a, b), tu; count only ages a <= t < b, the age being the time since the start or the last restart
 
     A restart puts the state back to the initial one and is no event. Channels that were not open (`open_channels`)
-    gather no exposure.
+    gather no exposure. Cost: linear in events times channels. ValueError: limits that are no ages
 
     >>> from calibration import count
     >>> from kinetics import JumpPath, Network
@@ -137,6 +137,8 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
 
 def pooled(exposures: Iterable[Exposure]) -> Exposure:
     """Events and exposures of several runs, summed; their order makes no difference, not to the last digit.
+
+    ValueError: no runs, runs of several networks or conventions, or some with a tank and some without
 
     >>> from calibration import Exposure, pooled
     >>> from kinetics import Network

@@ -241,6 +241,9 @@ def fit_rates(
     paths : one per run, from any initial states, restarted or not, with any channels closed
     channels : channels to fit, such as the breaks, so that they have a shape of their own; None: all
     fixed : shape parameters to hold, by name
+    ValueError: no runs, an unknown channel or parameter, or (`ImpossibleEventError`) an event that the model excludes
+
+    Cost: one pass over the runs, or where the shape does more than weight parts, one at each step of its search.
 
     >>> from calibration import MassActionRates, fit_rates
     >>> from kinetics import Network, sample_path

@@ -50,7 +50,9 @@ def grow(
         runs are under the rates as they are
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
-    finished are returned, if any.
+    finished are returned, if any. Cost: draws of faces and bonds, null events among them (`Growth.draws`). Source: Yang
+    et al. (2008), doi:10.1103/PhysRevE.78.031910, and Sneddon et al. (2011), doi:10.1038/nmeth.1546, here in space.
+    ValueError: an initial state that the book cannot begin from, or a class without a rate
 
     >>> from kinetics import ClassRates, grow
     >>> from kinetics.assembly import RuleBook

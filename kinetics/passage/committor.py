@@ -129,10 +129,10 @@ def committor(
     max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
 
-    The equations of first-step analysis are solved as `equations` chooses, with limits relative to each figure, so that
-    even a probability of 1e-30 has digits. The cost is some tens of passes over the rates for each target, or where
-    that does not converge an elimination, states times the square of the band's width. Choose it where the states can
-    be listed, and `rare_event` where they cannot.
+    The equations of first-step analysis (Norris 1997, doi:10.1017/CBO9780511810633, section 3.3) are solved as
+    `equations` chooses, with limits relative to each figure, so that even a probability of 1e-30 has digits. The cost
+    is some tens of passes over the rates for each target, or where that does not converge an elimination, states times
+    the square of the band's width. Choose it where the states can be listed, and `rare_event` where they cannot.
 
     >>> from kinetics import Network, committor
     >>> turnover = Network.from_text("0 <-> A, 1, 1")

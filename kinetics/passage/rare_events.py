@@ -82,7 +82,8 @@ def rare_event(
     them reaches the next stage, and the probability is the product of the shares. A stage is a chance of the event
     given level and time left, from a chain on the levels that is learnt in a pilot. A run that is late must therefore
     have come further to enter a stage, which serves events that leave no time to spare as well as those that do. The
-    stages are fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011), whatever the level.
+    stages are fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011, doi:10.1145/1899396.1899401),
+    whatever the level.
 
     The interval is valid where the level measures the progress of a run: runs that enter a stage in different states
     must have similar chances from there on. Where the event comes almost only by a path that few runs take at first and

@@ -22,6 +22,8 @@ SHIPPED = Path(__file__).parent / "tables"
 class Convention(Settings):
     """The formula by which the numbers of a rates file give a propensity, with every factor stated.
 
+    combinations : of x like reactants: `distinct`, x (x - 1) / 2; `ordered`, x (x - 1); `product`, x x
+
     >>> from kinetics import Convention, Network
     >>> convention = Convention(combinations="ordered")
     >>> dimers = Network.from_text("2 A -> AA, 1")
@@ -59,7 +61,7 @@ class MeasuredRate(Settings):
 
 
 class ChannelRate(MeasuredRate):
-    """The rate constant of one channel, with its evidence.
+    """The rate constant of one channel, with its evidence; rate, limits, events and exposure as of `MeasuredRate`.
 
     ways : number of ways N of one combination of reactants
     exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted

@@ -38,6 +38,7 @@ class JumpPath:
     tank : where it happened; None where that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
         events and restarts. None where nobody watched for it
+    ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
 
     >>> from kinetics import JumpPath, Network
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -201,6 +202,7 @@ class Ensemble(Shown):
 
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
+    ValueError: counts of another shape or kind, or negative ones
 
     >>> import numpy as np
     >>> from kinetics import Ensemble, Network

@@ -26,6 +26,8 @@ def simulate(
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
     method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
+    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    ValueError: no such method, one that does not take the network, missing rates, or more counts than memory holds
 
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
@@ -44,7 +46,8 @@ def simulate(
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
-    The method is that of `path_method`: the direct method under mass action, `General` under other rate laws.
+    The method is that of `path_method`: the direct method under mass action, `General` under other rate laws. (seed,
+    run) name the run. ValueError: missing rates, no method that takes the network, or one with events
 
     >>> from kinetics import Network, sample_path
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -55,8 +58,15 @@ def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0,
 
 
 def path_method(network: Network) -> SamplingMethod:
-    """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network."""
-    return next(method for kind in EXACT_METHODS if (method := kind()).takes(network))
+    """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network. ValueError: none does."""
+    refusals = []
+    for kind in EXACT_METHODS:
+        method = kind()
+        refusal = method.refusal(network)
+        if not refusal:
+            return method
+        refusals.append(refusal)
+    raise ValueError(f"no exact method takes this network: {'; '.join(dict.fromkeys(refusals))}")
 
 
 def sampling_method(method: SamplingMethod | str) -> SamplingMethod:

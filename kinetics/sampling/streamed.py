@@ -41,6 +41,8 @@ def simulate_statistics(
     first_run : number of the first run, as in the method's own `simulate`
     covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
     progress : called with the number of runs done, after each block
+    ValueError: as in `simulate`, memory apart
+
     The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the blocks that were
     finished, if any; see `is_complete`.
 

@@ -24,7 +24,9 @@ def solve(network: Network, method: SolvingMethod | str, initial: ArrayLike, tim
     """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`.
 
     method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`
-    ValueError: no such name. TypeError: neither a name nor a solving method
+    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    ValueError: no such name, missing rates, or more states or work than the method allows
+    TypeError: neither a name nor a solving method
 
     >>> from kinetics import Network, solve
     >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")

@@ -145,7 +145,7 @@ def reachable(
     max_states : larger spaces are refused
     ValueError: max_states is no whole number of at least 1, or too small
 
-    Channels whose rate is known to be 0 are ignored.
+    Channels whose rate is known to be 0 are ignored. Cost: linear in states times channels.
 
     >>> from kinetics import Network, reachable
     >>> turnover = Network.from_text("0 <-> A, 5, 1")

@@ -17,7 +17,7 @@ TRIES = 3
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A run that was given up, with one reason for each try.
+    """A run that was given up, with one reason, in words, for each try.
 
     >>> from mechsim import Quarantined, RunSpec, Scene
     >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)

@@ -47,7 +47,7 @@ class Diagnosis:
 
     @cached_property
     def failed(self) -> tuple[DiagnosticResult, ...]:
-        """Answers that fail at 1 % for all tests together (Holm 1979), the most doubtful first."""
+        """Answers that fail at 1 % for all tests together (Holm 1979, jstor:4615733), the most doubtful first."""
         tested = self.tested
         failed: list[DiagnosticResult] = []
         for rank, result in enumerate(tested):

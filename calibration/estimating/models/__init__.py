@@ -13,7 +13,7 @@ RATE_MODELS: tuple[RateModel, ...] = tuple(kind() for kind in members(globals(),
 
 
 def rate_model(name: str) -> RateModel:
-    """The model of this name.
+    """The model of rates of this name. ValueError: there is none.
 
     >>> from calibration import rate_model
     >>> rate_model("crowded").terms
