@@ -53,7 +53,14 @@ class ShapeParameter(NamedTuple):
 
 
 class SizeWeights(NamedTuple):
-    """Weights of partners by nothing but their size: bodies (n,) of n sizes, the wall, and the structure alone."""
+    """Weights of partners by nothing but their size: bodies (n,) of n sizes, the wall, and the structure alone.
+
+    >>> import numpy as np
+    >>> from kinetics.breaks import break_model
+    >>> found = break_model("collision").by_size(np.array([1.0, 4.0]), {"alpha": 0.5})
+    >>> found.bodies.tolist(), found.wall, found.alone
+    ([1.0, 2.0], 0.0, 0.0)
+    """
 
     bodies: Floats
     wall: float = 0.0

@@ -256,6 +256,12 @@ def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: i
     """Of a chain that stops at copies of a species, and the states (N,) in which it does.
 
     ValueError: unknown species, missing rates, or too many states
+
+    >>> from kinetics import Network
+    >>> from kinetics.chain import sensitivity_to
+    >>> asked, goal = sensitivity_to(Network.from_text("A -> B, 2"), {"A": 1}, "B")
+    >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
+    ([False, True], [-1.0])
     """
     place, wanted = network.index(species), whole_number("copies", copies, 0)
     chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= wanted)
@@ -269,6 +275,12 @@ def passage_sensitivity(
 
     certain : whether it is the mean, which a target that may be missed does not have
     ValueError: unknown species, missing rates, too many states, or a mean that is infinite
+
+    >>> from kinetics import Network
+    >>> from kinetics.chain import passage_sensitivity
+    >>> slopes = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
+    >>> slopes.parameters, round(slopes.answer.value, 9), slopes.elasticity.round(9).tolist()
+    (('make',), 0.5, [-1.0])
     """
     asked, goal = sensitivity_to(network, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)

@@ -61,6 +61,14 @@ def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: f
     """Of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
 
     ValueError: too many steps, or too little memory
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_at
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> (found,) = slopes_at(entries, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), time=0.5)
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # exp(-k t), and -k t exp(-k t)
+    (0.367879, [-0.367879])
     """
     kept = Kept.of(entries, start, functions)
     if time == 0.0 or not kept.entries.transitions.rates.any():
@@ -77,6 +85,14 @@ def slopes_up_to(
     """Of the mean of what is earned up to a time, tu.
 
     earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_up_to
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_up_to(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of the time spent in A
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # (1 - 1/e) / 2, and 1/e - 1/2
+    (0.31606, [-0.132121])
     """
     total, rounded = earning_with(entries.transitions, earning, worth)
     kept = Kept.of(entries, start, total[None, :], worth)

@@ -225,7 +225,12 @@ class Rates(Settings):
 
 
 def about_priors(names: Sequence[str]) -> str:
-    """What is known of channels that no run could fire, in a sentence; nothing where there are none."""
+    """What is known of channels that no run could fire, in a sentence; nothing where there are none.
+
+    >>> from kinetics.rates import about_priors
+    >>> about_priors(["2+2->4"])[:21]
+    'Not measured: 2+2->4.'
+    """
     if not names:
         return ""
     return (
