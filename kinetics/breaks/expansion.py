@@ -148,7 +148,7 @@ class Expansion:
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:
-    """Of each partner the pairs (n, R) that it makes with the structure of each break, in states (n, S).
+    """For each partner, the pairs (n, R) that it makes with the structure of each break, in states (n, S).
 
     Joins have none.
 

@@ -107,6 +107,8 @@ Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery
 def ask(chain: Chain, question: str) -> ChainAnswer:
     """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer.
 
+    question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too
+
     >>> from kinetics import Chain, Network
     >>> from kinetics.chain import ask
     >>> chain = Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})

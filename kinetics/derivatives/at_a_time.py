@@ -49,7 +49,7 @@ from kinetics.support.arrays import Floats
 
 
 class Weights(NamedTuple):
-    """Of the steps until a time, tu: their weights (n,), their sum's unit, and the relative error of a weight."""
+    """The steps until a time, tu: their weights (n,), the unit of their sum, and the relative error of a weight."""
 
     time: float
     values: Floats
@@ -58,7 +58,7 @@ class Weights(NamedTuple):
 
 
 def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: float) -> list[Slopes]:
-    """Of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
+    """Slopes of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
 
     ValueError: too many steps, or too little memory
 
@@ -82,7 +82,7 @@ def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: f
 def slopes_up_to(
     entries: ChannelEntries, start: Floats, earning: Floats, time: float, worth: Floats | None = None
 ) -> Slopes:
-    """Of the mean of what is earned up to a time, tu.
+    """Slopes of the mean of what is earned up to a time, tu.
 
     earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
 

@@ -27,7 +27,7 @@ LOOSE = 1e-8  # relative to the answer: from here on, cycles are worth their tim
 
 
 def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
-    """Of the probability of reaching the target (N,) at some time, through given states (N,) alone.
+    """Slopes of the probability of reaching the target (N,) at some time, through given states (N,) alone.
 
     >>> from kinetics import Network, reachable
     >>> from kinetics.derivatives import ChannelEntries, slopes_until
@@ -47,7 +47,7 @@ def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: 
 
 
 def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slopes:
-    """Of the probability of never leaving the states (N,).
+    """Slopes of the probability of never leaving the states (N,).
 
     >>> from kinetics import Network, reachable
     >>> from kinetics.derivatives import ChannelEntries, slopes_always
@@ -64,7 +64,9 @@ def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slope
 def slopes_earned(
     entries: ChannelEntries, start: Floats, earning: Floats, target: Mask, worth: Floats | None = None
 ) -> Slopes:
-    """Of the mean of what is earned until the target is reached: at `earning` (N,) a time unit, `worth` (K,) a jump.
+    """Slopes of the mean of what is earned until the target (N,) is reached.
+
+    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
@@ -87,7 +89,9 @@ def slopes_earned(
 
 
 def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, worth: Floats | None = None) -> Slopes:
-    """Of the mean of what is earned a time unit after infinite time.
+    """Slopes of the mean of what is earned a time unit after infinite time.
+
+    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable

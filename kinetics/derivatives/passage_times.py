@@ -30,7 +30,9 @@ LARGEST_ORDER = 20  # of a moment: factorials up to here are exact
 
 
 def slopes_moment(entries: ChannelEntries, start: Floats, target: Mask, order: int) -> Slopes:
-    """Of the mean of the time to a target that is certain, tu, to the power of `order`; `order` times two solutions.
+    """Slopes of the mean of the time, tu, to a target (N,) that is certain, to the power of `order`.
+
+    Cost: two solutions for each power up to `order`.
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
@@ -56,7 +58,9 @@ def slopes_moment(entries: ChannelEntries, start: Floats, target: Mask, order: i
 
 
 def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedValue) -> Slopes:
-    """Of the standard deviation of the time to a target that is certain, tu, which is known; by two moments.
+    """Slopes of the standard deviation of the time, tu, to a target (N,) that is certain, by two moments.
+
+    sd : the standard deviation itself, which is known
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
@@ -79,7 +83,7 @@ def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedV
 
 
 class Density(NamedTuple):
-    """Of a passage time where its quantile is.
+    """The density of a passage time at its quantile.
 
     value : 1/tu, with limits
     steepest : how fast it changes there at most, 1/tu**2
@@ -98,7 +102,7 @@ class Density(NamedTuple):
 
 
 def slopes_quantile(cdf: Slopes, quantile: LimitedValue, density: Density, share: float = 1.0) -> Slopes:
-    """Of a quantile, tu, from the derivatives of the distribution function there.
+    """Slopes of a quantile, tu, from those of the distribution function there.
 
     share : the largest d ln(rate) / d ln(parameter)
 

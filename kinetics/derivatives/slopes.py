@@ -34,7 +34,7 @@ class Slopes(NamedTuple):
 
     @classmethod
     def none(cls, answer: LimitedValue, n_channels: int) -> Slopes:
-        """Of an answer that no rate changes."""
+        """The slopes of an answer that no rate changes, all 0."""
         return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 
 

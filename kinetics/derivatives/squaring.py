@@ -51,7 +51,7 @@ class Powers(NamedTuple):
 def slopes_by_squaring(
     entries: ChannelEntries, start: Floats, functions: Floats, time: float, space: StateSpace | None = None
 ) -> list[Slopes]:
-    """Of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
+    """Slopes of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
 
     space : states of the network behind the chain, which give its rates without rounding
     ValueError: too many states, or rates and time beyond what numbers hold

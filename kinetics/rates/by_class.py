@@ -368,7 +368,9 @@ def _parts(entries: Sequence[ClassRate], part: float) -> dict[str, tuple[float, 
 
 
 def measured_class(rate: float, events: float, exposure: float, **parts: tuple[float, ...]) -> ClassRate:
-    """With the exact interval (Garwood 1936), which for an entry of several classes is stretched to hold their mean.
+    """A class rate with its exact interval (Garwood 1936, doi:10.1093/biomet/28.3-4.437).
+
+    For an entry of several classes, the interval is stretched to hold their mean.
 
     parts : `exposures` or `exposure_by_shape`, where there are any
 
