@@ -30,8 +30,8 @@ class PassagePrediction:
 
     >>> from kinetics import Network, predict_passage
     >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")
-    >>> round(found.mean, 9), found.low, found.notes
-    (10.0, None, ("no interval: the network's own rates are taken as known",))
+    >>> round(found.mean, 9), found.low  # no interval: the rates are taken as known
+    (10.0, None)
     """
 
     passage: Passage

@@ -16,12 +16,13 @@ from kinetics.support.lazy_names import lazy_names
 THREE = ["kinetics", "mechsim", "calibration"]
 PACKAGES = pytest.mark.parametrize("name", THREE)
 WITHOUT_EXAMPLES = {"assembly": "results keep digests of its sources, docstrings included; README shows its use"}
-ROOMS = [
-    each.parent.name
-    for each in sorted(Path(kinetics.__file__).parent.glob("*/__init__.py"))
-    if "\n__all__ = " in each.read_text(encoding="utf-8") and each.parent.name not in WITHOUT_EXAMPLES
+ROOT = Path(kinetics.__file__).parent
+ROOMS = [  # that list their names
+    listing.parent.relative_to(ROOT).parts
+    for listing in sorted(ROOT.glob("*/**/__init__.py"))
+    if "\n__all__ = " in listing.read_text(encoding="utf-8")
 ]
-WITH_EXAMPLES = [*THREE, *(f"kinetics.{room}" for room in ROOMS)]
+WITH_EXAMPLES = [*THREE, *(".".join(["kinetics", *room]) for room in ROOMS if room[0] not in WITHOUT_EXAMPLES)]
 
 
 def imported_for_types(package):

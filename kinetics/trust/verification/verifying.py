@@ -64,7 +64,14 @@ def verify_against(
     with_power: bool = True,
     paths: float = PATHS,
 ) -> Verification:
-    """The same with a reference that serves several samplers; `paths` is the share of runs made event by event too."""
+    """The same with a reference that serves several samplers; `paths` is the share of runs made event by event too.
+
+    >>> from kinetics import Direct, Lockstep, Network
+    >>> from kinetics.trust.verification import Reference, verify_against
+    >>> reference = Reference.of(Network.from_text("A -> 0, 0.1"), {"A": 20}, [5.0, 10.0])
+    >>> [verify_against(reference, method(), runs=500, with_power=False).passed for method in (Direct, Lockstep)]
+    [True, True]
+    """
     n = whole_number("runs", runs, 100)
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm = {false_alarm}; expected a probability")
@@ -95,7 +102,16 @@ def verify_against(
 
 
 def judge(sample: SamplerRuns, false_alarm: float = FALSE_ALARM) -> tuple[SamplerFinding, ...]:
-    """Findings of all checks, the false alarms shared equally among checks and then among the findings of each."""
+    """Findings of all checks, the false alarms shared equally among checks and then among the findings of each.
+
+    >>> from kinetics import Direct, Network
+    >>> from kinetics.trust.verification import Reference, judge
+    >>> from kinetics.trust.verification.sampler_runs import SamplerRuns
+    >>> reference = Reference.of(Network.from_text("A -> 0, 0.1"), {"A": 20}, [5.0])
+    >>> found = judge(SamplerRuns.of(reference, Direct(), 500, seed=1), false_alarm=1e-6)
+    >>> any(finding.failed for finding in found), f"{sum(finding.level for finding in found):.1e}"
+    (False, '1.0e-06')
+    """
     judged: list[SamplerFinding] = []
     for kind in SAMPLER_CHECKS:
         found = list(kind().findings(sample))
