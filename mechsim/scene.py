@@ -76,6 +76,11 @@ class Scene(Settings):
     """Everything on which a mechanics run depends, except the initial composition, the duration and the seed.
 
     rules : a shipped rule book, or a file; in the file of a scene, a path is relative to the folder of that file
+    units : of all numbers here, the paper's length and time unit (tu), and densities relative to the fluid's
+    tank, cubes : their sizes, length
+    numerics, guard : how finely the engine computes, and when a run is stopped
+    effects : the physics, in the order in which they act; what is not listed is not simulated
+    ValueError: an effect that is listed twice, lacks one that it needs, or contradicts another
 
     >>> from mechsim import Scene
     >>> scene = Scene.load("line4")

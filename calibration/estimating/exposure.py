@@ -27,6 +27,7 @@ class Exposure:
     exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
         combinations of reactants by the network's convention. 0 where a channel could never fire.
     tank : the tank in whose rate constants the exposure is counted; None where it is not known
+    ValueError: arrays of another shape, negative numbers, or events without exposure
 
     >>> from calibration import Exposure
     >>> from kinetics import Network
@@ -160,6 +161,8 @@ def pooled(exposures: Iterable[Exposure]) -> Exposure:
 def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:
     """Events and exposure by age, cut at `edges` (tu, rising), to see whether rates change after a start or restart.
 
+    Returns the ages, in words -> `Exposure`. ValueError: no paths, or edges that do not rise
+
     >>> from calibration import by_age
     >>> from kinetics import JumpPath, Network
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -173,6 +176,8 @@ def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Expos
 
 def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:
     """Events and exposure by initial composition, to see whether rate constants depend on it.
+
+    Returns the composition, in words -> `Exposure`.
 
     >>> from calibration import by_initial
     >>> from kinetics import JumpPath, Network

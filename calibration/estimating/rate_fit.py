@@ -48,6 +48,7 @@ class RateFit:
 
     likelihood : likelihood of the paths to which it was fitted
     fixed : shape parameters that were held, by name
+    best : the largest likelihood, and the model and coefficients that have it
 
     >>> from calibration import MassActionRates, fit_rates
     >>> from kinetics import JumpPath, Network
@@ -277,6 +278,8 @@ def fit_rates(
 
 def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
     """One row per fit to the same paths: parameters, likelihood, AIC, and its excess over the smallest AIC.
+
+    ValueError: no fits
 
     >>> from calibration import MassActionRates, Weibull, compare_fits, fit_rates
     >>> from kinetics import JumpPath, Network

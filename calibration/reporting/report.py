@@ -143,7 +143,9 @@ Part = Heading | Text | ReportTable | Chart
 class HtmlReport:
     """A report in one HTML file.
 
+    title, parts : what it shows, from top to bottom
     provenance : seeds, hashes, versions, costs: name -> number, text, list or nested mapping
+    ValueError: a part's name that cannot be that of a file, or that another part has
 
     >>> from calibration import Heading, HtmlReport, Text
     >>> report = HtmlReport("A study", [Heading("Rates"), Text("None yet.")], provenance={"seed": 1})

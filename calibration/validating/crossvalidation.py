@@ -63,6 +63,7 @@ def crossvalidate(
     number : of this comparison in its study; those of different numbers share draws of the rates, but no other
         random numbers
     most_groups : number of groups for the events of channels where their first p-value is below 0.05
+    ValueError: no paths, or paths that are no held-out runs of this network from one initial state
 
     Rates without evidence are taken as known: the band then holds intrinsic noise alone. At 120 cubes and 20 runs, a
     thousand groups of line4 cost about 0.4 s of CPU time.

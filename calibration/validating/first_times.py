@@ -110,6 +110,7 @@ def compare_first_times(
     max_states : with more states before the target than this, the distribution is that of 10,000 SSA runs
     horizon : time, tu, until which all runs would have been observed had they not ended with their first copy; None:
         runs did not end so, and the horizon is the end of the shortest
+    ValueError: the species is there at the start, or a run without a copy ends before the horizon
 
     Runs without a copy by the horizon are kept: they enter both means as `horizon`, and the test compares the curves
     only up to there, with the null distribution drawn under the same censoring.

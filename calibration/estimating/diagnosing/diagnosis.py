@@ -151,6 +151,7 @@ def diagnose(
     bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where unknown; with them rebinding
         is also counted by pieces
     seed : of the draws behind p-values over groups
+    ValueError: no runs, runs of several networks, or bonds of another shape
 
     >>> from calibration import diagnose
     >>> from kinetics import Network, sample_path

@@ -36,6 +36,7 @@ class Processes(Executor):
     workers : number of runs made at the same time
     timeout : time without progress after which a run counts as hung, s (allow for compiling kernels); None: never
     folder : working directory of the runs; None: this process's
+    ValueError: fewer than one worker, or a timeout that is not above 0
 
     >>> from mechsim import Processes
     >>> executor = Processes(workers=2, timeout=600.0)  # for run_all(specs, store, workers=executor)
