@@ -29,6 +29,7 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
     copies_per_unit : how many copies one unit of the file's amounts is; None where it is one. The rate equations stay
         what they are, and the noise is that of so many copies.
+    ValueError: there is no such file, its suffix is not known, or it is damaged
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -47,6 +48,8 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
 def write(model: NetworkModel, path: str | Path) -> None:
     """Write a network file, whose suffix gives the format, whole or not at all.
+
+    ValueError: the suffix is not known, or the format cannot hold all of the model
 
     >>> from tempfile import TemporaryDirectory
     >>> from kinetics import Network

@@ -98,6 +98,8 @@ class Committor(ChainCommittor):
     """The probabilities that each of several targets is reached first, from every state of a network.
 
     space : the states
+    targets, committors, probabilities : K names, and the probabilities (K, N) from each state and (K,) from the start
+    never, mean_times, occupation, lost, error, is_bound : as of `ChainCommittor`
 
     >>> from kinetics import Network, committor
     >>> turnover = Network.from_text("0 <-> A, 1, 1")

@@ -63,6 +63,8 @@ class Stationary(ChainStationary):
     """The distribution of a network's states after infinite time, starting from one state; all are reachable.
 
     space : the states
+    probabilities : (N,) of every state, each with the relative error `error`
+    classes, weights, is_bound : the closed classes, the probability of ending up in each, and whether `error` is proven
 
     >>> from kinetics import Network, stationary
     >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})

@@ -54,7 +54,10 @@ def predict_passage(
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
+    rates : None for the network's own, which are taken as known, so that there is no interval
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
+    tank : where it happens; None for the tank of the rates
+    ValueError: rates of another network or without their tank, and what `first_passage` refuses
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict_passage
     >>> decay = Network.from_text("decay: A -> B, 1")

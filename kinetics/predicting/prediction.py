@@ -135,6 +135,7 @@ def predict(
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
     tank : where it happens; None for the tank of the rates
+    ValueError: rates of another network or without their tank, missing rates, or what the method refuses
 
     Only statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction comes
     from the runs and draws made so far, if any, and its notes say so.

@@ -236,6 +236,7 @@ def rank(
     runs : number of runs for a figure whose chain has more than `max_states` states or takes too long to solve
     draws : number of sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it must be sampled
     progress : called with the name of the book that is being worked on
+    ValueError: books of several targets or names that are not unique, too few cubes, or a class without a rate
 
     The figures of a book depend on the book and the seed, not on the other books. After Ctrl-C the ranking holds the
     books that were finished, if any.

@@ -28,6 +28,7 @@ def simulate(
     method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
     initial : counts (S,) at time 0, or by name, as in {"A": 100}
     ValueError: no such method, one that does not take the network, missing rates, or more counts than memory holds
+    TypeError: neither a name nor a sampling method
 
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
     statistics alone.

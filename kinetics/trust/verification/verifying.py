@@ -41,6 +41,7 @@ def verify(
     method : a sampling method; of an object that has `name` and `simulate` alone, only counts are checked
     solver : Transient() by default; give FiniteStateProjection() where the state space is infinite
     with_power : also make the mistakes of `mutants` to these runs and say which are seen
+    ValueError: fewer than 100 runs, times that begin at 0, or what the method or the solver refuses
 
     The checks are the family `SAMPLER_CHECKS`: of each time, of transitions, of rates, of runs that are equal or
     correlated within a seed and between neighbouring seeds, and of waits. Every p-value is exact or a proven bound, and
