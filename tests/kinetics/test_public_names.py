@@ -24,6 +24,9 @@ ROOMS = [  # that list their names
 ]
 WITH_EXAMPLES = [*THREE, *(".".join(["kinetics", *room]) for room in ROOMS if room[0] not in WITHOUT_EXAMPLES)]
 
+FAMILIES = ["kinetics.breaks.BREAK_MODELS", "kinetics.sampling.SAMPLING_METHODS", "kinetics.solving.SOLVING_METHODS"]
+FAMILIES += ["kinetics.network.laws.LAWS", "calibration.RATE_MODELS", "calibration.DIAGNOSTICS"]
+
 
 def imported_for_types(package):
     """Name -> module of the imports below `if TYPE_CHECKING`, which editors and mypy read."""
@@ -66,19 +69,28 @@ def test_what_a_user_looks_for_is_there():
     )
 
 
+def has_example(found):
+    """Whether its docstring shows a use with an outcome; pytest runs what docstrings show."""
+    shown = DocTestParser().get_examples(found.__doc__ or "")
+    return any(each.want and SKIP not in each.options for each in shown)
+
+
 def without_example(package):
-    """Public callables whose docstrings show no use with its outcome; pytest runs what they show."""
-
-    def has_one(found):
-        shown = DocTestParser().get_examples(found.__doc__ or "")
-        return any(each.want and SKIP not in each.options for each in shown)
-
-    return [name for name in package.__all__ if callable(found := getattr(package, name)) and not has_one(found)]
+    """Public callables whose docstrings show no use."""
+    return [name for name in package.__all__ if callable(found := getattr(package, name)) and not has_example(found)]
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_every_public_callable_has_an_example(name):
     assert without_example(importlib.import_module(name)) == []
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_member_of_a_family_has_an_example(family):
+    package, name = family.rsplit(".", 1)
+    members = getattr(importlib.import_module(package), name)
+    kinds = [each if callable(each) else type(each) for each in members]
+    assert [kind.__name__ for kind in kinds if not has_example(kind)] == []
 
 
 def test_a_callable_without_an_example_is_seen():
