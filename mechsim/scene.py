@@ -76,6 +76,19 @@ class Scene(Settings):
     """Everything on which a mechanics run depends, except the initial composition, the duration and the seed.
 
     rules : a shipped rule book, or a file; in the file of a scene, a path is relative to the folder of that file
+    units : of all numbers here, the paper's length and time unit (tu), and densities relative to the fluid's
+    tank, cubes : their sizes, length
+    numerics, guard : how finely the engine computes, and when a run is stopped
+    effects : the physics, in the order in which they act; what is not listed is not simulated
+    ValueError: an effect that is listed twice, lacks one that it needs, or contradicts another
+
+    >>> from mechsim import Scene
+    >>> scene = Scene.load("line4")
+    >>> scene.tank.size, [effect.effect for effect in scene.effects]
+    ((2.0, 2.0, 3.0), ['agitation', 'drag', 'walls', 'contact', 'breaking', 'bonding'])
+    >>> still = scene.without("agitation").changed("drag", coefficient=2.0)
+    >>> still.effect("drag").coefficient, still.fingerprint == scene.fingerprint
+    (2.0, False)
     """
 
     name: str = Field(min_length=1, max_length=80)

@@ -39,7 +39,17 @@ def fit_breaks(
     by_partner : whether the likelihood is that of who broke what, where the runs name the partner, which says far more
         of the weights; such a likelihood can be compared only among models that have partners
 
-    Cost: one pass over the runs, then milliseconds.
+    Cost: one pass over the runs, then milliseconds. ValueError: no runs, no breaks, or some runs with a tank and some
+    without
+
+    >>> from calibration import fit_breaks
+    >>> from kinetics import Network, break_model, sample_path
+    >>> pairs = Network.from_text("pair: 2 A <-> AA, 0.01, 0.1")
+    >>> paths = [sample_path(pairs, {"A": 20}, end=50.0, seed=1, run=run) for run in range(10)]
+    >>> fit = fit_breaks(break_model("first-order"), paths)
+    >>> low, high = fit.interval("b pair backward")
+    >>> fit.channels, low < 0.1 < high
+    (('pair backward',), True)
     """
     runs = tuple(paths)
     if not runs:

@@ -34,6 +34,11 @@ class RateEstimate:
     ways : docking ways N of the channel; `rate` is per way, `rate * ways` per combination of reactants
 
     A channel without exposure is not measured: rate nan, interval (0, inf).
+
+    >>> from calibration import RateEstimate
+    >>> bind = RateEstimate("bind", events=4, exposure=200.0)
+    >>> bind.rate, [round(limit, 4) for limit in bind.interval()]
+    (0.02, [0.0054, 0.0512])
     """
 
     channel: str
@@ -87,6 +92,13 @@ class Calibration:
     """The rates of a network as estimated from runs.
 
     runs : events and exposure of each run; their sum gives the estimates, their spread the diagnostics
+
+    >>> from calibration import Calibration, Exposure
+    >>> from kinetics import Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> calibration = Calibration(decay, (Exposure(decay, [2], [2.0]), Exposure(decay, [1], [4.0])))
+    >>> calibration["decay"].rate
+    0.5
     """
 
     network: Network
@@ -192,6 +204,17 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
     """Estimate rates from runs of one network, as pooled events over pooled exposure.
 
     measured : paths or exposures, one per run, from any initial states, restarted or not, with any channels closed
+    ValueError: no runs, runs of several networks, or some with a tank and some without
+
+    It is the largest likelihood under mass action (Albert 1962, doi:10.1214/aoms/1177704594). Cost: linear in events
+    times channels.
+
+    >>> from calibration import estimate
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> path = JumpPath(decay, {"A": 2}, times=[0.5, 1.5], channels=[0, 0], end=3.0)
+    >>> estimate([path])["decay"].rate  # 2 events over 2 * 0.5 + 1 * 1.0
+    1.0
     """
     runs = tuple(run if isinstance(run, Exposure) else count(run) for run in measured)
     if not runs:

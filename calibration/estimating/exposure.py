@@ -27,6 +27,14 @@ class Exposure:
     exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
         combinations of reactants by the network's convention. 0 where a channel could never fire.
     tank : the tank in whose rate constants the exposure is counted; None where it is not known
+    ValueError: arrays of another shape, negative numbers, or events without exposure
+
+    >>> from calibration import Exposure
+    >>> from kinetics import Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> both = Exposure(decay, events=[2], exposure=[2.0]) + Exposure(decay, events=[1], exposure=[4.0])
+    >>> both.events.tolist(), both.exposure.tolist()
+    ([3], [6.0])
     """
 
     network: Network
@@ -106,7 +114,14 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
     ages : limits (a, b), tu; count only ages a <= t < b, the age being the time since the start or the last restart
 
     A restart puts the state back to the initial one and is no event. Channels that were not open (`open_channels`)
-    gather no exposure.
+    gather no exposure. Cost: linear in events times channels. ValueError: limits that are no ages
+
+    >>> from calibration import count
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> path = JumpPath(decay, {"A": 2}, times=[0.5], channels=[0], end=3.0)
+    >>> count(path).exposure.tolist(), count(path, ages=(1.0, 3.0)).exposure.tolist()  # 2 * 0.5 + 1 * 2.5, and 1 * 2.0
+    ([3.5], [2.0])
     """
     lower, upper = ages
     if not 0 <= lower < upper:
@@ -122,7 +137,16 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
 
 
 def pooled(exposures: Iterable[Exposure]) -> Exposure:
-    """Events and exposures of several runs, summed; their order makes no difference, not to the last digit."""
+    """Events and exposures of several runs, summed; their order makes no difference, not to the last digit.
+
+    ValueError: no runs, runs of several networks or conventions, or some with a tank and some without
+
+    >>> from calibration import Exposure, pooled
+    >>> from kinetics import Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> pooled(Exposure(decay, [1], [0.1]) for run in range(10)).exposure.tolist()
+    [1.0]
+    """
     runs = list(exposures)
     if not runs:
         raise ValueError("no runs to count; give at least one path")
@@ -135,13 +159,33 @@ def pooled(exposures: Iterable[Exposure]) -> Exposure:
 
 
 def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:
-    """Events and exposure by age, cut at `edges` (tu, rising), to see whether rates change after a start or restart."""
+    """Events and exposure by age, cut at `edges` (tu, rising), to see whether rates change after a start or restart.
+
+    Returns the ages, in words -> `Exposure`. ValueError: no paths, or edges that do not rise
+
+    >>> from calibration import by_age
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> path = JumpPath(decay, {"A": 2}, times=[0.5], channels=[0], end=3.0)
+    >>> {ages: seen.events.tolist() for ages, seen in by_age([path], [0.0, 1.0, 3.0]).items()}
+    {'0-1 tu': [1], '1-3 tu': [0]}
+    """
     runs = list(paths)
     return {f"{a:g}-{b:g} tu": pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
 
 
 def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:
-    """Events and exposure by initial composition, to see whether rate constants depend on it."""
+    """Events and exposure by initial composition, to see whether rate constants depend on it.
+
+    Returns the composition, in words -> `Exposure`.
+
+    >>> from calibration import by_initial
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> paths = [JumpPath(decay, {"A": n}, times=[0.5], channels=[0], end=0.5) for n in (2, 3, 3)]
+    >>> {start: seen.events.tolist() for start, seen in by_initial(paths).items()}
+    {'2 A': [1], '3 A': [2]}
+    """
     groups: dict[str, list[Exposure]] = {}
     for path in paths:
         groups.setdefault(composition(path), []).append(count(path))

@@ -22,6 +22,13 @@ def net_path(path: JumpPath, bonds: Ints, window: float) -> JumpPath:
     reacted in between. Cost: breaks that are undone, times events.
 
     ValueError: bonds of another shape, or a window that is not above 0.
+
+    >>> from calibration import net_path
+    >>> from kinetics import JumpPath, Network
+    >>> pairs = Network.from_text("2 A <-> AA, 1, 1")
+    >>> path = JumpPath(pairs, {"A": 2}, times=[1.0, 2.0, 2.1], channels=[0, 1, 0], end=3.0)  # joins, breaks, joins
+    >>> net_path(path, bonds=[[0, 1]] * 3, window=0.5).times.tolist()
+    [1.0]
     """
     if not window > 0:
         raise ValueError(f"window = {window}; expected a time above 0, tu")

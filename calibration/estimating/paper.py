@@ -20,7 +20,14 @@ def paper_estimate(paths: Sequence[JumpPath]) -> dict[str, float]:
     kind. From the mean wait between the firings of a channel, the rate in that state is 1 / (mean wait * ways * h), and
     these rates are averaged over the initial states. The last, censored wait is dropped, so the mean of n waits is too
     short: the rate is too high by n / (n - 1) on average, which averaging over initial states does not cure. The rate
-    is nan for a channel that never fired first.
+    is nan for a channel that never fired first. Returns channel -> rate constant, 1/tu. ValueError: no runs
+
+    >>> from calibration import estimate, paper_estimate
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> paths = [JumpPath(decay, {"A": 1}, [2.0], [0], end=2.0), JumpPath(decay, {"A": 1}, [], [], end=6.0)]
+    >>> paper_estimate(paths), estimate(paths)["decay"].rate  # the second run, in which nothing happened, is lost
+    ({'decay': 0.5}, 0.125)
     """
     if not paths:
         raise ValueError("no runs to estimate from; give at least one path")

@@ -26,7 +26,16 @@ class ImpossibleEventError(ValueError):
 
 
 class LikelihoodRatio(NamedTuple):
-    """A likelihood-ratio test: twice the gain in log-likelihood by `freedom` more parameters, and its p-value."""
+    """A likelihood-ratio test: twice the gain in log-likelihood by `freedom` more parameters, and its p-value.
+
+    >>> from calibration import MassActionRates, Weibull, fit_rates
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> paths = [JumpPath(decay, {"A": 1}, [wait], [0], end=wait) for wait in (0.9, 1.0, 1.1)]
+    >>> ratio = fit_rates(Weibull(), paths).test_against(fit_rates(MassActionRates(), paths))
+    >>> ratio.freedom, ratio.p_value < 0.05  # waits so much alike are not exponential
+    (1, True)
+    """
 
     statistic: float
     freedom: int
@@ -39,6 +48,16 @@ class RateFit:
 
     likelihood : likelihood of the paths to which it was fitted
     fixed : shape parameters that were held, by name
+    best : the largest likelihood, and the model and coefficients that have it
+
+    >>> from calibration import MassActionRates, fit_rates
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> fit = fit_rates(MassActionRates(), [JumpPath(decay, {"A": 1}, [2.0], [0], end=2.0)])
+    >>> fit.parameters, round(fit.log_likelihood, 6)  # log 0.5 - 0.5 * 2
+    ({'k decay': 0.5}, -1.693147)
+    >>> [round(limit, 4) for limit in fit.interval("k decay")]
+    [0.0285, 2.2015]
     """
 
     likelihood: PathLikelihood
@@ -223,6 +242,16 @@ def fit_rates(
     paths : one per run, from any initial states, restarted or not, with any channels closed
     channels : channels to fit, such as the breaks, so that they have a shape of their own; None: all
     fixed : shape parameters to hold, by name
+    ValueError: no runs, an unknown channel or parameter, or (`ImpossibleEventError`) an event that the model excludes
+
+    Cost: one pass over the runs, or where the shape does more than weight parts, one at each step of its search.
+
+    >>> from calibration import MassActionRates, fit_rates
+    >>> from kinetics import Network, sample_path
+    >>> turnover = Network.from_text("0 <-> A, 5, 1")
+    >>> fit = fit_rates(MassActionRates(), [sample_path(turnover, {"A": 0}, end=100.0, seed=1)])
+    >>> [low < true < high for true, (low, high) in zip((5, 1), map(fit.interval, fit.parameters))]
+    [True, True]
     """
     runs = tuple(paths)
     if not runs:
@@ -248,7 +277,18 @@ def fit_rates(
 
 
 def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
-    """One row per fit to the same paths: parameters, likelihood, AIC, and its excess over the smallest AIC."""
+    """One row per fit to the same paths: parameters, likelihood, AIC, and its excess over the smallest AIC.
+
+    ValueError: no fits
+
+    >>> from calibration import MassActionRates, Weibull, compare_fits, fit_rates
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> paths = [JumpPath(decay, {"A": 1}, [wait], [0], end=wait) for wait in (0.9, 1.0, 1.1)]
+    >>> rows = compare_fits([fit_rates(model, paths) for model in (MassActionRates(), Weibull())])
+    >>> [(row["model"], row["free_parameters"], round(row["aic_above_least"], 2)) for row in rows]
+    [('mass-action', 1, 7.19), ('weibull', 2, 0.0)]
+    """
     if not fits:
         raise ValueError("no fits to compare; give at least one")
     least = min(fit.aic for fit in fits)

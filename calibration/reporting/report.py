@@ -37,7 +37,12 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 @dataclass(frozen=True)
 class Heading:
-    """A heading of a report."""
+    """A heading of a report.
+
+    >>> from calibration import Heading
+    >>> Heading("Joins & breaks").html()
+    '<h2>Joins &amp; breaks</h2>'
+    """
 
     text: str
 
@@ -48,7 +53,12 @@ class Heading:
 
 @dataclass(frozen=True)
 class Text:
-    """Plain text of a report; an empty line begins a new paragraph."""
+    """Plain text of a report; an empty line begins a new paragraph.
+
+    >>> from calibration import Text
+    >>> Text("One paragraph.").html()
+    '<p>One paragraph.</p>'
+    """
 
     text: str
 
@@ -63,6 +73,11 @@ class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
     rows : mappings from column to number or text; the columns are those of the first row, named in words
+
+    >>> from calibration import ReportTable
+    >>> table = ReportTable("Rates", [{"channel": "bind", "rate": 0.0123456}])
+    >>> "<td>0.01235</td>" in table.html()
+    True
     """
 
     caption: str
@@ -81,6 +96,11 @@ class Chart:
     draw : called with the axes, or with a list of `panels` axes where there are several
     rows, name : the data, and the name under which picture and data are written if files are requested
     lines : of text that each panel must hold; 0 for none
+
+    >>> from calibration import Chart
+    >>> chart = Chart("Counts over time", lambda ax: ax.plot([0, 1], [2, 1]))
+    >>> chart.svg == Chart("The same", lambda ax: ax.plot([0, 1], [2, 1])).svg
+    True
     """
 
     caption: str
@@ -126,7 +146,14 @@ Part = Heading | Text | ReportTable | Chart
 class HtmlReport:
     """A report in one HTML file.
 
+    title, parts : what it shows, from top to bottom
     provenance : seeds, hashes, versions, costs: name -> number, text, list or nested mapping
+    ValueError: a part's name that cannot be that of a file, or that another part has
+
+    >>> from calibration import Heading, HtmlReport, Text
+    >>> report = HtmlReport("A study", [Heading("Rates"), Text("None yet.")], provenance={"seed": 1})
+    >>> report.html().count("<h2>")  # of the parts, and of the provenance
+    2
     """
 
     title: str

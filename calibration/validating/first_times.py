@@ -38,6 +38,14 @@ class FirstTimes:
     curve_times, curve : predicted distribution function
     samples : number of SSA runs that replace the solution; 0 where the distribution is solved for
     distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the probability of one at least as large
+
+    >>> from calibration import compare_first_times
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("A -> B, 0.1")
+    >>> paths = [JumpPath(decay, {"A": 1}, [2.0], [0], end=5.0), JumpPath(decay, {"A": 1}, [], [], end=5.0)]
+    >>> found = compare_first_times(decay, paths, "B")
+    >>> found.observed.tolist(), found.censored, found.observed_mean, found.mean
+    ([2.0, nan], 1, 3.5, 10.0)
     """
 
     species: str
@@ -108,9 +116,18 @@ def compare_first_times(
     max_states : with more states before the target than this, the distribution is that of 10,000 SSA runs
     horizon : time, tu, until which all runs would have been observed had they not ended with their first copy; None:
         runs did not end so, and the horizon is the end of the shortest
+    ValueError: the species is there at the start, or a run without a copy ends before the horizon
 
     Runs without a copy by the horizon are kept: they enter both means as `horizon`, and the test compares the curves
     only up to there, with the null distribution drawn under the same censoring.
+
+    >>> from calibration import compare_first_times
+    >>> from kinetics import Network, sample_path
+    >>> decay = Network.from_text("A -> B, 0.1")
+    >>> paths = [sample_path(decay, {"A": 1}, end=30.0, seed=1, run=run) for run in range(50)]
+    >>> found = compare_first_times(decay, paths, "B")
+    >>> round(found.predicted_mean, 3), found.low < found.predicted_mean < found.high, found.p_value > 0.01
+    (9.502, True, True)
     """
     if paths[0].initial[network.index(species)]:
         raise ValueError(f"the initial state already holds a {species}: no first one to wait for; name another target")

@@ -19,6 +19,13 @@ class ShapeParameter(NamedTuple):
     """A parameter that several channels share, such as an exponent: where its search starts, and its closed range.
 
     is_weight : it is compared with others by ratio, as the weight of a partner is; its range starts at 0
+
+    >>> from kinetics.breaks import ShapeParameter
+    >>> alpha = ShapeParameter("alpha", low=-1.0, high=4.0)
+    >>> alpha.value(0.5), alpha.unit(1.5)
+    (1.5, 0.5)
+    >>> round(ShapeParameter("wall", low=0.0, high=1e6, start=2.0, is_weight=True).value(0.5), 3)  # the median
+    2.0
     """
 
     name: str
@@ -46,7 +53,14 @@ class ShapeParameter(NamedTuple):
 
 
 class SizeWeights(NamedTuple):
-    """Weights of partners by nothing but their size: bodies (n,) of n sizes, the wall, and the structure alone."""
+    """Weights of partners by nothing but their size: bodies (n,) of n sizes, the wall, and the structure alone.
+
+    >>> import numpy as np
+    >>> from kinetics.breaks import break_model
+    >>> found = break_model("collision").by_size(np.array([1.0, 4.0]), {"alpha": 0.5})
+    >>> found.bodies.tolist(), found.wall, found.alone
+    ([1.0, 2.0], 0.0, 0.0)
+    """
 
     bodies: Floats
     wall: float = 0.0
@@ -70,6 +84,13 @@ class BreakModel(ABC):
         that class rates and network-free runs can use it;
     3. import it in `kinetics.breaks.models`: command lines, estimation, prediction and tests/contracts/test_breaks.py
        read the tuple made there.
+
+    >>> from kinetics import Network, break_model
+    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> break_model("collision").partners(pairs)
+    ('A', 'AA')
+    >>> break_model("collision").weights(pairs, {"alpha": 1.5}).round(3).tolist()
+    [1.0, 2.828]
     """
 
     name: ClassVar[str]

@@ -17,6 +17,13 @@ class CollisionSpecies(BreakModel):
     """X + Y -> parts + Y with a weight for every species Y, 1 for the first one.
 
     It asks nothing of sizes, and tests whether a power of the size, as in `Collision`, is good enough.
+
+    >>> from kinetics import Network, break_model
+    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1")
+    >>> model = break_model("collision-species")
+    >>> shape = {parameter.name: 3.0 for parameter in model.parameters(pairs)}
+    >>> shape, model.weights(pairs, shape).tolist()
+    ({'weight AA': 3.0}, [1.0, 3.0])
     """
 
     name = "collision-species"

@@ -27,7 +27,13 @@ def base_channel(name: str) -> str:
 
 
 def is_break(network: Network) -> NDArray[np.bool_]:
-    """Channels (R,) in which one body is used up and becomes several."""
+    """Channels (R,) in which one body is used up and becomes several.
+
+    >>> from kinetics import Network
+    >>> from kinetics.breaks import is_break
+    >>> is_break(Network.from_text("2 A <-> AA, 0.01, 0.1")).tolist()
+    [False, True]
+    """
     order, gain = _totals(network.sparse_reactants), _totals(network.sparse_stoichiometry)
     is_used_up = network.sparse_stoichiometry.at(network.sparse_reactants.keys) < 0
     used = np.zeros(order.size, dtype=bool)
@@ -42,6 +48,12 @@ class Expansion:
     base : network with one channel a break
     base_of : (R',) position in `base` of the channel that each channel belongs to
     partner_of : (R',) position of its partner among the model's, -1 for a channel that is no break
+
+    >>> from kinetics import Network
+    >>> from kinetics.breaks import Expansion, break_model
+    >>> pair = Network.from_text("pair: 2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> Expansion.of(pair, break_model("collision")).network.channels
+    ('pair', 'pair backward by A', 'pair backward by AA')
     """
 
     base: Network
@@ -136,9 +148,15 @@ class Expansion:
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:
-    """Of each partner the pairs (n, R) that it makes with the structure of each break, in states (n, S).
+    """For each partner, the pairs (n, R) that it makes with the structure of each break, in states (n, S).
 
     Joins have none.
+
+    >>> from kinetics import Network
+    >>> from kinetics.breaks import break_model, pairs
+    >>> pair = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> [table[0, 1].item() for table in pairs(pair, break_model("collision"), [[5, 3]])]  # AA with A, with another AA
+    [15.0, 6.0]
     """
     counts = np.asarray(states)
     breaks = is_break(base)

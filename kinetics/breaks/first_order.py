@@ -12,7 +12,13 @@ from kinetics.support.arrays import Floats
 
 
 class FirstOrder(BreakModel):
-    """A structure breaks at a constant rate, whatever else is in the tank, as the paper assumes (table III)."""
+    """A structure breaks at a constant rate, whatever else is in the tank, as the paper assumes (table III).
+
+    >>> from kinetics import Network, break_model
+    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1")
+    >>> break_model("first-order").partners(pairs) == ("",), break_model("first-order").weights(pairs, {}).tolist()
+    (True, [1.0])
+    """
 
     name = "first-order"
 

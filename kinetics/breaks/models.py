@@ -14,7 +14,12 @@ BREAK_MODELS: tuple[BreakModel, ...] = tuple(kind() for kind in members(globals(
 
 
 def break_model(name: str) -> BreakModel:
-    """The model of this name."""
+    """The break model of this name. ValueError: there is none.
+
+    >>> from kinetics import break_model
+    >>> break_model("first-order").name
+    'first-order'
+    """
     known = {model.name: model for model in BREAK_MODELS}
     if name not in known:
         raise ValueError(f"unknown break model {name!r}; expected one of {', '.join(known)}")

@@ -21,6 +21,12 @@ class ChainAnswer:
     is_bound : whether the limits are proven; otherwise they are an estimate
     method : how it was found
     cpu_seconds : time that took
+
+    >>> from math import exp
+    >>> from kinetics import Chain
+    >>> answer = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0).until([False, True], by=10.0)
+    >>> answer.low <= 1 - exp(-1) <= answer.high, answer.high - answer.low < 1e-12, answer.is_bound
+    (True, True, True)
     """
 
     value: float
@@ -61,6 +67,11 @@ class ChainDistribution:
     probabilities : (T, N), none negative
     error : limit on the absolute error summed over all states, at any time
     is_bound : whether `error` is proven; otherwise it is an estimate
+
+    >>> from kinetics import Chain
+    >>> found = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0).transient([0.0, 100.0])
+    >>> found.probabilities.round(6).tolist(), found.mean([0.0, 1.0]).round(6).tolist(), found.error < 1e-12
+    ([[1.0, 0.0], [0.952381, 0.047619]], [0.0, 0.047619], True)
     """
 
     times: Floats
@@ -88,7 +99,13 @@ class ChainDistribution:
 
 @dataclass(frozen=True, eq=False)
 class ChainPath:
-    """One run of a chain: its states (n + 1,) and the times (n + 1,), tu, at which it enters them; then until `end`."""
+    """One run of a chain: its states (n + 1,) and the times (n + 1,), tu, at which it enters them; then until `end`.
+
+    >>> from kinetics import Chain
+    >>> path = Chain([[0.0, 1.0], [0.0, 0.0]], initial=0).sample_path(end=1e3, seed=1)
+    >>> path.states.tolist(), path.at([0.0, 1e3]).tolist()
+    ([0, 1], [0, 1])
+    """
 
     times: Floats
     states: Ints

@@ -57,6 +57,11 @@ class Chain:
     Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `ChainAnswer`, with limits that
     are proven unless it says otherwise; small probabilities come with a relative error. ValueError: what is no chain,
     label, reward or target, or a question without a finite answer.
+
+    >>> from kinetics import Chain
+    >>> pump = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0, labels={"down": [False, True]})
+    >>> round(pump.in_the_end("down").value, 6), round(pump.until("down", by=10.0).value, 6)  # 1/21, 1 - 1/e
+    (0.047619, 0.632121)
     """
 
     generator: Any
@@ -127,6 +132,12 @@ class Chain:
         within : condition within which it is followed, likewise, or the least number of states, those that the fewest
             events lead to; beyond, it is `lost`, and answers have limits for all that may happen then
         ValueError: more states than `max_states` can be reached
+
+        >>> from kinetics import Chain, Network
+        >>> chain = Chain.of(Network.from_text("0 <-> A, 5, 1"), {"A": 0}, within="A < 40", labels={"many": "A >= 12"})
+        >>> answer = chain.until("many", by=10.0)
+        >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 hardly count
+        (0.155954, True)
         """
         space, lost = listed(network, initial, stop, within, max_states)
         chain = cls.__new__(cls)
@@ -267,6 +278,11 @@ class Chain:
         name : of the reward; of a variable, for its value; None for the only one
         ValueError: not one of the four is asked for; or the target may never be reached, so that there is no finite
             mean
+
+        >>> from kinetics import Chain, Network
+        >>> chain = Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1}, rewards={"heat": "10 * A"})
+        >>> round(chain.reward("heat", until="B == 1").value, 9), round(chain.reward("heat", stationary=True).value, 9)
+        (5.0, 6.0)
         """
         given = self.reward_asked(name, at, up_to, until, stationary)
         if at is not None:
@@ -338,7 +354,13 @@ class Chain:
         )
 
     def committor(self, targets: Mapping[str, Target]) -> ChainCommittor:
-        """The probabilities that each of several targets, which exclude each other, is reached first."""
+        """The probabilities that each of several targets, which exclude each other, is reached first.
+
+        >>> from kinetics import Chain, Network
+        >>> chain = Chain.of(Network.from_text("0 <-> A, 1, 1"), {"A": 1}, stop="A == 3")
+        >>> chain.committor({"extinct": "A == 0", "full": "A == 3"}).probabilities.round(9).tolist()
+        [0.75, 0.25]
+        """
         masks = {name: self.states(given, f"target {name!r}") for name, given in targets.items()}
         if not masks:
             raise ValueError("no targets; give at least one, as in {'extinct': 'A == 0'}")

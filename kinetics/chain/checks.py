@@ -28,6 +28,12 @@ class Reward:
 
     most : what is earned a time unit at most where the chain is lost, impulses included; None where nobody knows
     error : relative, of `rates` and `impulses`
+
+    >>> from kinetics import Chain, Reward
+    >>> costs = Reward(rates=[0.0, 5.0], impulses=[[0.0, 20.0], [0.0, 0.0]])  # 5 a time unit down, 20 a failure
+    >>> pump = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0, rewards={"costs": costs})
+    >>> round(pump.reward("costs", stationary=True).value, 6)  # (2 * 20 * 0.1 + 0.1 * 5) / 2.1
+    2.142857
     """
 
     rates: ArrayLike | None = None

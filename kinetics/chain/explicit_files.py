@@ -36,6 +36,17 @@ def read_explicit(path: str | Path) -> Chain:
     """The chain in a `.tra` file and those beside it; its labels include "init", which is where it starts.
 
     ValueError: a file is missing or damaged, with its line; the label "init" is not that of one state
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics.chain import read_explicit
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "pump.tra").write_text('''2 2
+    ... 0 1 0.1
+    ... 1 0 2''')
+    ...     pump = read_explicit(f"{folder}/pump.tra")
+    >>> round(pump.in_the_end([False, True]).value, 6)
+    0.047619
     """
     file = Path(path)
     if not file.is_file():
@@ -59,6 +70,16 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     """Write a chain to a `.tra` file, and beside it its labels, variables and rewards.
 
     ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics import Chain
+    >>> from kinetics.chain import read_explicit, write_explicit
+    >>> pump = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0, labels={"down": [False, True]})
+    >>> with TemporaryDirectory() as folder:
+    ...     write_explicit(pump, f"{folder}/pump.tra")
+    ...     same = read_explicit(f"{folder}/pump.tra")
+    >>> same.generator.toarray().tolist(), same.labels["down"].tolist()
+    ([[0.0, 0.1], [2.0, 0.0]], [False, True])
     """
     if np.any(chain.lost):
         raise ValueError("the chain is a part of a larger one, which a .tra file cannot say; list all of its states")

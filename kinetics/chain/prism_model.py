@@ -58,6 +58,13 @@ def prism_text(
     """The model of a network from counts (S,), with at most so many (S,) copies of each species.
 
     ValueError: rates depend on time, there are events, or a rate law uses a function that PRISM has not
+
+    >>> import numpy as np
+    >>> from kinetics import Network
+    >>> from kinetics.chain import prism_text
+    >>> text = prism_text(Network.from_text("make: A -> B, 2"), np.array([5, 0]), np.array([5, 5]))
+    >>> [line.strip() for line in text.splitlines() if "->" in line]
+    ["[] n_A >= 1 -> 2.0 * 1.0 * n_A : (n_A' = n_A - 1) & (B' = B + 1);"]
     """
     network.check_homogeneous()
     names = prism_names(network.species)

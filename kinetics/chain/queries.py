@@ -105,7 +105,18 @@ Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery
 
 
 def ask(chain: Chain, question: str) -> ChainAnswer:
-    """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer."""
+    """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer.
+
+    question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too
+
+    >>> from kinetics import Chain, Network
+    >>> from kinetics.chain import ask
+    >>> chain = Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})
+    >>> round(ask(chain, "S=? [ B == 1 ]").value, 9), round(ask(chain, 'R{"A"}=? [ F B == 1 ]').value, 9)  # 2/5, 1/2
+    (0.4, 0.5)
+    >>> round(ask(chain, "P=? [ F<=0.5 B == 1 ]").value, 6)  # 1 - 1/e
+    0.632121
+    """
     return parse(question).of(chain)
 
 

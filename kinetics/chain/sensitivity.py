@@ -57,6 +57,13 @@ class Sensitivity:
     one elimination and two substitutions, and up to four more where a target is remote. Limits are relative to the
     answer; of `always`, the end, `passage_sd` and higher moments, as much wider as rates fire often before. ValueError:
     a chain from elsewhere without parameters, and what the chain refuses.
+
+    >>> from kinetics import Chain, Network, Sensitivity
+    >>> steps = Network.from_text('''first: A -> B, 1
+    ... second: B -> C, 4''')
+    >>> slopes = Sensitivity(Chain.of(steps, {"A": 1})).passage("C == 1")  # of the mean, 1/1 + 1/4
+    >>> dict(zip(slopes.parameters, slopes.value.round(9).tolist())), slopes.elasticity.round(9).tolist()
+    ({'first': -1.0, 'second': -0.25}, [-0.8, -0.2])
     """
 
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:
@@ -86,7 +93,7 @@ class Sensitivity:
         self._entries = ChannelEntries(transitions._replace(channels=np.arange(n_entries)), n_entries)
 
     def until(self, target: Target, through: Target | None = None, by: float | None = None) -> Derivatives:
-        """Of `Chain.until`."""
+        """Derivatives of the answer of `Chain.until`."""
         goal = self._chain.states(target)
         ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
         if by is None:
@@ -94,32 +101,32 @@ class Sensitivity:
         return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
 
     def always(self, states: Target, by: float | None = None) -> Derivatives:
-        """Of `Chain.always`."""
+        """Derivatives of the answer of `Chain.always`."""
         kept = self._chain.states(states)
         if by is None:
             return self._answer(lambda: slopes_always(self._entries, self._start, kept), EQUATIONS)
         return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
 
     def in_the_end(self, states: Target) -> Derivatives:
-        """Of `Chain.in_the_end`."""
+        """Derivatives of the answer of `Chain.in_the_end`."""
         held = self._chain.states(states).astype(float)
         return _probability(self._answer(lambda: slopes_in_the_end(self._entries, self._start, held), EQUATIONS))
 
     def passage(self, target: Target) -> Derivatives:
-        """Of the mean of the first-passage time to a target that is certain."""
+        """Derivatives of the mean first-passage time to a target that is certain."""
         goal = self._chain.states(target)
         ones = np.ones(goal.size)
         return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), EQUATIONS)
 
     def passage_moment(self, target: Target, order: int) -> Derivatives:
-        """Of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
+        """Derivatives of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
         goal, power = self._chain.states(target), whole_number("order", order, 1)
         if power > LARGEST_ORDER:
             raise ValueError(f"order = {power}; moments are known up to {LARGEST_ORDER}")
         return self._answer(lambda: slopes_moment(self._entries, self._start, goal, power), EQUATIONS)
 
     def passage_sd(self, target: Target) -> Derivatives:
-        """Of the standard deviation of the first-passage time to a target that is certain."""
+        """Derivatives of the standard deviation of the first-passage time to a target that is certain."""
         goal = self._chain.states(target)
 
         def slopes() -> Slopes:
@@ -130,7 +137,7 @@ class Sensitivity:
         return self._answer(slopes, EQUATIONS)
 
     def passage_quantile(self, target: Target, q: float) -> Derivatives:
-        """Of the time by which the target has been reached with probability q; as good as the quantile is known.
+        """Derivatives of the time by which the target has been reached with probability q, as good as that is known.
 
         ValueError: the target is reached with a smaller probability, or too many steps
         """
@@ -178,7 +185,7 @@ class Sensitivity:
         until: Target | None = None,
         stationary: bool = False,
     ) -> Derivatives:
-        """Of `Chain.reward`."""
+        """Derivatives of the answer of `Chain.reward`."""
         given = self._chain.reward_asked(name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
@@ -198,7 +205,9 @@ class Sensitivity:
         return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), EQUATIONS)
 
     def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
-        """Of the means of F functions (F, N) of the state, none negative, at a time, tu; one pass forwards for all.
+        """Derivatives of the means of F functions (F, N) of the state, none negative, at a time, tu.
+
+        Cost: one pass forwards for all, and one backwards for each.
 
         max_seconds : work roughly estimated to take longer is refused before it starts
         """
@@ -246,9 +255,15 @@ class Sensitivity:
 
 
 def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: int = 1) -> tuple[Sensitivity, Mask]:
-    """Of a chain that stops at copies of a species, and the states (N,) in which it does.
+    """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
+
+    >>> from kinetics import Network
+    >>> from kinetics.chain import sensitivity_to
+    >>> asked, goal = sensitivity_to(Network.from_text("A -> B, 2"), {"A": 1}, "B")
+    >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
+    ([False, True], [-1.0])
     """
     place, wanted = network.index(species), whole_number("copies", copies, 0)
     chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= wanted)
@@ -258,10 +273,16 @@ def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: i
 def passage_sensitivity(
     network: Network, initial: ArrayLike, species: str, copies: int = 1, certain: bool = True
 ) -> Derivatives:
-    """Of the mean first-passage time to copies of a species, or of the probability that they are ever reached.
+    """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 
     certain : whether it is the mean, which a target that may be missed does not have
     ValueError: unknown species, missing rates, too many states, or a mean that is infinite
+
+    >>> from kinetics import Network
+    >>> from kinetics.chain import passage_sensitivity
+    >>> slopes = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
+    >>> slopes.parameters, round(slopes.answer.value, 9), slopes.elasticity.round(9).tolist()
+    (('make',), 0.5, [-1.0])
     """
     asked, goal = sensitivity_to(network, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)

@@ -49,7 +49,7 @@ from kinetics.support.arrays import Floats
 
 
 class Weights(NamedTuple):
-    """Of the steps until a time, tu: their weights (n,), their sum's unit, and the relative error of a weight."""
+    """The steps until a time, tu: their weights (n,), the unit of their sum, and the relative error of a weight."""
 
     time: float
     values: Floats
@@ -58,9 +58,17 @@ class Weights(NamedTuple):
 
 
 def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: float) -> list[Slopes]:
-    """Of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
+    """Slopes of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
 
     ValueError: too many steps, or too little memory
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_at
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> (found,) = slopes_at(entries, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), time=0.5)
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # exp(-k t), and -k t exp(-k t)
+    (0.367879, [-0.367879])
     """
     kept = Kept.of(entries, start, functions)
     if time == 0.0 or not kept.entries.transitions.rates.any():
@@ -74,9 +82,17 @@ def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: f
 def slopes_up_to(
     entries: ChannelEntries, start: Floats, earning: Floats, time: float, worth: Floats | None = None
 ) -> Slopes:
-    """Of the mean of what is earned up to a time, tu.
+    """Slopes of the mean of what is earned up to a time, tu.
 
     earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_up_to
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_up_to(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of the time spent in A
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # (1 - 1/e) / 2, and 1/e - 1/2
+    (0.31606, [-0.132121])
     """
     total, rounded = earning_with(entries.transitions, earning, worth)
     kept = Kept.of(entries, start, total[None, :], worth)

@@ -27,6 +27,11 @@ class Derivatives:
     constants : (P,) values of the parameters, 1/tu; of a rate law the factor before it. None where they are not known
     method : how they were found
     cpu_seconds : time that took
+
+    >>> from kinetics import Chain, Network, Sensitivity
+    >>> slopes = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).in_the_end("B == 1")
+    >>> slopes.value.round(9).tolist(), slopes.elasticity.round(9).tolist(), slopes.is_bound  # 0.4 * 0.6, and over 0.4
+    ([0.24, -0.24], [0.6, -0.6], True)
     """
 
     parameters: tuple[str, ...]

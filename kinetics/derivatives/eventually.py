@@ -27,7 +27,17 @@ LOOSE = 1e-8  # relative to the answer: from here on, cycles are worth their tim
 
 
 def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
-    """Of the probability of reaching the target (N,) at some time, through given states (N,) alone."""
+    """Slopes of the probability of reaching the target (N,) at some time, through given states (N,) alone.
+
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_until
+    >>> space = reachable(Network.from_text('''A -> B, 1
+    ... A -> C, 3'''), {"A": 1})
+    >>> entries = ChannelEntries(space.transitions(), n_channels=2)
+    >>> begins, is_b = (space.states[:, s] == 1 for s in (0, 1))
+    >>> slopes_until(entries, begins.astype(float), begins | is_b, is_b).value.round(9).tolist()  # 1/4 * 3/4
+    [0.1875, -0.1875]
+    """
 
     def until_back(inside: ChannelEntries, begins: Floats) -> Slopes:
         return _reached(inside, begins, np.append(through, False), np.append(target, False))
@@ -37,14 +47,35 @@ def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: 
 
 
 def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slopes:
-    """Of the probability of never leaving the states (N,)."""
+    """Slopes of the probability of never leaving the states (N,).
+
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_always
+    >>> space = reachable(Network.from_text('''A -> B, 1
+    ... A -> C, 3'''), {"A": 1})
+    >>> entries = ChannelEntries(space.transitions(), n_channels=2)
+    >>> begins, is_c = (space.states[:, s] == 1 for s in (0, 2))
+    >>> slopes_always(entries, begins.astype(float), ~is_c).value.round(9).tolist()  # as of reaching B
+    [0.1875, -0.1875]
+    """
     return _of_ending(entries, always(entries.transitions, start, states))
 
 
 def slopes_earned(
     entries: ChannelEntries, start: Floats, earning: Floats, target: Mask, worth: Floats | None = None
 ) -> Slopes:
-    """Of the mean of what is earned until the target is reached: at `earning` (N,) a time unit, `worth` (K,) a jump."""
+    """Slopes of the mean of what is earned until the target (N,) is reached.
+
+    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_earned
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_earned(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), np.array([False, True]))
+    >>> round(found.answer.value, 9), found.value.round(9).tolist()  # the mean time 1/k
+    (0.5, [-0.5])
+    """
     total, rounded = earning_with(entries.transitions, earning, worth)
     ending = earned_until(entries.transitions, start, total, target)
 
@@ -58,7 +89,18 @@ def slopes_earned(
 
 
 def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, worth: Floats | None = None) -> Slopes:
-    """Of the mean of what is earned a time unit after infinite time."""
+    """Slopes of the mean of what is earned a time unit after infinite time.
+
+    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_in_the_end
+    >>> entries = ChannelEntries(reachable(Network.from_text("A <-> B, 2, 3"), {"A": 1}).transitions(), n_channels=2)
+    >>> found = slopes_in_the_end(entries, np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    >>> round(found.answer.value, 9), found.value.round(9).tolist()  # 2/5, and 2/5 * 3/5
+    (0.4, [0.24, -0.24])
+    """
     chain, (values, rounded) = entries.transitions, earning_with(entries.transitions, earning, worth)
     rest = stationary_of(chain, start)
     answer = mean_in_the_end(rest, values).wider(rounded)

@@ -30,7 +30,18 @@ LARGEST_ORDER = 20  # of a moment: factorials up to here are exact
 
 
 def slopes_moment(entries: ChannelEntries, start: Floats, target: Mask, order: int) -> Slopes:
-    """Of the mean of the time to a target that is certain, tu, to the power of `order`; `order` times two solutions."""
+    """Slopes of the mean of the time, tu, to a target (N,) that is certain, to the power of `order`.
+
+    Cost: two solutions for each power up to `order`.
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_moment
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_moment(entries, np.array([1.0, 0.0]), np.array([False, True]), order=2)
+    >>> round(found.answer.value, 9), found.value.round(9).tolist()  # 2 / k^2, and twice as much less
+    (0.5, [-1.0])
+    """
     ending = earned_until(entries.transitions, start, np.ones(start.size), target)
     solved = ending.solved
     if solved is None:
@@ -47,7 +58,19 @@ def slopes_moment(entries: ChannelEntries, start: Floats, target: Mask, order: i
 
 
 def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedValue) -> Slopes:
-    """Of the standard deviation of the time to a target that is certain, tu, which is known; by two moments."""
+    """Slopes of the standard deviation of the time, tu, to a target (N,) that is certain, by two moments.
+
+    sd : the standard deviation itself, which is known
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_sd
+    >>> from kinetics.passage.backward import LimitedValue
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> sd = LimitedValue(0.5, 0.5, 0.5, is_bound=True)
+    >>> slopes_sd(entries, np.array([1.0, 0.0]), np.array([False, True]), sd).value.round(9).tolist()
+    [-0.5]
+    """
     if sd.value == 0.0:
         return Slopes.none(sd, entries.n_channels)
     one, two = (slopes_moment(entries, start, target, order) for order in (1, 2))
@@ -60,11 +83,16 @@ def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedV
 
 
 class Density(NamedTuple):
-    """Of a passage time where its quantile is.
+    """The density of a passage time at its quantile.
 
     value : 1/tu, with limits
     steepest : how fast it changes there at most, 1/tu**2
     most : the largest rate into the target, 1/tu; exits : out of any state before
+
+    >>> from kinetics.derivatives import Density
+    >>> from kinetics.passage.backward import LimitedValue
+    >>> Density(LimitedValue(1.0, 1.0, 1.0, True), steepest=2.0, most=2.0, exits=2.0).value.value  # k / 2, k = 2
+    1.0
     """
 
     value: LimitedValue
@@ -74,9 +102,19 @@ class Density(NamedTuple):
 
 
 def slopes_quantile(cdf: Slopes, quantile: LimitedValue, density: Density, share: float = 1.0) -> Slopes:
-    """Of a quantile, tu, from the derivatives of the distribution function there.
+    """Slopes of a quantile, tu, from those of the distribution function there.
 
     share : the largest d ln(rate) / d ln(parameter)
+
+    >>> from math import log
+    >>> import numpy as np
+    >>> from kinetics.derivatives import Density, Slopes, slopes_quantile
+    >>> from kinetics.passage.backward import LimitedValue
+    >>> half = log(2) / 2  # the median of an exponential time of rate 2
+    >>> cdf = Slopes(LimitedValue(0.5, 0.5, 0.5, True), np.array([half]), np.zeros(1), is_bound=True)
+    >>> density = Density(LimitedValue(1.0, 1.0, 1.0, True), steepest=2.0, most=2.0, exits=2.0)
+    >>> slopes_quantile(cdf, LimitedValue(half, half, half, True), density).value.round(6).tolist()  # less by as much
+    [-0.346574]
     """
     found, most, exits = density.value, density.most, density.exits
     away = 1.001 * max(quantile.high - quantile.value, quantile.value - quantile.low)

@@ -17,6 +17,14 @@ class Slopes(NamedTuple):
     answer : the value itself
     value, wide : (C,) in its units, and how far off they may be
     is_bound : whether `wide` is proven
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_until
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_until(entries, np.array([1.0, 0.0]), np.array([True, True]), np.array([False, True]))
+    >>> found.answer.value, found.value.tolist()  # B is certain, whatever the rate
+    (1.0, [0.0])
     """
 
     answer: LimitedValue
@@ -26,12 +34,19 @@ class Slopes(NamedTuple):
 
     @classmethod
     def none(cls, answer: LimitedValue, n_channels: int) -> Slopes:
-        """Of an answer that no rate changes."""
+        """The slopes of an answer that no rate changes, all 0."""
         return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 
 
 class ChannelEntries(NamedTuple):
-    """The entries of a chain, with the channel (K,), of C, that each belongs to."""
+    """The entries of a chain, with the channel (K,), of C, that each belongs to.
+
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries
+    >>> entries = ChannelEntries(reachable(Network.from_text("A <-> B, 2, 3"), {"A": 2}).transitions(), n_channels=2)
+    >>> entries.by_channel(entries.transitions.rates).tolist()  # 2 * 2 + 1 * 2, and 1 * 3 + 2 * 3
+    [6.0, 9.0]
+    """
 
     transitions: Transitions
     n_channels: int

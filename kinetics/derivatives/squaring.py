@@ -51,10 +51,19 @@ class Powers(NamedTuple):
 def slopes_by_squaring(
     entries: ChannelEntries, start: Floats, functions: Floats, time: float, space: StateSpace | None = None
 ) -> list[Slopes]:
-    """Of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
+    """Slopes of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
 
     space : states of the network behind the chain, which give its rates without rounding
     ValueError: too many states, or rates and time beyond what numbers hold
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.derivatives import ChannelEntries, slopes_by_squaring
+    >>> stiff = Network.from_text("A <-> B, 1e6, 3e6")
+    >>> entries = ChannelEntries(reachable(stiff, {"A": 1}).transitions(), n_channels=2)
+    >>> (found,) = slopes_by_squaring(entries, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), time=1.0)
+    >>> round(found.answer.value, 9), found.value.round(9).tolist()  # settled: 1/4, and 1/4 * 3/4
+    (0.25, [0.1875, -0.1875])
     """
     chain, fastest = entries.transitions, float(entries.transitions.exits.max(initial=0.0))
     if chain.size > MAX_SQUARED:

@@ -32,6 +32,15 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
     copies_per_unit : how many copies one unit of the file's amounts is; None where it is one. The rate equations stay
         what they are, and the noise is that of so many copies.
+    ValueError: there is no such file, its suffix is not known, or it is damaged
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics.formats import read
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "binding.rxn").write_text("A + B -> AB, 0.1")
+    ...     print(read(f"{folder}/binding.rxn").network.species)
+    ('A', 'B', 'AB')
     """
     file = Path(path)
     kind = _kind_of(file, SUFFIXES)
@@ -41,7 +50,19 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
 
 
 def write(model: NetworkModel, path: str | Path) -> None:
-    """Write a network file, whose suffix gives the format, whole or not at all."""
+    """Write a network file, whose suffix gives the format, whole or not at all.
+
+    ValueError: the suffix is not known, or the format cannot hold all of the model
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics import Network
+    >>> from kinetics.formats import NetworkModel, read, write
+    >>> model = NetworkModel(Network.from_text("A + B -> AB, 0.1"), {"A": 5, "B": 4})
+    >>> with TemporaryDirectory() as folder:
+    ...     write(model, f"{folder}/binding.net")
+    ...     print(read(f"{folder}/binding.net").initial.tolist())
+    [5, 4, 0]
+    """
     write_whole(path, _kind_of(Path(path), WRITTEN).text(model))
 
 

@@ -26,6 +26,13 @@ class NetworkModel:
     observables : name -> weight of each species in the sum
     notes : remarks on how the file was read, and on contents that the network does not hold
     formulas : name in the file -> what it stands for, as text: a formula over the species' amounts in the file's units
+
+    >>> from kinetics import Network
+    >>> from kinetics.formats import NetworkModel
+    >>> binding = Network.from_text("A + B -> AB, 0.1")
+    >>> model = NetworkModel(binding, {"A": 5, "B": 4}, observables={"all A": {"A": 1, "AB": 1}})
+    >>> model.initial.tolist()
+    [5, 4, 0]
     """
 
     network: Network
@@ -60,6 +67,10 @@ class Format(ABC):
     name : name of the format in tests and messages, in lower case
     suffixes : suffixes of its files, in lower case, with the dot
     is_written : whether models are written in it, and not only read
+
+    >>> from kinetics.formats import FORMATS
+    >>> {each.name: each.suffixes for each in FORMATS}["sbml"]
+    ('.xml', '.sbml')
     """
 
     name: ClassVar[str]

@@ -68,6 +68,12 @@ class Network(Shown):
 
     Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`
     and makes the dense tables only when they are first used, so that tens of thousands of channels cost milliseconds.
+    ValueError: a name that is there twice, another shape, or a firing that takes more than it needs
+
+    >>> from kinetics import Network
+    >>> decay = Network(("A",), ("decay",), [[1]], [[-1]], ways=[1.0], rate_constants=[0.1])
+    >>> decay.propensities([[20], [3]])[:, 0].round(9).tolist()
+    [2.0, 0.3]
     """
 
     species: tuple[str, ...]

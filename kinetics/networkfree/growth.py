@@ -34,6 +34,12 @@ class Growth:
     before, after : (E, 2) indices of the structures that an event consumed and produced, or NOTHING
     end : time in tu at which observation stopped
     draws : pairs of faces and bonds that were drawn; those that led to no event are the cost of thinning
+
+    >>> from kinetics import ClassRates, grow
+    >>> from kinetics.assembly import RuleBook
+    >>> (run,) = grow(RuleBook.load("line4"), ClassRates.uniform(join=1e-3), initial=8, end=1e5, seed=1).runs
+    >>> run.n_cubes, run.by_size([0.0])[0].tolist()
+    (8, [0, 8, 0, 0, 0])
     """
 
     book: RuleBook
@@ -193,6 +199,14 @@ class Growths:
     """Independent network-free runs of one tank.
 
     interrupted : whether more runs were requested
+
+    >>> from kinetics import ClassRates, grow
+    >>> from kinetics.assembly import RuleBook
+    >>> grown = grow(RuleBook.load("line4"), ClassRates.uniform(join=1e-3), initial=8, end=1e5, runs=3, seed=1)
+    >>> bool((grown.by_size([0.0, 1e5]) @ range(grown.most + 1) == 8).all())  # cubes are conserved
+    True
+    >>> grown.count(grown.target, [1e5])[:, 0].tolist()
+    [2, 2, 2]
     """
 
     runs: tuple[Growth, ...]

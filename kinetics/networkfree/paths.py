@@ -16,6 +16,14 @@ def path_of(growth: Growth, derivation: Derivation, tank: Tank | None = None) ->
 
     tank : where it happened; None where that is not known
     KeyError: a structure or an event that the network does not have.
+
+    >>> from kinetics import ClassRates, grow
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> from kinetics.networkfree import path_of
+    >>> book = RuleBook.load("line4")
+    >>> (run,) = grow(book, ClassRates.uniform(join=1e-3), initial=8, end=1e5, seed=1).runs
+    >>> path_of(run, derive(book)).states[[0, -1]].tolist()
+    [[8, 0, 0, 0], [0, 0, 0, 2]]
     """
     species = [derivation.species_of(structure) for structure in growth.structures]
     initial = np.zeros(len(derivation.network.species), dtype=np.int64)
@@ -33,6 +41,14 @@ def growth_of(path: JumpPath, derivation: Derivation) -> Growth:
     """A path of a book's derived network, such as a mechanics run, as a network-free run has it.
 
     ValueError: a path that was restarted, or of another network.
+
+    >>> from kinetics import Rates, sample_path
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> from kinetics.networkfree import growth_of
+    >>> line = derive(RuleBook.load("line4"))
+    >>> path = sample_path(Rates.load("table3").apply(line.network), {"monomer": 8}, end=100.0, seed=1)
+    >>> growth_of(path, line).n_cubes
+    8
     """
     if path.network.fingerprint != derivation.network.fingerprint:
         raise ValueError(f"a path is not of the network of book {derivation.book.name!r}")

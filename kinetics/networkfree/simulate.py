@@ -50,7 +50,16 @@ def grow(
         runs are under the rates as they are
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
-    finished are returned, if any.
+    finished are returned, if any. Cost: draws of faces and bonds, null events among them (`Growth.draws`). Source: Yang
+    et al. (2008), doi:10.1103/PhysRevE.78.031910, and Sneddon et al. (2011), doi:10.1038/nmeth.1546, here in space.
+    ValueError: an initial state that the book cannot begin from, or a class without a rate
+
+    >>> from kinetics import ClassRates, grow
+    >>> from kinetics.assembly import RuleBook
+    >>> rates = ClassRates.uniform(join=1e-3)
+    >>> grown = grow(RuleBook.load("line4"), rates, initial=8, end=1e5, runs=2, seed=1)
+    >>> grown.largest([0.0, 1e5]).tolist()  # cubes, of each run
+    [[1, 4], [1, 4]]
     """
     horizon = float(rising_times([end])[0])
     start = _checked(book, initial) if isinstance(initial, Mapping) else free_cubes(book, initial)

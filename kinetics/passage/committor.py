@@ -98,6 +98,17 @@ class Committor(ChainCommittor):
     """The probabilities that each of several targets is reached first, from every state of a network.
 
     space : the states
+    targets, committors, probabilities : K names, and the probabilities (K, N) from each state and (K,) from the start
+    never, mean_times, occupation, lost, error, is_bound : as of `ChainCommittor`
+
+    >>> from kinetics import Network, committor
+    >>> turnover = Network.from_text("0 <-> A, 1, 1")
+    >>> ends = {"full": lambda states: states[:, 0] == 3, "extinct": lambda states: states[:, 0] == 0}
+    >>> found = committor(turnover, {"A": 1}, ends)
+    >>> dict(zip(found.space.states[:, 0].tolist(), found.committors[0].round(9).tolist()))  # copies: chance of "full"
+    {1: 0.25, 2: 0.5, 0: 0.0, 3: 1.0}
+    >>> found.sample_path("full", seed=1).states[-1].tolist()
+    [3]
     """
 
     space: StateSpace
@@ -120,10 +131,17 @@ def committor(
     max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
 
-    The equations of first-step analysis are solved as `equations` chooses, with limits relative to each figure, so that
-    even a probability of 1e-30 has digits. The cost is some tens of passes over the rates for each target, or where
-    that does not converge an elimination, states times the square of the band's width. Choose it where the states can
-    be listed, and `rare_event` where they cannot.
+    The equations of first-step analysis (Norris 1997, doi:10.1017/CBO9780511810633, section 3.3) are solved as
+    `equations` chooses, with limits relative to each figure, so that even a probability of 1e-30 has digits. The cost
+    is some tens of passes over the rates for each target, or where that does not converge an elimination, states times
+    the square of the band's width. Choose it where the states can be listed, and `rare_event` where they cannot.
+
+    >>> from kinetics import Network, committor
+    >>> turnover = Network.from_text("0 <-> A, 1, 1")
+    >>> targets = {"extinct": lambda states: states[:, 0] == 0, "full": lambda states: states[:, 0] == 3}
+    >>> found = committor(turnover, {"A": 1}, targets)
+    >>> found.probabilities.round(9).tolist(), found.error < 1e-12
+    ([0.75, 0.25], True)
     """
     if not targets:
         raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")

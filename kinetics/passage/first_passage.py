@@ -38,6 +38,14 @@ class Passage:
     start : probabilities of these states at time 0
     is_bound : whether errors and limits are proven; not by a rate law that cannot be bounded
     time_unit : name of the unit of all times, "" where none is stated
+
+    >>> from kinetics import Network, first_passage
+    >>> found = first_passage(Network.from_text("A -> B, 0.1"), {"A": 1}, "B")  # exponential, with mean 10
+    >>> found.cdf([0.0, 10.0]).round(6).tolist(), found.quantile(0.5).round(6).tolist()
+    ([0.0, 0.632121], 6.931472)
+    >>> low, high = found.cdf_bounds(1e-9)
+    >>> bool(0 < high / low - 1 < 1e-12)
+    True
     """
 
     target: str
@@ -173,6 +181,12 @@ def first_passage(
     the target for good, the mean is inf and `probability` below 1. Cost: some tens of passes over the rates, or where
     that does not converge the number of states times the square of the band's width; for the distribution one step per
     uniformised event. Choose it where the states can be listed; sample otherwise.
+
+    >>> from kinetics import Network, first_passage
+    >>> decay = Network.from_text("A -> B, 0.1")
+    >>> found = first_passage(decay, {"A": 3}, "B", copies=2)
+    >>> round(found.mean, 6), round(found.sd, 6)  # 10/3 + 10/2, and the root of the sum of squares
+    (8.333333, 6.009252)
     """
     index = network.index(species)
     wanted = whole_number("copies", copies, 0)

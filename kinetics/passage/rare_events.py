@@ -34,6 +34,12 @@ class RareEvent:
         limit alone, by Markov's inequality, which holds for any unbiased estimate that is not negative
     chances : approximate probabilities of the event at which runs were split; the last, 1, is the event itself
     runs : number of runs begun at each stage, over all replicates
+
+    >>> from kinetics import Network, rare_event
+    >>> pair = Network.from_text("A -> B, 1")
+    >>> found = rare_event(pair, {"A": 2}, lambda states: states[:, 1], threshold=2, end=0.01, seed=1)
+    >>> found.low < 9.9005e-05 < found.high, found.is_trusted  # (1 - exp(-0.01))^2
+    (True, True)
     """
 
     probability: float
@@ -76,13 +82,21 @@ def rare_event(
     them reaches the next stage, and the probability is the product of the shares. A stage is a chance of the event
     given level and time left, from a chain on the levels that is learnt in a pilot. A run that is late must therefore
     have come further to enter a stage, which serves events that leave no time to spare as well as those that do. The
-    stages are fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011), whatever the level.
+    stages are fixed before the estimate, which keeps it unbiased (Amrein & Künsch 2011, doi:10.1145/1899396.1899401),
+    whatever the level.
 
     The interval is valid where the level measures the progress of a run: runs that enter a stage in different states
     must have similar chances from there on. Where the event comes almost only by a path that few runs take at first and
     that the level does not show (a hidden switch), all replicates may miss it and agree on too small a number; `low`
     then still holds, but `high` does not. Cost: the events of all runs at all stages, of which there are about
     log(1 / p) / 1.6. Where the states can be listed, `first_passage` and `committor` need no sampling: choose those.
+
+    >>> from kinetics import Chain, Network, rare_event
+    >>> turnover = Network.from_text("0 <-> A, 1, 1")
+    >>> found = rare_event(turnover, {"A": 0}, lambda states: states[:, 0], threshold=8, end=5.0, runs=4000, seed=1)
+    >>> exact = Chain.of(turnover, {"A": 0}, stop="A >= 8").until("A >= 8", by=5.0)
+    >>> found.low < exact.value < found.high, found.is_trusted, f"{exact.value:.4g}"
+    (True, True, '0.0001639')
     """
     horizon = float(rising_times([end])[0])
     start = network.state(initial)

@@ -63,6 +63,13 @@ class Stationary(ChainStationary):
     """The distribution of a network's states after infinite time, starting from one state; all are reachable.
 
     space : the states
+    probabilities : (N,) of every state, each with the relative error `error`
+    classes, weights, is_bound : the closed classes, the probability of ending up in each, and whether `error` is proven
+
+    >>> from kinetics import Network, stationary
+    >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
+    >>> found.mean().round(9).tolist(), found.sd().round(6).tolist(), round(found.probability({"A": 2}), 9)
+    ([1.2, 0.8], [0.69282, 0.69282], 0.36)
     """
 
     space: StateSpace
@@ -114,6 +121,11 @@ def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATE
     doi:10.1287/opre.33.5.1107) or sparse factors. Where the chain may end up in several, they are weighted by the
     probability of ending up in each. Cost: some tens of passes over the rates, else of the factors, or the number of
     states times the square of the band's width.
+
+    >>> from kinetics import Network, stationary
+    >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
+    >>> found.marginal("B").round(9).tolist(), found.error < 1e-12  # binomial, with probability 0.4
+    ([0.36, 0.48, 0.16], True)
     """
     space = reached_states(network, initial, max_states)
     found = stationary_of(space.transitions(), np.eye(1, len(space))[0])

@@ -40,6 +40,16 @@ class Elasticities:
     share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan where they leave none
     quantile : how far a 95 % interval reaches beyond the value, in standard errors, by Student's t
     is_exact : exact derivatives at the posterior mean of each parameter; else averaged over the posterior
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates
+    >>> from kinetics.predicting import passage_elasticities
+    >>> steps = Network.from_text('''first: A -> B, 1
+    ... second: B -> C, 4''')
+    >>> measured = {name: ChannelRate(rate=k, ways=1) for name, k in zip(steps.channels, (1, 4))}
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels=measured)
+    >>> found = passage_elasticities(steps, rates, {"A": 1}, "C")
+    >>> found.parameters, found.value[:, 0].round(9).tolist(), found.is_exact  # 1 and 1/4 of 5/4
+    (('first', 'second'), [-0.8, -0.2], True)
     """
 
     parameters: tuple[str, ...]
@@ -112,6 +122,14 @@ def count_elasticities(
     exact_states : up to so many reachable states they are solved for, by one pass forwards a time and one backwards a
         count, for all parameters; else they come from `drawn`, at no further cost
     ValueError: no rate has evidence where draws are needed, or there are fewer than two draws for a parameter.
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates
+    >>> from kinetics.predicting import count_elasticities
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> measured = {"decay": ChannelRate(rate=0.1, ways=1)}
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels=measured)
+    >>> count_elasticities(decay, rates, {"A": 10}, [5.0]).value.round(6).tolist()  # -k t
+    [[[-0.5]]]
     """
 
     def solved(model: Network) -> Gradients:
@@ -142,7 +160,17 @@ def passage_elasticities(
     copies: int = 1,
     tank: Tank | None = None,
 ) -> Elasticities:
-    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite."""
+    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite.
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates
+    >>> from kinetics.predicting import passage_elasticities
+    >>> decay = Network.from_text("decay: A -> B, 1")
+    >>> measured = {"decay": ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)}
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels=measured)
+    >>> found = passage_elasticities(decay, rates, {"A": 1}, "B")
+    >>> found.value.round(9).tolist(), found.share.round(9).tolist()
+    ([[-1.0]], [[1.0]])
+    """
 
     def solved(model: Network) -> Gradients:
         found = passage_sensitivity(model, initial, species, copies)

@@ -27,6 +27,11 @@ class PassagePrediction:
 
     The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
     and quantiles exist always; they are inf only where the target may be missed at any rates.
+
+    >>> from kinetics import Network, predict_passage
+    >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")
+    >>> round(found.mean, 9), found.low  # no interval: the rates are taken as known
+    (10.0, None)
     """
 
     passage: Passage
@@ -49,7 +54,18 @@ def predict_passage(
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
+    rates : None for the network's own, which are taken as known, so that there is no interval
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
+    tank : where it happens; None for the tank of the rates
+    ValueError: rates of another network or without their tank, and what `first_passage` refuses
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates, predict_passage
+    >>> decay = Network.from_text("decay: A -> B, 1")
+    >>> measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    >>> found = predict_passage(decay, rates, {"A": 1}, "B", seed=1)
+    >>> found.low < 10.0 < found.high, round(found.passage.mean, 4)  # of the mean rate, 40.5 / 400
+    (True, 9.8765)
     """
     if rates is None or not rates.has_evidence:
         model = network if rates is None else rates.apply(network, tank)

@@ -40,6 +40,14 @@ class Prediction(Shown):
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     result : the statistics of the runs, or the Distribution, from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None where there is none
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    >>> found = predict(decay, rates, {"A": 100}, [10.0], seed=1)
+    >>> bool(found.low[0, 0] < 36.788 < found.high[0, 0]), bool(found.high[0, 0] - found.low[0, 0] > 10)
+    (True, True)
     """
 
     network: Network
@@ -127,6 +135,7 @@ def predict(
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
     tank : where it happens; None for the tank of the rates
+    ValueError: rates of another network or without their tank, missing rates, or what the method refuses
 
     Only statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction comes
     from the runs and draws made so far, if any, and its notes say so.
@@ -136,6 +145,15 @@ def predict(
     towards each other by the share of their variance that is Monte-Carlo noise (known from the runs). It thus shows
     the uncertainty of the rates alone, approximately. A method that does not sample solves at the posterior mean of
     each rate constant; its interval comes from sampling by `Auto`.
+
+    >>> from kinetics import Network, predict
+    >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
+    >>> exact = predict(binding, None, {"A": 20, "B": 10}, [5.0], method="exact")
+    >>> exact.mean.round(4).tolist(), exact.error < 1e-12
+    ([[15.3269, 5.3269, 4.6731]], True)
+    >>> sampled = predict(binding, None, {"A": 20, "B": 10}, [5.0], runs=2000, seed=1)
+    >>> bool((abs(sampled.mean - exact.mean) < 5 * sampled.standard_error).all())
+    True
     """
     began = time.process_time()
     report = progress or (lambda _: None)

@@ -41,6 +41,12 @@ class Ranking:
     notes : what a reader must know about the figures
     draws : number of draws of the rates; 0 where no rate has evidence
     unfinished : books not reached before Ctrl-C
+
+    >>> from kinetics import ClassRates, rank
+    >>> from kinetics.assembly import RuleBook
+    >>> ranking = rank([RuleBook.load("line4")], ClassRates.uniform(join=1e-3), cubes=8, horizon=500.0)
+    >>> ranking.possible, ranking.pathways["line4"], round(ranking.books[0].figure("yield").value, 4)
+    (2, ('1+1', '1+2', '1+3', '2+2'), 0.6834)
     """
 
     books: tuple[RankedBook, ...]
@@ -230,9 +236,17 @@ def rank(
     runs : number of runs for a figure whose chain has more than `max_states` states or takes too long to solve
     draws : number of sets of rates drawn from their evidence, each with `RUNS_PER_DRAW` runs where it must be sampled
     progress : called with the name of the book that is being worked on
+    ValueError: books of several targets or names that are not unique, too few cubes, or a class without a rate
 
     The figures of a book depend on the book and the seed, not on the other books. After Ctrl-C the ranking holds the
     books that were finished, if any.
+
+    >>> from kinetics import ClassRates, rank
+    >>> from kinetics.assembly import RuleBook
+    >>> books = [RuleBook.load("line4"), RuleBook.load("line4_pairs")]
+    >>> ranking = rank(books, ClassRates.uniform(join=1e-3), cubes=8, horizon=500.0)
+    >>> [book.name for book in ranking.books], ranking.places
+    (['line4_pairs', 'line4'], (1, 2))
     """
     _check(books, cubes, horizon, by)
     whole_number("runs", runs, 2)

@@ -20,6 +20,11 @@ class ShapePosterior(Settings):
 
     points : (G, K) values of the K shape parameters, in the order of `shape`
     weights : (G,) probabilities
+
+    >>> from kinetics.rates import ShapePosterior
+    >>> posterior = ShapePosterior(points=((0.5,), (1.5,)), weights=(0.25, 0.75))
+    >>> sum(weight * alpha for (alpha,), weight in zip(posterior.points, posterior.weights))
+    1.25
     """
 
     points: tuple[tuple[float, ...], ...] = Field(min_length=1)
@@ -44,6 +49,10 @@ class BreakTerms(Settings):
     shape : its shape parameters at their largest likelihood
     posterior : what the evidence leaves of them; None where they are taken as known
     like_pairs : how a pair of like bodies is counted
+
+    >>> from kinetics.rates import BreakTerms
+    >>> BreakTerms(model="collision", shape={"alpha": 2.0}).by_size([1, 2, 3]).bodies.tolist()
+    [1.0, 4.0, 9.0]
     """
 
     model: str = "first-order"

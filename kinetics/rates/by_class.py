@@ -39,6 +39,12 @@ class ClassRate(MeasuredRate):
     exposures : of a break whose model has a shape that is not known, the exposure to bodies of 1, 2, ... cubes, to the
         wall and to nobody; `exposure` is their sum, weighted as the model weights them
     exposure_by_shape : the same as exposure at each point of the shape's posterior, where partners are species
+
+    >>> from kinetics.rates import ClassRate, ClassRates
+    >>> join = ClassRate(rate=0.02, events=2, exposure=100.0)
+    >>> rates = ClassRates(classes={"join": join, "break": ClassRate(rate=1.0)})
+    >>> rates.classes["join"].events, rates.classes["break"].exposure is None
+    (2.0, True)
     """
 
     exposures: tuple[float, ...] | None = None
@@ -53,6 +59,13 @@ class ClassRates(Settings):
     tank : edges of the tank in which the constants hold; None: not known
     breaks : the break model; the constant of a break is its coefficient, per partner of weight 1
     evidence : table of free form that says where the rates come from
+
+    >>> from kinetics import ClassRates
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> line = derive(RuleBook.load("line4"))
+    >>> network = ClassRates.uniform(join=1e-4, break_=1e-3).apply(line)
+    >>> sorted(set(network.rate_constants.tolist()))
+    [0.0001, 0.001]
     """
 
     convention: Convention = DISTINCT
@@ -220,7 +233,15 @@ class ClassRates(Settings):
 
 
 def are_by_class(name_or_path: str | Path) -> bool:
-    """Whether this is a file of rates by class."""
+    """Whether this is a file of rates by class.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics.rates import ClassRates, are_by_class
+    >>> with TemporaryDirectory() as folder:
+    ...     ClassRates.uniform(join=1e-4).save(f"{folder}/classes.toml")
+    ...     print(are_by_class(f"{folder}/classes.toml"), are_by_class("table3"))
+    True False
+    """
     path = Path(name_or_path)
     return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)
 
@@ -271,6 +292,11 @@ def general_entries(entries: Mapping[str, ClassRate]) -> dict[str, ClassRate]:
 
     Members at which as many faces meet say little of places where it is another number, however they agree: such
     evidence of all joins is worth `UNTOLD` events, draws of which lie between a sixth and 2.6 times the rate (95 %).
+
+    >>> from kinetics.rates import general_entries, measured_class
+    >>> known = {f"break {n} f1 + 2 f1": measured_class(0.1, events=10, exposure=100.0) for n in (1, 2)}
+    >>> {key: (entry.events, entry.exposure) for key, entry in general_entries(known).items()}
+    {'break f1 + f1': (20.0, 200.0), 'break': (20.0, 200.0)}
     """
     members: dict[str, dict[str, ClassRate]] = defaultdict(dict)
     for key, entry in entries.items():
@@ -306,6 +332,11 @@ def with_prior(entry: ClassRate, prior: ClassRate) -> ClassRate:
     """The evidence of a class, and that of an entry over classes like it: the sum of events and of exposures.
 
     A draw is then Gamma(events of its own + a, exposure of its own + b), where Gamma(a, b) is that of the prior.
+
+    >>> from kinetics.rates import measured_class, with_prior
+    >>> entry = with_prior(measured_class(0.0, events=0, exposure=10.0), measured_class(0.1, events=2.0, exposure=25.0))
+    >>> entry.events, entry.exposure, round(entry.rate, 6)  # (2 + 1/2) / 35
+    (2.0, 35.0, 0.071429)
     """
     if entry.events is None or entry.exposure is None or prior.events is None or prior.exposure is None:
         return entry
@@ -337,9 +368,16 @@ def _parts(entries: Sequence[ClassRate], part: float) -> dict[str, tuple[float, 
 
 
 def measured_class(rate: float, events: float, exposure: float, **parts: tuple[float, ...]) -> ClassRate:
-    """With the exact interval (Garwood 1936), which for an entry of several classes is stretched to hold their mean.
+    """A class rate with its exact interval (Garwood 1936, doi:10.1093/biomet/28.3-4.437).
+
+    For an entry of several classes, the interval is stretched to hold their mean.
 
     parts : `exposures` or `exposure_by_shape`, where there are any
+
+    >>> from kinetics.rates import measured_class
+    >>> entry = measured_class(0.02, events=4, exposure=200.0)
+    >>> round(entry.low, 4), round(entry.high, 4)
+    (0.0054, 0.0512)
     """
     low, high = map(float, exact_limits(events, exposure))
     limits = {"low": min(low, rate), "high": max(high, rate)}

@@ -21,7 +21,13 @@ _KEY = re.compile(r"(join|break)(?: (?:(\d+) )?(?!touching\b)(\w+) \+ (?:(\d+) )
 
 
 def class_keys(rate_class: RateClass) -> tuple[str, str, str, str]:
-    """Keys of a class: with sizes, with faces, with the number of faces that meet, the event alone."""
+    """Keys of a class: with sizes, with faces, with the number of faces that meet, the event alone.
+
+    >>> from kinetics.assembly import RateClass
+    >>> from kinetics.rates import class_keys
+    >>> class_keys(RateClass("join", (1, 2), ("f1", "f1")))
+    ('join 1 f1 + 2 f1 touching 1', 'join f1 + f1 touching 1', 'join touching 1', 'join')
+    """
     event, _, faces, touched = rate_class
     meeting = f" touching {touched}" if event == "join" else ""
     return str(rate_class), f"{event} {' + '.join(sorted(faces))}{meeting}", event + meeting, event
@@ -49,7 +55,12 @@ def plain_key(key: str) -> str:
 
 
 def more_general(key: str) -> tuple[str, ...]:
-    """The keys that stand for a plain key where it has no entry, the particular first."""
+    """The keys that stand for a plain key where it has no entry, the particular first.
+
+    >>> from kinetics.rates import more_general
+    >>> more_general("join 1 f1 + 2 f1 touching 2")
+    ('join f1 + f1 touching 2', 'join touching 2', 'join')
+    """
     match = _KEY.fullmatch(key)
     if match is None:
         raise ValueError(f"{key!r} is no rate class")

@@ -85,6 +85,13 @@ class BookRates:
     derivation : of the book
 
     ValueError: faces of another scheme, or a class of the book without a rate.
+
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> from kinetics.rates import BookRates, ClassRates
+    >>> line = derive(RuleBook.load("line4"))
+    >>> rates = BookRates(ClassRates.uniform(join=1e-4, break_=1e-3), line)
+    >>> rates.has_evidence, sorted(set(rates.apply(line.network).rate_constants.tolist()))
+    (False, [0.0001, 0.001])
     """
 
     rates: ClassRates

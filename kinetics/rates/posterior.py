@@ -29,6 +29,14 @@ class RatesPosterior:
     Each rate comes from Gamma(events + 1/2, exposure), its posterior under Jeffreys' prior, with the exposure at the
     shape of largest likelihood. At another shape the same rate stands for the coefficient by which as many breaks would
     have been expected, so rates and shape are independent in the posterior.
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> measured = ChannelRate(rate=0.02, events=2, exposure=100.0, ways=1)
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    >>> posterior = rates.posterior(decay)
+    >>> posterior.names, posterior.mean.tolist(), posterior.covariance.round(9).tolist()  # 2.5 / 100, and 2.5 / 100^2
+    (('decay',), [0.025], [[0.00025]])
     """
 
     expansion: Expansion

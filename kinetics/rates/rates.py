@@ -20,7 +20,16 @@ SHIPPED = Path(__file__).parent / "tables"
 
 
 class Convention(Settings):
-    """The formula by which the numbers of a rates file give a propensity, with every factor stated."""
+    """The formula by which the numbers of a rates file give a propensity, with every factor stated.
+
+    combinations : of x like reactants: `distinct`, x (x - 1) / 2; `ordered`, x (x - 1); `product`, x x
+
+    >>> from kinetics import Convention, Network
+    >>> convention = Convention(combinations="ordered")
+    >>> dimers = Network.from_text("2 A -> AA, 1")
+    >>> dimers.with_rates([1.0], combinations=convention.combinations).propensities([3, 0]).tolist()
+    [6.0]
+    """
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
@@ -52,13 +61,18 @@ class MeasuredRate(Settings):
 
 
 class ChannelRate(MeasuredRate):
-    """The rate constant of one channel, with its evidence.
+    """The rate constant of one channel, with its evidence; rate, limits, events and exposure as of `MeasuredRate`.
 
     ways : number of ways N of one combination of reactants
     exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted
         as the model weights its partners
     prior : of a channel that no run could fire, the group whose mean rate stands in for evidence: the exposure is that
         in which half an event of such a rate is expected, the events are 0; None where runs are the evidence
+
+    >>> from kinetics import ChannelRate
+    >>> measured = ChannelRate(rate=0.02, low=0.0024, high=0.072, events=2, exposure=100.0, ways=1)
+    >>> measured.events / measured.exposure == measured.rate
+    True
     """
 
     events: int | None = Field(default=None, ge=0)
@@ -75,6 +89,13 @@ class Rates(Settings):
     tank : edges of the tank in which the constants hold; None: not known, so that they cannot be used in another
     network : fingerprint of the network they were measured for, where it was recorded
     evidence : table of free form that says where the rates come from (scene, seeds, cost, versions, notes)
+
+    >>> from kinetics import ChannelRate, Convention, Network, Rates
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> measured = ChannelRate(rate=0.02, events=2, exposure=100.0, ways=1)
+    >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    >>> rates.apply(decay).rate_constants.tolist(), rates.expected(decay).rate_constants.tolist()
+    ([0.02], [0.025])
     """
 
     convention: Convention
@@ -204,7 +225,12 @@ class Rates(Settings):
 
 
 def about_priors(names: Sequence[str]) -> str:
-    """What is known of channels that no run could fire, in a sentence; nothing where there are none."""
+    """What is known of channels that no run could fire, in a sentence; nothing where there are none.
+
+    >>> from kinetics.rates import about_priors
+    >>> about_priors(["2+2->4"])[:21]
+    'Not measured: 2+2->4.'
+    """
     if not names:
         return ""
     return (

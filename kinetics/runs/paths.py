@@ -38,6 +38,13 @@ class JumpPath:
     tank : where it happened; None where that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
         events and restarts. None where nobody watched for it
+    ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
+
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> path = JumpPath(decay, {"A": 2}, times=[0.5, 1.5], channels=[0, 0], end=3.0)
+    >>> path.at([0.0, 1.0, 2.0])[:, 0].tolist()
+    [2, 1, 0]
     """
 
     network: Network
@@ -195,6 +202,14 @@ class Ensemble(Shown):
 
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
+    ValueError: counts of another shape or kind, or negative ones
+
+    >>> import numpy as np
+    >>> from kinetics import Ensemble, Network
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> runs = Ensemble(decay, [0.0, 1.0], np.array([[[4], [2]], [[4], [3]], [[4], [4]]]))
+    >>> runs["A"].tolist(), runs.mean()[:, 0].tolist(), runs.sd()[:, 0].tolist()
+    ([[4, 2], [4, 3], [4, 4]], [4.0, 3.0], [0.0, 1.0])
     """
 
     network: Network

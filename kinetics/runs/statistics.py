@@ -42,6 +42,12 @@ class EnsembleStatistics(Shown):
         number `origin`. Bins are one count wide where the range allows, and then nothing is rounded
     sums, products : exact integers: sums of the counts (T, S), and of the products of each pair of species (T, P)
     pairs : (2, P) the species of the pairs
+
+    >>> from kinetics import Network, simulate_statistics
+    >>> source = Network.from_text("0 -> A, 5")
+    >>> statistics = simulate_statistics(source, "ssa", {"A": 0}, [1.0], runs=2000, seed=1)
+    >>> statistics.runs, statistics.quantile(0.5).tolist()  # of a Poisson distribution of mean 5
+    (2000, [[5.0]])
     """
 
     network: Network

@@ -25,6 +25,11 @@ class Auto(SamplingMethod):
     Choose it unless you know better: it cost at most 1.2 times as much as the best method on a range of networks (see
     `tests/benchmarks/bench_auto_ssa.py`). The choice depends on the network and on `many` alone, so the same seed gives
     the same runs for any number of runs and any grid of times; they are those of the chosen method, to the last bit.
+
+    >>> from kinetics import Auto, Network
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> Auto().choose(decay).name, Auto(many=False).choose(decay).name
+    ('lockstep', 'ssa')
     """
 
     many: bool = True

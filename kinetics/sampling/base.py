@@ -51,6 +51,12 @@ class SamplingMethod(ABC):
     4. Give `cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
        tuple made there.
+
+    >>> from kinetics import Network
+    >>> from kinetics.sampling import SAMPLING_METHODS
+    >>> by_law = Network.from_text("A -> B, 5 * A / (2 + A)")
+    >>> [method.name for method in SAMPLING_METHODS if method().takes(by_law)]
+    ['general', 'auto']
     """
 
     name: ClassVar[str]

@@ -44,6 +44,13 @@ def simulate_draws(
 
     Only one draw a thread, and a few more, is in memory at a time. The same seed gives the same runs for any number of
     threads. Beyond its runs a draw costs some 20 us where the method is the direct one or in lockstep.
+
+    >>> from kinetics import Network
+    >>> from kinetics.sampling import simulate_draws
+    >>> decay = Network.from_text("A -> 0, 1")
+    >>> counts = list(simulate_draws(decay, [[0.0], [100.0]], {"A": 3}, [1.0], runs=2, seed=1))
+    >>> [each[:, 0, 0].tolist() for each in counts]
+    [[3, 3], [0, 0]]
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     check_numbers(runs, threads, first_run)
@@ -92,6 +99,13 @@ def exposures_of_draws(
     in small networks; else they are others of the same distribution. An exposure is the integral of ways *
     combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some 15 us, more
     where channels are merged.
+
+    >>> from kinetics import Network
+    >>> from kinetics.sampling import exposures_of_draws
+    >>> decay = Network.from_text("A -> 0, 1")
+    >>> ((events, exposures),) = exposures_of_draws(decay, [[0.0]], {"A": 3}, end=2.0, runs=1)
+    >>> events.tolist(), exposures.tolist()
+    ([[0]], [[6.0]])
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     if not network.is_mass_action:

@@ -34,7 +34,13 @@ class General(SamplingMethod):
     propensities and keeps each with the ratio of the true rate to the bound as its probability. Bounds come from the
     rate laws themselves, by interval arithmetic over windows of time that adapt, so the user supplies neither a bound
     nor a step. Choose it for rate laws and events. A mass-action network gets the runs of `Direct`, to the last bit, at
-    a higher cost.
+    a higher cost: about 95 ns an event, plus 0.4 ns per channel and 1.4 times what updating its propensities costs.
+
+    >>> from kinetics import General, Network, simulate
+    >>> tides = Network.from_text("0 -> A, 5 * (1 + cos(t))")  # of time t: Poisson, with mean 5 (t + sin t)
+    >>> runs = simulate(tides, General(), {"A": 0}, [3.141592653589793], runs=1000, seed=1)
+    >>> bool(abs(runs.mean()[0, 0] - 15.708) < 5 * runs.standard_error()[0, 0])
+    True
     """
 
     name: ClassVar[str] = "general"

@@ -26,9 +26,20 @@ def simulate(
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
     method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
+    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    ValueError: no such method, one that does not take the network, missing rates, or more counts than memory holds
+    TypeError: neither a name nor a sampling method
 
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
+
+    >>> from kinetics import Network, simulate
+    >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
+    >>> runs = simulate(binding, "auto", {"A": 20, "B": 10}, [0.0, 5.0, 50.0], runs=400, seed=1)
+    >>> runs.counts.shape
+    (400, 3, 3)
+    >>> bool((runs["B"] + runs["AB"] == 10).all())
+    True
     """
     return sampling_method(method).simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
@@ -36,14 +47,27 @@ def simulate(
 def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
-    The method is that of `path_method`: the direct method under mass action, `General` under other rate laws.
+    The method is that of `path_method`: the direct method under mass action, `General` under other rate laws. (seed,
+    run) name the run. ValueError: missing rates, no method that takes the network, or one with events
+
+    >>> from kinetics import Network, sample_path
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> sample_path(decay, {"A": 5}, end=1e6, seed=1).states[:, 0].tolist()
+    [5, 4, 3, 2, 1, 0]
     """
     return path_method(network).sample_path(network, initial, end, seed=seed, run=run)
 
 
 def path_method(network: Network) -> SamplingMethod:
-    """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network."""
-    return next(method for kind in EXACT_METHODS if (method := kind()).takes(network))
+    """The method of `sample_path`: the first of `EXACT_METHODS` that takes the network. ValueError: none does."""
+    refusals = []
+    for kind in EXACT_METHODS:
+        method = kind()
+        refusal = method.refusal(network)
+        if not refusal:
+            return method
+        refusals.append(refusal)
+    raise ValueError(f"no exact method takes this network: {'; '.join(dict.fromkeys(refusals))}")
 
 
 def sampling_method(method: SamplingMethod | str) -> SamplingMethod:

@@ -25,6 +25,12 @@ class PartialPropensities(SamplingMethod):
     It takes channels of at most two reactants. Choose it where many channels couple few species, as in polymerisation:
     the cost of an event grows with the number of species, not of channels, and is about 105 ns plus 0.4 ns per species.
     Rounding of the running sums is made harmless by thinning.
+
+    >>> from kinetics import Network, PartialPropensities, simulate
+    >>> dimers = Network.from_text("2 A <-> AA, 0.01, 0.1")
+    >>> runs = simulate(dimers, PartialPropensities(), {"A": 20}, [0.0, 50.0], runs=100, seed=1)
+    >>> bool((runs["A"] + 2 * runs["AA"] == 20).all())
+    True
     """
 
     name: ClassVar[str] = "partial"

@@ -34,6 +34,13 @@ class CompositionRejection(SamplingMethod):
 
     Choose it for networks of hundreds of channels and more of which an event affects only a few: the cost of an event
     grows with these few, not with the number of channels.
+
+    >>> from kinetics import CompositionRejection, Network, simulate
+    >>> steps = {f"step{i}": ({f"A{i}": 1}, {f"A{i + 1}": 1}) for i in range(300)}  # a wave along 300 channels
+    >>> chain = Network.from_reactions(steps, [1.0] * 300)
+    >>> runs = simulate(chain, CompositionRejection(), {"A0": 10}, [40.0], runs=20, seed=1)
+    >>> bool((runs.counts.sum(axis=2) == 10).all())
+    True
     """
 
     name: ClassVar[str] = "rejection"

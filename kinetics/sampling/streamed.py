@@ -41,8 +41,17 @@ def simulate_statistics(
     first_run : number of the first run, as in the method's own `simulate`
     covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
     progress : called with the number of runs done, after each block
+    ValueError: as in `simulate`, memory apart
+
     The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the blocks that were
     finished, if any; see `is_complete`.
+
+    >>> import numpy as np
+    >>> from kinetics import Network, simulate, simulate_statistics
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> statistics = simulate_statistics(decay, "auto", {"A": 100}, [10.0], runs=500, seed=1)
+    >>> np.array_equal(statistics.mean(), simulate(decay, "auto", {"A": 100}, [10.0], runs=500, seed=1).mean())
+    True
     """
     grid = rising_times(times)
     if not grid.size:

@@ -32,6 +32,14 @@ class SolvingMethod(ABC):
        `is_bound=False` unless that is proven.
     5. Import it in `kinetics.solving.methods`, which adds it to `SOLVING_METHODS`. Command line, hard cases,
        accuracy diagram and the contract in tests/contracts/test_solving.py read that tuple.
+
+    >>> from kinetics.solving import SOLVING_METHODS, Transient
+    >>> [method.name for method in SOLVING_METHODS]
+    ['exact', 'dense', 'collocation', 'fsp']
+    >>> Transient(tolerance=2.0)
+    Traceback (most recent call last):
+        ...
+    ValueError: tolerance = 2.0; expected between 1e-18 and 1
     """
 
     name: ClassVar[str]
@@ -81,6 +89,13 @@ class ListingMethod(SolvingMethod):
     """A method that works on the list of all states, and so solves any Markov chain, from a network or not.
 
     max_states : a field of the method; networks with more reachable states are refused
+
+    >>> import numpy as np
+    >>> from kinetics.solving import Transient, Transitions
+    >>> decay = Transitions(np.array([0]), np.array([1]), np.array([0.1]), leaks=np.zeros(2), rate_error=0.0)
+    >>> found = Transient().probabilities(decay, np.array([1.0, 0.0]), np.array([10.0]))
+    >>> found.probabilities.round(6).tolist(), found.is_bound
+    ([[0.367879, 0.632121]], True)
     """
 
     max_states: int

@@ -43,6 +43,14 @@ class Dense(ListingMethod):
     doi:10.1287/opre.33.5.1107. Cost: the cube of the number of states times log2(fastest rate * last time), for any
     number of times. Choose it for small chains with rates many decades apart, or for tiny probabilities to full
     relative accuracy.
+
+    >>> from kinetics import Dense, Network, solve
+    >>> steps = Network.from_text('''A -> B, 1
+    ... B -> C, 1
+    ... C -> D, 1''')
+    >>> soon = solve(steps, Dense(), {"A": 1}, [1e-8])
+    >>> f"{soon.probability({'D': 1})[0]:.9e}"  # t^3 / 6, less the part of order t^4
+    '1.666666654e-25'
     """
 
     name: ClassVar[str] = "dense"

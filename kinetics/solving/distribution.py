@@ -30,6 +30,14 @@ class Distribution(Shown):
         of the rates
     is_bound : whether `error` is a proven bound; otherwise it is an estimate, as by a rate law that cannot be bounded
     is_complete : whether the space holds all reachable states; otherwise the missing probability is at most `error`
+
+    >>> from kinetics import Network, solve
+    >>> found = solve(Network.from_text("A -> 0, 0.1"), "exact", {"A": 2}, [10.0])
+    >>> found.marginal("A").round(6).tolist()  # binomial, with probability 1/e
+    [[0.399576, 0.465088, 0.135335]]
+    >>> low, high = found.probability_bounds({"A": 2})
+    >>> bool(high[0] - low[0] < 1e-12)
+    True
     """
 
     space: StateSpace

@@ -24,7 +24,15 @@ def solve(network: Network, method: SolvingMethod | str, initial: ArrayLike, tim
     """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`.
 
     method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`
-    ValueError: no such name. TypeError: neither a name nor a solving method
+    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    ValueError: no such name, missing rates, or more states or work than the method allows
+    TypeError: neither a name nor a solving method
+
+    >>> from kinetics import Network, solve
+    >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
+    >>> found = solve(binding, "exact", {"A": 20, "B": 10}, [5.0, 500.0])
+    >>> found.mean()[:, binding.index("AB")].round(4).tolist()
+    [4.6731, 5.9322]
     """
     if not isinstance(method, SolvingMethod | str):
         raise TypeError(f"method = {method!r}; expected a solving method such as Transient(), or its name")

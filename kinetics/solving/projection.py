@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
+from math import log2
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -49,6 +50,12 @@ class FiniteStateProjection(SolvingMethod):
     tolerance : largest probability that may be lost, or shift after the distribution has settled, until the last time
     max_states : largest size of one set, and of all sets together; more states are refused
     max_seconds : work estimated to take longer is refused; the estimate is made after a fiftieth of the work allowed
+
+    >>> from kinetics import FiniteStateProjection, Network, solve
+    >>> turnover = Network.from_text("0 <-> A, 5, 1")  # without limit: Poisson, with mean 5 (1 - exp(-t))
+    >>> found = solve(turnover, FiniteStateProjection(), {"A": 0}, [1.0])
+    >>> found.mean().round(6).tolist(), found.error < 1e-9, found.is_bound
+    ([[3.160603]], True, True)
     """
 
     name: ClassVar[str] = "fsp"
@@ -219,7 +226,7 @@ class _Front:
             row[places] = mass
         lost = float((1.0 - probabilities.sum(axis=1)).max())
         space = StateSpace(self.network, self.seen.states.copy(), np.zeros(n, dtype=bool))
-        error = max(lost, 0.0) + self.drift + self.rounding + ROUNDOFF * (2 * len(self.found) + np.log2(n) + 20)
+        error = max(lost, 0.0) + self.drift + self.rounding + ROUNDOFF * (2 * len(self.found) + log2(n) + 20)
         return Distribution(space, self.grid, probabilities, error, self.is_certified, is_complete=False)
 
     def too_many(self) -> str:

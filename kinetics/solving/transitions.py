@@ -24,6 +24,11 @@ class Transitions(NamedTuple):
     rate_error : bound on the relative error of each rate, in roundings of 2**-53: 0 for rates that are what they are,
         `RATE_ERROR` by mass action, more by rate laws; inf where there is none, and so no proven error of a solution
     channels : (K,) the channel behind each entry, where they are those of a network
+
+    >>> from kinetics import Network, reachable
+    >>> chain = reachable(Network.from_text("A <-> B, 2, 3"), {"A": 1}).transitions()
+    >>> chain.exits.tolist(), chain.generator().toarray().tolist()
+    ([2.0, 3.0], [[-2.0, 2.0], [3.0, -3.0]])
     """
 
     rows: Ints

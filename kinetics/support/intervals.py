@@ -22,6 +22,11 @@ def exact_limits(
 
     The limits are exact where the exposure itself is fixed. They are approximate where it follows from the path, with a
     coverage near the level once there are about ten events. They are (0, inf) where there is no exposure.
+
+    >>> from kinetics.support.intervals import exact_limits
+    >>> low, high = exact_limits([0, 4], 200.0)
+    >>> low.round(4).tolist(), high.round(4).tolist()
+    ([0.0, 0.0054], [0.0184, 0.0512])
     """
     from scipy.special import gammainccinv, gammaincinv
 

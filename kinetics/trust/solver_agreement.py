@@ -46,7 +46,14 @@ class SolverPair:
 
 @dataclass(frozen=True)
 class SolverAgreement:
-    """All pairs of answers, and why a solver gave none."""
+    """All pairs of answers, and why a solver gave none.
+
+    >>> from kinetics import Dense, Network, Transient
+    >>> from kinetics.trust import compare_solvers
+    >>> found = compare_solvers(Network.from_text("A -> 0, 1"), {"A": 9}, [1.0], [Transient(), Dense()])
+    >>> [(pair.first, pair.second, pair.agrees) for pair in found.pairs], found.refusals
+    ([('exact', 'dense', True)], ())
+    """
 
     pairs: tuple[SolverPair, ...]
     refusals: tuple[tuple[str, str], ...]
@@ -86,6 +93,12 @@ def compare_solvers(
     Each is also compared with itself: what it gives at a time, led on by uniformisation, with what it gives at the
     next. A solver that refuses the network is left out with its reason. Cost: that of all solvers, and of
     uniformisation once more.
+
+    >>> from kinetics import Network
+    >>> from kinetics.trust import compare_solvers
+    >>> found = compare_solvers(Network.from_text("A <-> B, 1, 2"), {"A": 9}, [0.5, 1.0])
+    >>> len(found.pairs), found.failures
+    (10, ())
     """
     grid = rising_times(times)
     chosen = [_limited(kind) for kind in SOLVING_METHODS] if solvers is None else solvers

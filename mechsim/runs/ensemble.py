@@ -17,7 +17,14 @@ TRIES = 3
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A run that was given up, with one reason for each try."""
+    """A run that was given up, with one reason, in words, for each try.
+
+    >>> from mechsim import Quarantined, RunSpec, Scene
+    >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
+    >>> given_up = Quarantined(spec, ("ended by signal 11",) * 3)
+    >>> given_up.spec.title, len(given_up.reasons)
+    ('line4: 4 monomer, 0.1 tu, seed 1, run 0', 3)
+    """
 
     spec: RunSpec
     reasons: tuple[str, ...]
@@ -30,6 +37,17 @@ class Outcome:
     records : finished runs, in the order of the specs
     quarantined : runs that failed at every try, in that order too; the next call tries them again
     computed, reused : numbers of runs that this call made, and that it found or that another process made meanwhile
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from mechsim import RunSpec, RunStore, Scene, execute, run_all
+    >>> folder = TemporaryDirectory()
+    >>> store = RunStore(folder.name)
+    >>> specs = [RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=run) for run in range(2)]
+    >>> paths = [store.write(execute(spec)) for spec in specs]
+    >>> outcome = run_all(specs, store)
+    >>> outcome.reused, outcome.digest == store.digest(specs), outcome.quarantined
+    (2, True, ())
+    >>> folder.cleanup()
     """
 
     records: tuple[RunRecord, ...]
@@ -61,6 +79,15 @@ def run_all(
     workers and is raised again; finished runs are kept. OSError: the store cannot be written, or a scheduler is gone;
     all work stops. ValueError: a worker has other versions than this process, which would give other records. A script
     that calls this needs the usual `if __name__ == "__main__":`.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from mechsim import RunSpec, RunStore, Scene, run_all
+    >>> folder = TemporaryDirectory()
+    >>> store = RunStore(folder.name)
+    >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
+    >>> run_all([spec], store).computed, run_all([spec], store).reused
+    (1, 1)
+    >>> folder.cleanup()
     """
     executor = Processes(workers) if isinstance(workers, int) else workers
     specs = list(specs)

@@ -61,6 +61,10 @@ class RunSpec:
         section VI-A2)
     poses : interval at which the poses of all cubes are recorded, tu; None: never
     until : end the run at the first copy of this species, if that comes before the duration; None: run to the end
+
+    >>> from mechsim import RunSpec, Scene
+    >>> RunSpec(Scene.load("line4"), {"monomer": 8, "dimer": 2}, duration=5.0, seed=1, run=0).title
+    'line4: 8 monomer+2 dimer, 5 tu, seed 1, run 0'
     """
 
     scene: Scene
@@ -217,6 +221,10 @@ class RunRecord:
         the last frame at the run's end
     facts : end (tu), species, channels, open_channels, steps
     cost : cpu_seconds and wall_seconds; not part of the digest
+
+    >>> from mechsim import RunSpec, Scene, execute
+    >>> execute(RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)).path.initial.tolist()
+    [4, 0, 0, 0]
     """
 
     spec: RunSpec
@@ -313,6 +321,11 @@ def execute(
 
     progress : called with the simulated time, tu, now and then
     look : called with the world before every step and at the end
+
+    >>> from mechsim import RunSpec, Scene, execute
+    >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
+    >>> execute(spec).digest == execute(spec).digest
+    True
     """
     from mechsim.world.world import Stopped, World  # the engine is loaded when a run is made, not when one is read
 

@@ -77,6 +77,14 @@ class RunStore:
     """A folder of runs, created if missing; any number of processes may share it.
 
     ValueError: the folder is a file, or of another format. OSError: it cannot be written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from mechsim import RunSpec, RunStore, Scene, execute
+    >>> folder = TemporaryDirectory()
+    >>> store, spec = RunStore(folder.name), RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
+    >>> store.read(spec) is None, store.write(execute(spec)).suffix, store.read(spec).completed
+    (True, '.run', True)
+    >>> folder.cleanup()
     """
 
     def __init__(self, folder: str | Path) -> None:

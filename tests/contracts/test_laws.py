@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+from doctest import DocTestParser
 
 import numpy as np
 import pytest
@@ -20,13 +21,12 @@ COUNTS = (0, 1, 2, 3, 9, 50, 10**6, 10**12)
 
 
 def example_of(law):
-    """The arguments (name -> value) of the example that ends a law's docstring."""
-    found = re.search(r"Example: `(\w+\(.*\))`", " ".join((inspect.getdoc(law) or "").split()))
-    assert found, (
-        f"the docstring of {law.__name__} has no example, as in: Example: `hill('A', vmax=2.0, K=10.0, n=4.0)`"
-    )
-    call = ast.parse(found[1], mode="eval").body
-    assert call.func.id == law.__name__
+    """The arguments (name -> value) of the call in the example that ends a law's docstring."""
+    shown = "".join(each.source for each in DocTestParser().get_examples(inspect.getdoc(law) or ""))
+    calls = [node for node in ast.walk(ast.parse(shown)) if isinstance(node, ast.Call)]
+    found = [call for call in calls if isinstance(call.func, ast.Name) and call.func.id == law.__name__]
+    assert found, f"{law.__name__} shows no call of itself, as in: >>> hill('A', vmax=2.0, K=10.0, n=4.0).text"
+    call = found[0]
     positional = [ast.literal_eval(value) for value in call.args]
     named = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords}
     return inspect.signature(law).bind(*positional, **named).arguments
@@ -195,5 +195,5 @@ def test_the_checks_see_what_is_wrong_with_a_law():
         assert_checks_its_numbers(unchecked, {"k": 2.0})
     with pytest.raises(AssertionError, match="is no rate"):
         assert_checks_its_numbers(lambda k: Expression("k * A", {"k": k}), {"k": 2.0})
-    with pytest.raises(AssertionError, match="has no example"):
+    with pytest.raises(AssertionError, match="shows no call"):
         example_of(negative)

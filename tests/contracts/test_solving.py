@@ -98,7 +98,8 @@ def test_probabilities_are_positive_and_sum_to_one(method):
     found = method().solve(line(), [14, 0, 0, 0], np.linspace(0.0, 900.0, 7))
     assert found.probabilities.min() >= 0.0
     assert abs(found.probabilities.sum(axis=1) - 1.0).max() <= found.error + 1e-14
-    assert isinstance(found.is_bound, bool)
+    assert type(found.is_bound) is bool
+    assert type(found.error) is float
     assert 0.0 < found.error < 1e-6
 
 

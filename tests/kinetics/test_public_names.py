@@ -4,13 +4,28 @@ import ast
 import importlib
 import subprocess
 import sys
+from doctest import SKIP, DocTestParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+import kinetics
 from kinetics.support.lazy_names import lazy_names
 
-PACKAGES = pytest.mark.parametrize("name", ["kinetics", "mechsim", "calibration"])
+THREE = ["kinetics", "mechsim", "calibration"]
+PACKAGES = pytest.mark.parametrize("name", THREE)
+WITHOUT_EXAMPLES = {"assembly": "results/polycubes keeps digests of its sources, which a docstring would outdate"}
+ROOT = Path(kinetics.__file__).parent
+ROOMS = [  # that list their names
+    listing.parent.relative_to(ROOT).parts
+    for listing in sorted(ROOT.glob("*/**/__init__.py"))
+    if "\n__all__ = " in listing.read_text(encoding="utf-8")
+]
+WITH_EXAMPLES = [*THREE, *(".".join(["kinetics", *room]) for room in ROOMS if room[0] not in WITHOUT_EXAMPLES)]
+
+FAMILIES = ["kinetics.breaks.BREAK_MODELS", "kinetics.sampling.SAMPLING_METHODS", "kinetics.solving.SOLVING_METHODS"]
+FAMILIES += ["kinetics.network.laws.LAWS", "calibration.RATE_MODELS", "calibration.DIAGNOSTICS"]
 
 
 def imported_for_types(package):
@@ -52,6 +67,52 @@ def test_what_a_user_looks_for_is_there():
     assert {"General", "Network", "Rates", "__version__", "predict", "simulate", "solve"} <= set(
         dir(importlib.import_module("kinetics"))
     )
+
+
+def has_example(found):
+    """Whether its docstring shows a use with an outcome; pytest runs what docstrings show."""
+    shown = DocTestParser().get_examples(found.__doc__ or "")
+    return any(each.want and SKIP not in each.options for each in shown)
+
+
+def without_example(package):
+    """Public callables whose docstrings show no use."""
+    return [name for name in package.__all__ if callable(found := getattr(package, name)) and not has_example(found)]
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_every_public_callable_has_an_example(name):
+    assert without_example(importlib.import_module(name)) == []
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_member_of_a_family_has_an_example(family):
+    package, name = family.rsplit(".", 1)
+    members = getattr(importlib.import_module(package), name)
+    kinds = [each if callable(each) else type(each) for each in members]
+    assert [kind.__name__ for kind in kinds if not has_example(kind)] == []
+
+
+def test_a_callable_without_an_example_is_seen():
+    def shown():
+        """>>> 1 + 1
+        2
+        """
+
+    def promised():
+        """>>> promised()"""
+
+    def skipped():
+        """>>> skipped()  # doctest: +SKIP
+        2
+        """
+
+    class Told(list):
+        """A list, whose own docstring has examples for all I know."""
+
+    package = SimpleNamespace(shown=shown, promised=promised, skipped=skipped, Told=Told, number=2, bare=lambda: 0)
+    package.__all__ = ["shown", "promised", "skipped", "Told", "number", "bare"]
+    assert without_example(package) == ["promised", "skipped", "Told", "bare"]
 
 
 def test_importing_the_packages_imports_none_of_their_rooms():

@@ -17,6 +17,14 @@ class Ages(SpreadDiagnostic):
 
     edges : of the classes of age, tu, rising; the first classes should span the time that the tank needs to mix. A cube
         at the paper's mean speed of 1.2 crosses its tank (2 wide) in about two.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Ages
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> path = JumpPath(source, {"A": 0}, range(1, 21), [0] * 20, end=60.0)  # nothing after age 20
+    >>> diagnose([path], tests=[Ages(edges=(0.0, 20.0, 100.0))]).worst("age").p_value < 1e-3
+    True
     """
 
     edges: tuple[float, ...] = (0.0, 2.0, 10.0, np.inf)

@@ -24,6 +24,14 @@ class DiagnosticResult:
     seen : what the runs show, in words with its size
     remedy : the model to try next, should the test fail
     draw : draws the evidence onto axes
+
+    >>> from calibration import diagnose
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> path = JumpPath(source, {"A": 0}, range(1, 41), [0] * 40, end=40.0)  # all waits are alike
+    >>> result = diagnose([path]).worst("waits")
+    >>> result.channel, result.events, result.p_value < 1e-3
+    ('make', 40, True)
     """
 
     test: str
@@ -84,6 +92,12 @@ class Diagnostic(ABC):
        p = 1;
     3. say in each which model to try next, and in `measured` the size and power that were measured, and how;
     4. import it in `calibration.estimating.diagnosing`: tests/contracts/test_diagnostics.py then tests it.
+
+    >>> from calibration import DIAGNOSTICS
+    >>> [test.name for test in DIAGNOSTICS]
+    ['waits', 'drift', 'runs', 'age', 'start', 'size', 'crowd', 'rebinding']
+    >>> DIAGNOSTICS[0].question
+    'Are waits, rescaled by the hazard, exponential?'
     """
 
     name: ClassVar[str]

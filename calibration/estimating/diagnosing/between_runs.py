@@ -16,6 +16,14 @@ class BetweenRuns(SpreadDiagnostic):
 
     Pearson's chi-square takes a short exposure with an event in it for a high rate (Cox & Lewis 1966); in a run whose
     event used up the reactant it is only an early event.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import BetweenRuns
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> paths = [JumpPath(source, {"A": 0}, range(1, n + 1), [0] * n, end=50.0) for n in (2, 3, 4, 40)]
+    >>> diagnose(paths, tests=[BetweenRuns()]).worst("runs").p_value < 1e-3
+    True
     """
 
     name = "runs"

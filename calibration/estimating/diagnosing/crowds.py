@@ -11,7 +11,16 @@ from kinetics.support.arrays import Floats
 
 @dataclass(frozen=True)
 class Crowds(TrendDiagnostic):
-    """Trend of a rate with the number of bodies in the tank at the time, which falls as a tank assembles."""
+    """Trend of a rate with the number of bodies in the tank at the time, which falls as a tank assembles.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Crowds
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> path = JumpPath(source, {"A": 0}, range(1, 21), [0] * 20, end=60.0)  # nothing among 20 bodies
+    >>> diagnose([path], tests=[Crowds()]).worst("crowd").p_value < 1e-3
+    True
+    """
 
     name = "crowd"
     question = "Is a rate the same among many bodies and among few?"

@@ -28,6 +28,13 @@ class Diagnosis:
 
     tests : the diagnostics, in order
     results : theirs, in the same order, channel by channel
+
+    >>> from calibration import diagnose
+    >>> from kinetics import Network, sample_path
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> diagnosis = diagnose([sample_path(decay, {"A": 40}, end=10.0, seed=1)])
+    >>> diagnosis.doubtful, [row["test"] for row in diagnosis.verdicts() if row["p"] is None]
+    ([], ['runs', 'start', 'size', 'rebinding'])
     """
 
     tests: tuple[Diagnostic, ...]
@@ -40,7 +47,7 @@ class Diagnosis:
 
     @cached_property
     def failed(self) -> tuple[DiagnosticResult, ...]:
-        """Answers that fail at 1 % for all tests together (Holm 1979), the most doubtful first."""
+        """Answers that fail at 1 % for all tests together (Holm 1979, jstor:4615733), the most doubtful first."""
         tested = self.tested
         failed: list[DiagnosticResult] = []
         for rank, result in enumerate(tested):
@@ -144,6 +151,15 @@ def diagnose(
     bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where unknown; with them rebinding
         is also counted by pieces
     seed : of the draws behind p-values over groups
+    ValueError: no runs, runs of several networks, or bonds of another shape
+
+    >>> from calibration import diagnose
+    >>> from kinetics import Network, sample_path
+    >>> turnover = Network.from_text("0 <-> A, 5, 1")
+    >>> paths = [sample_path(turnover, {"A": 5}, end=20.0, seed=1, run=run) for run in range(10)]
+    >>> diagnosis = diagnose(paths)
+    >>> len(diagnosis.tested), diagnosis.failed  # none, at 1 % for all together
+    (15, ())
     """
     diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
     return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(diagnosed)))

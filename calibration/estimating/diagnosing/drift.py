@@ -18,6 +18,14 @@ class Drift(ChannelDiagnostic):
     Given the time of one event, those before it are uniform in a Poisson process (Cox & Lewis 1966). Statistic: the
     largest distance between the two distribution functions; the p-value is at least valid for each number of events,
     whatever ends the runs.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Drift
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> path = JumpPath(source, {"A": 0}, range(1, 41), [0] * 40, end=80.0)  # nothing in the second half
+    >>> diagnose([path], tests=[Drift()]).worst("drift").p_value < 1e-3
+    True
     """
 
     name = "drift"

@@ -84,6 +84,15 @@ class Rebinding(Diagnostic):
     break and as a join; `net_path` gives the runs without such pairs.
 
     windows : tu; the first is for pieces that have not parted yet, the second for those that stay near
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Rebinding
+    >>> from kinetics import JumpPath, Network
+    >>> pairs = Network.from_text("2 A <-> AA, 1, 1")
+    >>> times = [t + late for t in range(0, 400, 20) for late in (10.0, 10.1)]  # each break is undone at once
+    >>> path = JumpPath(pairs, {"A": 10, "AA": 5}, times, [1, 0] * 20, end=400.0)
+    >>> diagnose([path], tests=[Rebinding()]).worst("rebinding").p_value < 1e-3
+    True
     """
 
     windows: tuple[float, ...] = (2.0, 50.0)

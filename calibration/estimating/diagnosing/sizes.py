@@ -13,7 +13,16 @@ from kinetics.support.arrays import Floats
 
 @dataclass(frozen=True)
 class Sizes(TrendDiagnostic):
-    """Trend of a rate with the number of cubes in the tank: the conserved quantity of the network, or all copies."""
+    """Trend of a rate with the number of cubes in the tank: the conserved quantity of the network, or all copies.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Sizes
+    >>> from kinetics import JumpPath, Network
+    >>> swaps = Network.from_text("swap: A -> B, 1")
+    >>> paths = [JumpPath(swaps, {"A": n}, [0.01 * n] * n, [0] * n, end=0.01 * n) for n in (10, 20, 40)]  # slower
+    >>> diagnose(paths, tests=[Sizes()]).worst("size").p_value < 1e-3
+    True
+    """
 
     name = "size"
     question = "Is a rate the same in small and large systems?"

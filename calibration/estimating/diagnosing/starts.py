@@ -13,7 +13,16 @@ from calibration.estimating.exposure import composition
 
 @dataclass(frozen=True)
 class Starts(SpreadDiagnostic):
-    """Pearson's test of one rate in runs from all initial compositions, those of each pooled (Cox & Lewis 1966)."""
+    """Pearson's test of one rate in runs from all initial compositions, those of each pooled (Cox & Lewis 1966).
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Starts
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> paths = [JumpPath(source, {"A": a}, range(1, n + 1), [0] * n, end=50.0) for a, n in ((0, 5), (9, 40))]
+    >>> diagnose(paths, tests=[Starts()]).worst("start").p_value < 1e-3
+    True
+    """
 
     name = "start"
     question = "Is a rate the same whatever the runs start from?"

@@ -20,6 +20,14 @@ class Waits(Diagnostic):
     By the time-rescaling theorem integrated hazards between events are unit exponential (Brown et al. 2002,
     doi:10.1162/08997660252741149). Statistic: A squared (Anderson & Darling 1954); the p-value is at least valid for
     any number of waits.
+
+    >>> from calibration import diagnose
+    >>> from calibration.estimating.diagnosing import Waits
+    >>> from kinetics import JumpPath, Network
+    >>> source = Network.from_text("make: 0 -> A, 1")
+    >>> path = JumpPath(source, {"A": 0}, range(1, 41), [0] * 40, end=40.0)  # all waits are alike
+    >>> diagnose([path], tests=[Waits()]).worst("waits").p_value < 1e-3
+    True
     """
 
     name = "waits"

@@ -19,6 +19,13 @@ class Crowded(RateModel):
     With c = 0 this is mass action, so the likelihood-ratio test between the two asks whether a rate depends on the
     crowd, as it does where collisions with others break bonds. The runs must differ in their numbers of bodies: with
     one number alone, only k + c * others is known, and the intervals of k and c begin at 0.
+
+    >>> from calibration import Crowded
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> path = JumpPath(decay, {"A": 3}, times=[0.5], channels=[0], end=3.0)
+    >>> [part[:, 0].tolist() for part in Crowded().combinations(path)]  # h, and h times the others, before and after
+    [[3.0, 2.0], [6.0, 2.0]]
     """
 
     name = "crowded"

@@ -16,6 +16,13 @@ class MassActionRates(RateModel):
 
     The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates table.
     Other models are tested against this one: choose it unless the likelihood-ratio test or held-out runs refute it.
+
+    >>> from calibration import MassActionRates, fit_rates
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> path = JumpPath(decay, {"A": 2}, times=[0.5, 1.5], channels=[0, 0], end=3.0)
+    >>> fit_rates(MassActionRates(), [path]).parameters
+    {'k decay': 1.0}
     """
 
     name = "mass-action"

@@ -20,6 +20,16 @@ class Weibull(RateModel):
     of a broken bond still lie side by side. With kappa = 1 this is mass action, so the likelihood-ratio test between
     the two asks whether waits are exponential. k is in tu^-kappa. In a run without restarts it is a power-law drift
     (Crow 1974).
+
+    >>> import numpy as np
+    >>> from calibration import Weibull, fit_rates
+    >>> from kinetics import JumpPath, Network
+    >>> decay = Network.from_text("decay: A -> 0, 1")
+    >>> waits = np.random.default_rng(1).weibull(2.0, size=200)
+    >>> fit = fit_rates(Weibull(), [JumpPath(decay, {"A": 1}, [wait], [0], end=wait) for wait in waits])
+    >>> low, high = fit.interval("kappa")
+    >>> low < 2.0 < high, high - low < 0.5
+    (True, True)
     """
 
     kappa: float = 1.0

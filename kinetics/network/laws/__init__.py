@@ -1,11 +1,15 @@
 """Rate laws beyond mass action: expressions in counts and time, the usual ones by name, and events.
 
-Network.from_reactions(
-    {"make": ({}, {"S": 1}), "turn": ({"S": 1}, {"P": 1})},
-    ["k * (1 + 0.5 * sin(2 * pi * t / 24))", michaelis_menten("S", vmax=2.0, K=10.0)],
-    parameters={"k": 3.0},
-    events=[Event("dose", "t >= 50", {"S": "S + 100"})],
-)
+>>> from kinetics import Network
+>>> from kinetics.network.laws import Event, michaelis_menten
+>>> network = Network.from_reactions(
+...     {"make": ({}, {"S": 1}), "turn": ({"S": 1}, {"P": 1})},
+...     ["k * (1 + 0.5 * sin(2 * pi * t / 24))", michaelis_menten("S", vmax=2.0, K=10.0)],
+...     parameters={"k": 3.0},
+...     events=[Event("dose", "t >= 50", {"S": "S + 100"})],
+... )
+>>> network.propensities([10, 0], time=6.0).tolist()
+[4.5, 1.0]
 """
 
 from __future__ import annotations

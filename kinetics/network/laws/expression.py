@@ -25,6 +25,11 @@ class Expression:
 
     Logarithms are natural, angles in radian, % is the remainder with the sign of the divisor. Reading it, its program
     and its values take work in proportion to the text, or to the nodes where those are given.
+
+    >>> from kinetics.network.laws import Expression
+    >>> law = Expression("vmax * A / (K + A)", {"vmax": 2.0, "K": 10.0})
+    >>> law.species, law.reads_time, law.with_numbers().text
+    (('A',), False, '2 * A / (10 + A)')
     """
 
     text: str

@@ -18,7 +18,10 @@ def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
     """Mass action, k times the number of combinations of reactants: k * A * (A - 1) / 2 for two of A.
 
     As an expression it costs more per event than a rate constant; it is a starting point for other rate laws.
-    Example: `mass_action(0.3, {"A": 2, "B": 1})`
+
+    >>> from kinetics.network.laws import mass_action
+    >>> mass_action(0.3, {"A": 2, "B": 1}).text
+    'k * A * (A - 1) * B / 2'
     """
     return Expression(f"k{_combinations(reactants)}", {"k": _positive("k", k)})
 
@@ -26,7 +29,9 @@ def mass_action(k: float, reactants: Mapping[str, int]) -> Expression:
 def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None = None) -> Expression:
     """Michaelis-Menten kinetics, vmax * S / (K + S), K in copies; with an enzyme, vmax is per copy of it (1913).
 
-    Example: `michaelis_menten("S", vmax=2.0, K=10.0, enzyme="E")`
+    >>> from kinetics.network.laws import michaelis_menten
+    >>> michaelis_menten("S", vmax=2.0, K=10.0, enzyme="E").text
+    'vmax * E * S / (K + S)'
     """
     s = quoted(substrate)
     front = "vmax * " if enzyme is None else f"vmax * {quoted(enzyme)} * "
@@ -36,7 +41,9 @@ def michaelis_menten(substrate: str, vmax: float, K: float, enzyme: str | None =
 def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
     """Hill activation, basal + vmax * A**n / (K**n + A**n), with half its effect at K copies (Hill 1910).
 
-    Example: `hill("A", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
+    >>> from kinetics.network.laws import hill
+    >>> hill("A", vmax=2.0, K=10.0, n=4.0, basal=0.1).text
+    'basal + vmax * A ** n / (K ** n + A ** n)'
     """
     a = quoted(activator)
     return Expression(f"basal + vmax * {a} ** n / (K ** n + {a} ** n)", _hill(vmax, K, n, basal))
@@ -45,7 +52,9 @@ def hill(activator: str, vmax: float, K: float, n: float, basal: float = 0.0) ->
 def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: float = 0.0) -> Expression:
     """Hill repression, basal + vmax / (1 + (R / K)**n), with half its effect at K copies.
 
-    Example: `hill_repression("R", vmax=2.0, K=10.0, n=4.0, basal=0.1)`
+    >>> from kinetics.network.laws import hill_repression
+    >>> hill_repression("R", vmax=2.0, K=10.0, n=4.0, basal=0.1).text
+    'basal + vmax / (1 + (R / K) ** n)'
     """
     return Expression(f"basal + vmax / (1 + ({quoted(repressor)} / K) ** n)", _hill(vmax, K, n, basal))
 
@@ -53,7 +62,9 @@ def hill_repression(repressor: str, vmax: float, K: float, n: float, basal: floa
 def steps_in_count(species: str, counts: Sequence[int], rates: Sequence[float]) -> Expression:
     """A stepwise rate: rates[0] below counts[0] copies, then rates[1] below counts[1], and so on; one rate more.
 
-    Example: `steps_in_count("A", counts=[3, 20], rates=[1.0, 4.0, 0.5])`
+    >>> from kinetics.network.laws import steps_in_count
+    >>> steps_in_count("A", counts=[3, 20], rates=[1.0, 4.0, 0.5]).text
+    'piecewise(1.0, A < 3.0, 4.0, A < 20.0, 0.5)'
     """
     return _steps(quoted(species), "counts", counts, rates)
 
@@ -61,7 +72,9 @@ def steps_in_count(species: str, counts: Sequence[int], rates: Sequence[float]) 
 def steps_in_time(times: Sequence[float], rates: Sequence[float], reactants: Mapping[str, int]) -> Expression:
     """Mass action whose rate constant is rates[0] before times[0] tu, then rates[1], and so on; one rate more.
 
-    Example: `steps_in_time(times=[5.0, 12.0], rates=[1.0, 0.0, 3.0], reactants={"A": 2})`
+    >>> from kinetics.network.laws import steps_in_time
+    >>> steps_in_time(times=[5.0, 12.0], rates=[1.0, 0.0, 3.0], reactants={"A": 2}).text
+    'piecewise(1.0, t < 5.0, 0.0, t < 12.0, 3.0) * A * (A - 1) / 2'
     """
     stepped = _steps("t", "times", times, rates)
     return Expression(f"{stepped.text}{_combinations(reactants)}")
@@ -70,7 +83,9 @@ def steps_in_time(times: Sequence[float], rates: Sequence[float], reactants: Map
 def periodic(k: float, amplitude: float, period: float, reactants: Mapping[str, int], peak: float = 0.0) -> Expression:
     """Mass action whose rate constant is k * (1 + amplitude * cos(2 pi (t - peak) / period)); amplitude up to 1.
 
-    Example: `periodic(k=2.0, amplitude=0.5, period=24.0, reactants={"A": 1}, peak=6.0)`
+    >>> from kinetics.network.laws import periodic
+    >>> periodic(k=2.0, amplitude=0.5, period=24.0, reactants={"A": 1}, peak=6.0).text
+    'k * (1 + amplitude * cos(2 * pi * (t - peak) / period)) * A'
     """
     if not 0 <= amplitude <= 1:
         raise ValueError(f"amplitude = {amplitude}; expected between 0 and 1, so that the rate never is below 0")

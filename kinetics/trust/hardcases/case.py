@@ -24,6 +24,10 @@ class Attempt:
     allowed : up to here it is right
     seconds : of processor time
     refusal : the message of a clear refusal
+
+    >>> from kinetics.trust.hardcases import Attempt
+    >>> Attempt("exact", error=1e-14, allowed=1e-12, seconds=0.1).passed
+    True
     """
 
     method: str
@@ -46,6 +50,10 @@ class Case:
     question : what is asked, and how the error is measured
     answer : where the right answer comes from
     attempts : tries every method that claims the case
+
+    >>> from kinetics.trust.hardcases import CASES
+    >>> CASES[0].name, next(CASES[0].attempts()).passed
+    ('slow leak', True)
     """
 
     name: str

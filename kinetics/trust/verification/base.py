@@ -17,6 +17,10 @@ class SamplerFinding:
     p_value : largest probability with which a right sampler comes out as far away
     level : the finding fails at this p-value or below; 0 until `verify` has shared out the false alarms
     check : name of the check that made it
+
+    >>> from kinetics.trust.verification import SamplerFinding
+    >>> SamplerFinding("mean of A", found=12.4, expected=12.0, p_value=1e-9, level=1e-8).failed
+    True
     """
 
     what: str
@@ -47,6 +51,10 @@ class SamplerCheck(ABC):
     4. Where no mutant in `kinetics.trust.verification.mutants` makes the mistake that it is for, add one.
 
     `verify` gives every check an equal share of the false alarms, and every finding an equal share of its check's.
+
+    >>> from kinetics.trust.verification import SAMPLER_CHECKS
+    >>> [check.name for check in SAMPLER_CHECKS]
+    ['each time', 'transitions', 'rates', 'repeated runs', 'correlated runs', 'waits', 'choices', 'paths agree']
     """
 
     name: ClassVar[str]

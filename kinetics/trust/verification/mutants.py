@@ -22,7 +22,12 @@ ALIKE = 8  # runs that are sorted among themselves
 
 @dataclass(frozen=True)
 class Mutant:
-    """A mistake in words, and what it makes of the runs of a right sampler; None where it changes nothing."""
+    """A mistake in words, and what it makes of the runs of a right sampler; None where it changes nothing.
+
+    >>> from kinetics.trust.verification import MUTANTS
+    >>> [mutant.name for mutant in MUTANTS[:2]]
+    ['every run twice', 'the second half of the runs as the first']
+    """
 
     name: str
     applied: Callable[[SamplerRuns], SamplerRuns | None]
@@ -78,7 +83,13 @@ MUTANTS: tuple[Mutant, ...] = (
 
 
 def rate_mutant(network: Network, method: CountSampler, seed: int, channel: str, off: float) -> Mutant:
-    """The rate constant of one channel too high by the relative error `off`; its runs are made anew."""
+    """The rate constant of one channel too high by the relative error `off`; its runs are made anew.
+
+    >>> from kinetics import Direct, Network
+    >>> from kinetics.trust.verification import rate_mutant
+    >>> rate_mutant(Network.from_text("decay: A -> 0, 1"), Direct(), seed=1, channel="decay", off=0.01).name
+    'the rate of decay 1 % too high'
+    """
 
     def applied(sample: SamplerRuns) -> SamplerRuns:
         constants = network.known_rates.copy()

@@ -41,11 +41,17 @@ def verify(
     method : a sampling method; of an object that has `name` and `simulate` alone, only counts are checked
     solver : Transient() by default; give FiniteStateProjection() where the state space is infinite
     with_power : also make the mistakes of `mutants` to these runs and say which are seen
+    ValueError: fewer than 100 runs, times that begin at 0, or what the method or the solver refuses
 
     The checks are the family `SAMPLER_CHECKS`: of each time, of transitions, of rates, of runs that are equal or
     correlated within a seed and between neighbouring seeds, and of waits. Every p-value is exact or a proven bound, and
     Bonferroni's correction is over all findings, so that the false-alarm rate holds at any number of runs, as far as
     the solution's error is proven (`is_bound`): not where a rate law cannot be bounded, whose channel is then named.
+
+    >>> from kinetics import Direct, Network, verify
+    >>> decay = Network.from_text("decay: A -> 0, 0.1")
+    >>> verify(decay, Direct(), {"A": 20}, [5.0, 10.0], runs=2000, seed=1, with_power=False).passed
+    True
     """
     return verify_against(Reference.of(network, initial, times, solver), method, runs, seed, false_alarm, with_power)
 
@@ -59,7 +65,14 @@ def verify_against(
     with_power: bool = True,
     paths: float = PATHS,
 ) -> Verification:
-    """The same with a reference that serves several samplers; `paths` is the share of runs made event by event too."""
+    """The same with a reference that serves several samplers; `paths` is the share of runs made event by event too.
+
+    >>> from kinetics import Direct, Lockstep, Network
+    >>> from kinetics.trust.verification import Reference, verify_against
+    >>> reference = Reference.of(Network.from_text("A -> 0, 0.1"), {"A": 20}, [5.0, 10.0])
+    >>> [verify_against(reference, method(), runs=500, with_power=False).passed for method in (Direct, Lockstep)]
+    [True, True]
+    """
     n = whole_number("runs", runs, 100)
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm = {false_alarm}; expected a probability")
@@ -90,7 +103,16 @@ def verify_against(
 
 
 def judge(sample: SamplerRuns, false_alarm: float = FALSE_ALARM) -> tuple[SamplerFinding, ...]:
-    """Findings of all checks, the false alarms shared equally among checks and then among the findings of each."""
+    """Findings of all checks, the false alarms shared equally among checks and then among the findings of each.
+
+    >>> from kinetics import Direct, Network
+    >>> from kinetics.trust.verification import Reference, judge
+    >>> from kinetics.trust.verification.sampler_runs import SamplerRuns
+    >>> reference = Reference.of(Network.from_text("A -> 0, 0.1"), {"A": 20}, [5.0])
+    >>> found = judge(SamplerRuns.of(reference, Direct(), 500, seed=1), false_alarm=1e-6)
+    >>> any(finding.failed for finding in found), f"{sum(finding.level for finding in found):.1e}"
+    (False, '1.0e-06')
+    """
     judged: list[SamplerFinding] = []
     for kind in SAMPLER_CHECKS:
         found = list(kind().findings(sample))

@@ -35,6 +35,12 @@ def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size"
     frame : index into the recorded poses
     paint : cubes by the "size" of their structure, or faces by their "type"
     ValueError: the run has no poses, or damaged ones.
+
+    >>> from matplotlib.figure import Figure
+    >>> from mechsim import RunSpec, Scene, draw_tank, execute
+    >>> record = execute(RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0, poses=0.05))
+    >>> draw_tank(record, Figure().add_subplot()).get_title()
+    'line4, 4 cubes at 0.1 tu'
     """
     return draw_frame(Poses.of(record), ax, frame, paint)
 

@@ -43,6 +43,14 @@ class Dask(Executor):
 
     address : address of the scheduler, as tcp://10.0.0.5:8786
     timeout : time without progress after which a run counts as hung, s; None: never
+
+    It needs the extra `dist`. OSError: no scheduler answers, when runs are to start
+
+    >>> from mechsim import Dask
+    >>> executor = Dask("tcp://10.0.0.5:8786", timeout=600.0)
+    >>> executor.address, executor.timeout
+    ('tcp://10.0.0.5:8786', 600.0)
+    >>> run_all(specs, store, workers=executor)  # doctest: +SKIP
     """
 
     address: str

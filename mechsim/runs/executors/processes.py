@@ -36,6 +36,16 @@ class Processes(Executor):
     workers : number of runs made at the same time
     timeout : time without progress after which a run counts as hung, s (allow for compiling kernels); None: never
     folder : working directory of the runs; None: this process's
+    ValueError: fewer than one worker, or a timeout that is not above 0
+
+    >>> from mechsim import Processes
+    >>> executor = Processes(workers=2, timeout=600.0)  # for run_all(specs, store, workers=executor)
+    >>> executor.workers, executor.timeout
+    (2, 600.0)
+    >>> Processes(workers=0)
+    Traceback (most recent call last):
+        ...
+    ValueError: workers = 0; expected 1 or more
     """
 
     workers: int = 1

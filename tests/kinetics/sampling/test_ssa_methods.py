@@ -24,6 +24,7 @@ from kinetics.sampling import (
     General,
     Lockstep,
     PartialPropensities,
+    sample_path,
 )
 from kinetics.sampling import dependency_graph as dependencies
 from kinetics.sampling import partial as partial_method
@@ -321,5 +322,8 @@ def test_more_like_reactants_than_sampling_takes_are_refused(counted):
         net = network(("A",), {"all": ((order,), (0,))}, [1e-300], counted)
         for method in (Direct(), General(), Auto()):
             assert method.takes(net) == is_taken
-    with pytest.raises(ValueError, match=f"channel 'all' needs {2**40} copies of one species; sampling takes at most"):
+    refused = f"channel 'all' needs {2**40} copies of one species; sampling takes at most"
+    with pytest.raises(ValueError, match=refused):
         Direct().simulate(net, [5], [1.0], runs=1)
+    with pytest.raises(ValueError, match=f"no exact method takes this network: {refused}"):
+        sample_path(net, [5], 1.0)
