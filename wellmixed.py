@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import io
 import sys
 import warnings
 
@@ -37,6 +39,7 @@ if (trouble := stranger()) is not None:
 from kinetics import __version__  # noqa: E402 - ours, as we now know
 from kinetics.support.cli.failures import INTERRUPTED, interrupted, judged  # noqa: E402
 from kinetics.support.cli.lazy_commands import mount  # noqa: E402
+from kinetics.support.cli.options_file import options_in  # noqa: E402
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -126,8 +129,9 @@ class FrontDoor(click.Group):
     def invoke(self, ctx: click.Context):
         """Run the chosen command."""
         warnings.showwarning = _tell
+        silenced = contextlib.redirect_stderr(io.StringIO()) if ctx.params.get("quiet") else contextlib.nullcontext()
         try:
-            with ctx:
+            with ctx, silenced:
                 return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):  # click's own ways to end
             raise
@@ -152,9 +156,19 @@ def _tell(message, *_, **__) -> None:
 @click.group(cls=FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="wellmixed")
 @click.option("--debug", is_flag=True, help="Show the whole traceback of an error.")
-def main(debug: bool) -> None:
+@click.option("--quiet", is_flag=True, help="Print results and errors only: no progress, no warnings.")
+@click.option(
+    "--config",
+    "options_file",
+    metavar="FILE",
+    help="Take options that the command line leaves open from this TOML file, a table a command: [predict] runs = 500.",
+)
+@click.pass_context
+def main(ctx: click.Context, debug: bool, quiet: bool, options_file: str | None) -> None:
     """Kinetics and Markov modelling of self-assembly, calibrated on rigid-body mechanics."""
-    del debug
+    del debug, quiet
+    if options_file is not None:
+        options_in(ctx, options_file)
 
 
 @main.group()

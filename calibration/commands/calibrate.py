@@ -17,6 +17,7 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
 from mechsim.commands.options import run_options
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 @click.argument(
     "scene",
     metavar="SCENE|PLAN|FOLDER",
+    shell_complete=shipped("scene"),
     **or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"}),
 )
 @click.option(

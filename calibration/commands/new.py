@@ -9,11 +9,12 @@ import click
 
 from calibration.commands.plan import asked_of_a_plan
 from calibration.commands.shared import seed_option
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("target")
+@click.argument("target", shell_complete=shipped("target"))
 @click.argument("folder", required=False)
 @click.option(
     "--cubes",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.shared import seed_option
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
 from mechsim.commands.options import executor_options, progress_option, runs_option
@@ -101,7 +102,12 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "out": PLAN}))
+@click.argument(
+    "scene",
+    metavar="SCENE|FOLDER",
+    shell_complete=shipped("scene"),
+    **or_study_folder(SCENE, {"runs_folder": RUNS, "out": PLAN}),
+)
 @click.option(
     "--out",
     required=True,
@@ -115,6 +121,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     "--rates",
     "rates_name",
     metavar="NAME|FILE",
+    shell_complete=shipped("rates"),
     help="Pilot rates, by which the path is predicted.  [default: from short pilot runs of the mechanics]",
 )
 @click.option(

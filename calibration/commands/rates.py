@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import seed_option
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.output import write_whole
 from kinetics.support.tables import columns, csv_text, rounded
@@ -19,7 +20,7 @@ SHOWN = 3  # channels drawn, those with the most events
 
 
 @click.command()
-@click.argument("study")
+@click.argument("study", shell_complete=shipped("study"))
 @click.option(
     "--runs",
     metavar="N",

@@ -14,6 +14,7 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, picture_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 @click.argument(
     "scene",
     metavar="SCENE|PLAN|FOLDER",
+    shell_complete=shipped("scene"),
     **or_study_folder(PLAN, {"runs_folder": RUNS, "rates_name": rates_of, "report": "validation.html"}),
 )
 @click.option(
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     "rates_name",
     required=True,
     metavar="NAME|FILE",
+    shell_complete=shipped("rates"),
     help="Rate constants: a shipped table such as table3, or a .toml file, by channel or by class.",
 )
 @click.option(

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option
 
 NOT_CERTIFIED = 1  # exit code
 
 
 @click.command()
-@click.argument("book")
+@click.argument("book", shell_complete=shipped("book"))
 @click.argument("certificate", type=click.Path(exists=True, dir_okay=False))
 @click.option(
     "--steps",

@@ -6,13 +6,14 @@ import sys
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, plot_option
 
 NOT_CORRECT = 1  # exit code
 
 
 @click.command()
-@click.argument("book")
+@click.argument("book", shell_complete=shipped("book"))
 @click.option(
     "--max-cubes",
     metavar="N",

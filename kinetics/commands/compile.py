@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
 from kinetics.support.output import write_whole
 
 
 @click.command()
-@click.argument("target")
+@click.argument("target", shell_complete=shipped("target"))
 @click.option("--out", metavar="FILE", callback=in_a_folder, help="Write the rule book to this TOML file.")
 @click.option(
     "--faces", type=click.Choice(["one", "two", "six"]), help="Number of face types that a cube distinguishes."

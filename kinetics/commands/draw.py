@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ PLACEHOLDER = "#"  # of cubes that have no letter yet
 
 
 @click.command()
-@click.argument("book", metavar="BOOK|TARGET")
+@click.argument("book", metavar="BOOK|TARGET", shell_complete=shipped("book", "target"))
 @click.option(
     "--what",
     type=click.Choice(["structure", "book", "network", "species", "growth"]),

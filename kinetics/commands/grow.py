@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import (
     NumbersCommand,
     csv_option,
@@ -38,7 +39,7 @@ INTERRUPTED = 130  # exit code
 
 
 @click.command(cls=NumbersCommand)
-@click.argument("book")
+@click.argument("book", shell_complete=shipped("book"))
 @click.option(
     "--cubes",
     metavar="N",

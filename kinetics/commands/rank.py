@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
@@ -24,11 +25,12 @@ INTERRUPTED = 130  # exit code
 
 
 @click.command()
-@click.argument("books", metavar="BOOK...|TARGET.toml", nargs=-1, required=True)
+@click.argument("books", metavar="BOOK...|TARGET.toml", nargs=-1, required=True, shell_complete=shipped("book"))
 @click.option(
     "--rates",
     "rates_name",
     metavar="NAME|FILE",
+    shell_complete=shipped("rates"),
     help="Rates of a book's network (such as table3), or a .toml file of rates by class.",
 )
 @click.option(

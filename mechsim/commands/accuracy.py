@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
 from mechsim.commands.options import PARTIAL, executor_options, progress_option, runs_option
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scene")
+@click.argument("scene", shell_complete=shipped("scene"))
 @click.option(
     "--cubes",
     metavar="N",

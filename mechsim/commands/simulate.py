@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
 from mechsim.commands.options import PARTIAL, run_options
@@ -17,7 +18,12 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE|FOLDER", **or_study_folder(SCENE, {"runs_folder": RUNS, "initial": start_of}))
+@click.argument(
+    "scene",
+    metavar="SCENE|FOLDER",
+    shell_complete=shipped("scene"),
+    **or_study_folder(SCENE, {"runs_folder": RUNS, "initial": start_of}),
+)
 @click.option(
     "--cubes",
     metavar="N",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import PARTIAL, run_options
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("study")
+@click.argument("study", shell_complete=shipped("study"))
 @click.option(
     "--runs", metavar="N", type=click.IntRange(min=1), help="Number of runs at each point.  [default: the study's]"
 )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 import click
 
+from kinetics.support.cli.options_file import defaults_of
+
 Commands = Mapping[str, tuple[str, str, str]]  # name -> (module, attribute, the line that `--help` shows)
 
 
@@ -23,8 +25,11 @@ class LazyCommand(click.Command):
         return getattr(importlib.import_module(module), attribute)
 
     def make_context(self, info_name, args, parent=None, **extra):
-        """Hand over to the real command."""
-        return self.load().make_context(info_name, args, parent=parent, **extra)
+        """Hand over to the real command, with what a file of options says of it."""
+        real = self.load()
+        if parent is not None and parent.default_map:
+            extra["default_map"] = defaults_of(parent, real, self.name or "")
+        return real.make_context(info_name, args, parent=parent, **extra)
 
 
 def mount(group: click.Group, commands: Commands) -> None:

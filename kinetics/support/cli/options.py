@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.output import check_target
 
@@ -220,10 +221,14 @@ def starting_options(command: Callable[..., None]) -> Any:
             "--rates",
             "rates_name",
             metavar="NAME|FILE",
+            shell_complete=shipped("rates"),
             help="Rate constants: a shipped table such as table3, or a .toml file.",
         ),
         click.argument(
-            "source", metavar="NETWORK|FOLDER", **or_study_folder(BOOK, {"rates_name": rates_of, "initial": start_of})
+            "source",
+            metavar="NETWORK|FOLDER",
+            shell_complete=shipped("book"),
+            **or_study_folder(BOOK, {"rates_name": rates_of, "initial": start_of}),
         ),
     ):
         decorated = decorate(decorated)

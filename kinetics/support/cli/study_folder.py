@@ -20,6 +20,7 @@ from click.core import ParameterSource
 from kinetics.support.config import read_toml
 
 TARGET, BOOK, SCENE, PLAN, RATES, RUNS = "target.toml", "book.toml", "scene.toml", "plan.toml", "rates.toml", "runs"
+FILLED = "wellmixed.filled"  # where a context keeps which options the folder has filled
 Filler = str | Callable[[Path], Any]
 
 
@@ -42,7 +43,9 @@ def or_study_folder(file: str, fills: Mapping[str, Filler]) -> dict[str, Any]:
                 f"the folder {value} holds no {file}; `wellmixed new` makes folders that do", ctx, param
             )
         values = {name: partial(fill, folder) if callable(fill) else str(folder / fill) for name, fill in fills.items()}
-        ctx.default_map = {**(ctx.default_map or {}), **values}  # what is a function is called only if it is needed
+        asked = ctx.default_map or {}  # by a file of options
+        ctx.meta[FILLED] = values.keys() - asked.keys()
+        ctx.default_map = {**values, **asked}  # what is a function is called only if it is needed
         return str(folder / file)
 
     return {"callback": found, "is_eager": True}  # eager: before the options, whose defaults it sets
@@ -56,8 +59,9 @@ def rates_of(folder: Path) -> str:
 
 
 def is_filled(name: str) -> bool:
-    """Whether the folder of a study gave this option to the command, rather than the command line."""
-    return click.get_current_context().get_parameter_source(name) is ParameterSource.DEFAULT_MAP
+    """Whether the folder of a study gave this option to the command, rather than the user."""
+    ctx = click.get_current_context()
+    return name in ctx.meta.get(FILLED, ()) and ctx.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
 
 def start_of(folder: Path) -> str:

@@ -1,0 +1,69 @@
+"""Options from a file, for what the command line leaves open.
+
+    [predict]
+    runs = 500
+    rates = "table3"
+
+    [rules.grow]
+    cubes = 100
+
+A table is a command, a name an option without its dashes; flags are `true`, options that may be repeated are lists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+FILE = "wellmixed.options_file"  # where a context keeps the file's name
+
+
+def options_in(ctx: click.Context, path: str) -> None:
+    """Make the tables of a file the defaults of the commands below this context."""
+    from kinetics.support.config import read_toml
+
+    if not Path(path).is_file():
+        raise click.UsageError(f"--config {path}: there is no such file", ctx)
+    ctx.meta[FILE] = path
+    ctx.default_map = read_toml(Path(path))
+    check_commands(ctx, ctx.command, ctx.default_map, "")
+
+
+def check_commands(ctx: click.Context, group: click.Command, tables: Mapping[str, Any], above: str) -> None:
+    """A UsageError where a table is named like no command of the group."""
+    if isinstance(group, click.Group):
+        for name, table in tables.items():
+            if name not in group.commands or not isinstance(table, Mapping):
+                raise _unknown(ctx, f"[{above}{name}]", "table of a command", name, group.commands)
+
+
+def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[str, Any] | None:
+    """The table of a command as defaults of its parameters, by their names in Python; None where there is none."""
+    table = (ctx.default_map or {}).get(name)
+    if table is None or FILE not in ctx.meta:
+        return table
+    if isinstance(command, click.Group):
+        check_commands(ctx, command, table, f"{name}.")
+        return table
+    options = {
+        spelled.lstrip("-"): option.name
+        for option in command.params
+        if isinstance(option, click.Option)
+        for spelled in option.opts
+        if spelled.startswith("--")
+    }
+    for key in table:
+        if key not in options:
+            raise _unknown(ctx, f"{key} in [{name}]", f"option of {name}", key, options)
+    return {str(options[key]): value for key, value in table.items()}
+
+
+def _unknown(ctx: click.Context, what: str, expected: str, name: str, known: Iterable[str]) -> click.UsageError:
+    import difflib  # for slips alone
+
+    near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.6)
+    hint = f"; did you mean {' or '.join(near)}?" if near else f"; expected one of {', '.join(sorted(known))}"
+    return click.UsageError(f"--config {ctx.meta[FILE]}: {what} is no {expected}{hint}", ctx)
