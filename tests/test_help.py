@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import partial
 
 import click
 import pytest
@@ -55,7 +56,8 @@ def test_every_command_says_what_it_is_in_sentences(name):
 @pytest.mark.parametrize("name", TREE)
 def test_every_option_has_a_sentence_of_its_own(name):
     options = [option for option in TREE[name].params if isinstance(option, click.Option)]
-    assert {option.opts[0]: faults(option.help) for option in options if faults(option.help)} == {}
+    texts = {option.opts[0]: getattr(option, "told_by", partial(getattr, option, "help"))() for option in options}
+    assert {option: faults(text) for option, text in texts.items() if faults(text)} == {}
 
 
 @pytest.mark.parametrize("name", GROUPS)

@@ -6,10 +6,22 @@ import click
 
 from kinetics.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.commands.start import Start, is_network_file, network_of_book, start
-from kinetics.formats import WRITTEN
-from kinetics.support.cli.options import AskedStart, echo_json, in_a_folder, json_option, starting_options
+from kinetics.support.cli.options import (
+    AskedStart,
+    OptionToldLate,
+    echo_json,
+    in_a_folder,
+    json_option,
+    starting_options,
+)
 
 MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
+
+
+def _about_out() -> str:
+    from kinetics.formats import WRITTEN
+
+    return f"Write the network to this file, in the format of its suffix: {', '.join(WRITTEN)}."
 
 
 @click.command()
@@ -17,9 +29,10 @@ MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
 @click.option(
     "--out",
     "out_file",
+    cls=OptionToldLate,
     metavar="FILE",
     callback=in_a_folder,
-    help=f"Write the network to this file, in the format of its suffix: {', '.join(WRITTEN)}.",
+    told_by=_about_out,
 )
 @click.option(
     "--breaks",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -52,6 +51,8 @@ class Program:
         path : the user's file, for messages
         given, made : names of the files that it reads and writes
         """
+        import subprocess
+
         with tempfile.TemporaryDirectory() as folder:
             settings = [str(self.seconds), str(self.memory), given]
             try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -23,6 +22,8 @@ def fingerprint(
     at_zero: str,
 ) -> str:
     """SHA-256 over all that makes a network but its rates; laws, events and `at_zero` only where there are any."""
+    import hashlib
+
     is_small = len(channels) * len(species) <= MAX_DENSE
     entries = [table.dense().tolist() if is_small else [table.keys.tolist(), table.copies.tolist()] for table in tables]
     content: list[Any] = [species, channels, *entries]

@@ -20,6 +20,7 @@ MAX_WORK = 3e10  # multiplications, some ten seconds
 MAX_FACTORED = 1e12  # the same for sparse LU, which takes some hundred seconds then
 MAX_NUMBERS = 3e8  # in the band, 2.4 GB
 FLOOR = 1e-250  # of a scale, over its largest value
+CHEAP = 1e7  # multiplications, some ten milliseconds
 
 
 class TooLargeError(ValueError):
@@ -92,7 +93,14 @@ class Elimination(Equations):
 
 
 def in_a_band(rows: NDArray[Any], columns: NDArray[Any], n: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """An order of n states with the rates close to the diagonal, and the places of rows and columns (K,) in it."""
+    """An order of n states with the rates close to the diagonal, and the places of rows and columns (K,) in it.
+
+    States that are few, or come as a search found them, near those that they lead to, are left as they are: importing
+    what orders them takes longer than their elimination.
+    """
+    reach = float(np.abs(rows - columns).max(initial=1))
+    if n * reach**2 <= CHEAP:
+        return np.arange(n), rows, columns
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

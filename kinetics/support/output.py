@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import secrets
 import shutil
 import stat
 from collections.abc import Iterator, Mapping
@@ -66,7 +65,7 @@ def new_folder(path: str | Path) -> Iterator[Path]:
         raise ValueError(f"{goal} is there already; give another name, or remove it")
     if not goal.absolute().parent.is_dir():
         raise ValueError(f"the folder of {goal} does not exist; make it first")
-    made = goal.absolute().parent / f".wellmixed-{secrets.token_hex(8)}.part"
+    made = goal.absolute().parent / f".wellmixed-{os.urandom(8).hex()}.part"
     try:
         made.mkdir()
     except OSError as error:  # of the name that was asked for
@@ -110,7 +109,7 @@ def checked_name(name: str, what: str) -> str:
 
 def _beside(path: Path, content: bytes) -> Path:
     """A synced file with this content under a temporary name in the folder of `path`; it is removed on failure."""
-    temporary = path.with_name(f".wellmixed-{secrets.token_hex(8)}.part")
+    temporary = path.with_name(f".wellmixed-{os.urandom(8).hex()}.part")
     descriptor = os.open(temporary, ANEW, 0o666)  # less the user's mask, as for any new file
     try:
         try:

@@ -6,7 +6,6 @@ To see where an error came from, a user gives `--debug` before the command.
 from __future__ import annotations
 
 import errno
-import traceback
 from pathlib import Path
 
 import click
@@ -55,6 +54,8 @@ def judged(error: Exception) -> tuple[int, str]:
         return MISTAKE, "the input nests more deeply than can be read (a formula of hundreds of terms?); split it up"
     if isinstance(error, OverflowError):
         return MISTAKE, f"a number is too large to compute with ({said}); take less extreme settings"
+    import traceback
+
     place = traceback.extract_tb(error.__traceback__)[-1]
     return FAULT, (
         f"{type(error).__name__}: {said} ({Path(place.filename).name}:{place.lineno}). This is a fault of wellmixed, "

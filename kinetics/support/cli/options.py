@@ -80,6 +80,19 @@ plot_option = click.option(
 )
 
 
+class OptionToldLate(click.Option):
+    """An option whose help is made when it is shown: what the text names need not be imported to run."""
+
+    def __init__(self, *names: Any, told_by: Callable[[], str], **settings: Any):
+        super().__init__(*names, **settings)
+        self.told_by = told_by
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Its line of the help."""
+        self.help = self.told_by()
+        return super().get_help_record(ctx)
+
+
 class NumbersCommand(click.Command):
     """A command whose repeatable options take several numbers in one go: `--times 10 50 100`.
 
