@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, product
 
-from kinetics.assembly.compiler import reasons
+from kinetics.assembly.compiler import reasons, seeded
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
 from kinetics.assembly.compiler.clashes import clashes, obstacles
 from kinetics.assembly.compiler.clauses import Clauses
@@ -28,7 +28,7 @@ from kinetics.assembly.compiler.result import (
     sensing,
 )
 from kinetics.assembly.compiler.search import MOST_LETTERS
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler.target import MAX_TARGET, Target
 from kinetics.assembly.rules.conditions import Senses
 
 MAX_LETTERS = 8
@@ -56,7 +56,8 @@ def compile_book(
     effort: float = 1.0,
     seed: int = 0,
     progress: Notify | None = None,
-    clock: Callable[[], float] | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    started: float | None = None,
 ) -> Compiled:
     """A rule book that builds the target and nothing else: of the weakest senses, then of the fewest letters, then of
     the fewest rules that were found, then of the largest yield.
@@ -64,39 +65,30 @@ def compile_book(
     joins : those to allow, no others, by sizes (`1+2`) or names (`2.a+1->3.b`); None: what the target asks for, or else
         any
     breaks : whether bonds break; what is left must grow again. None: what the target says
-    max_letters : most letters; None: what the target says, or 8
+    max_letters : most letters; None: what the target says, or 8; from a seed, any number
     time_limit : s of wall time for all of it; what is found does not depend on it unless it ends the work
     effort : by what the steps of every search are multiplied; less is quicker, and leaves more undecided
     seed : of what is drawn by chance; only growth from a seed does
     progress : called with what is being tried
-    clock : in s; time.monotonic but in tests
+    clock : in s; started : on it, when the time began to count; None: now
     `Compiled.searched` says what was tried, and within which kind of books. Targets of more than eight cubes, and those
     with a seed, are grown from a seed (see `seeded`).
     InfeasibleError: there is no such book, and why. UndecidedError: none was found in the steps allowed, or in time.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, clock, effort)
-    if target.seed is not None or len(target) > MOST:
-        from kinetics.assembly.compiler.seeded import compile_seeded
-
-        if asked.joins is not None:
-            raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave joins out")
-        held = replace(target, breaks=asked.breaks)
-        return compile_seeded(
-            held, max_letters=max_letters, time_limit=time_limit, seed=seed, progress=progress, budget=asked.budget
-        )
+    budget = Budget(time_limit, clock, effort, started)
+    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, budget, seed)
     ruled: list[Ruled] = []
-    rungs = [target.senses] if target.senses is not None else list(LADDER)
+    rungs = asked.ladder if target.senses is None else (target.senses,)
     try:
         for senses in rungs:
-            outcome = asked.rung(senses, RUNG_STEPS)
+            outcome = asked.rung(senses, seeded.RUNG_STEPS if is_seeded(target) else RUNG_STEPS)
             if isinstance(outcome, Compiled):
                 return asked.explained(outcome, ruled)
             ruled.append(outcome)
         if all(each.is_proof for each in ruled):
             raise InfeasibleError(asked.why_not(ruled))
     except TimeoutError:
-        following = rungs[len(ruled) :]
-        raise UndecidedError(asked.too_late(ruled, following)) from None
+        raise UndecidedError(asked.too_late(ruled, rungs[len(ruled) :])) from None
     raise UndecidedError(asked.why_not(ruled))
 
 
@@ -114,7 +106,7 @@ def all_books(
     Choices for which no book is found are left out; it ends after time_limit. The senses are the target's, or the
     weakest that are enough for any choice. Other arguments as of `compile_book`.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, None)
+    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, Budget(time_limit))
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:
@@ -146,6 +138,7 @@ class _Asked:
     time_limit: float
     report: Notify
     budget: Budget
+    seed: int
     known: dict[tuple[object, str], Dockings] = field(default_factory=dict)
 
     @classmethod
@@ -157,27 +150,44 @@ class _Asked:
         max_letters: int | None,
         time_limit: float,
         progress: Notify | None,
-        clock: Callable[[], float] | None,
-        effort: float = 1.0,
+        budget: Budget,
+        seed: int = 0,
     ) -> _Asked:
-        for name, value in (("time_limit", time_limit), ("effort", effort)):
+        for name, value in (("time_limit", time_limit), ("effort", budget.effort)):
             if not value > 0:
                 raise ValueError(f"{name} = {value}; it must be more than 0")
-        if max_letters is None:
-            max_letters = target.max_letters or MAX_LETTERS
-        if not 2 <= max_letters <= MOST_LETTERS:
-            raise ValueError(f"max_letters = {max_letters}; it must be 2 to {MOST_LETTERS}")
         if joins is not None and not joins:
             raise ValueError("joins: an empty list allows none; leave it out to allow all")
+        joins, breaks = target.joins if joins is None else joins, target.breaks if breaks is None else breaks
+        most = MOST_LETTERS
+        if is_seeded(target):
+            most = MAX_TARGET
+            if breaks:
+                raise ValueError(
+                    f"target {target.name!r}: the bonds of a book that grows from a seed hold, since news that a stage "
+                    "is complete is not taken back; set breaks = false"
+                )
+            if joins is not None:
+                raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave out joins")
+        if max_letters is None:
+            max_letters = target.max_letters or (most if is_seeded(target) else MAX_LETTERS)
+        if not 2 <= max_letters <= most:
+            raise ValueError(f"max_letters = {max_letters}; it must be 2 to {most}")
         return cls(
             target,
-            target.joins if joins is None else tuple(joins),
-            target.breaks if breaks is None else breaks,
+            None if joins is None else tuple(joins),
+            breaks,
             max_letters,
             time_limit,
             progress or (lambda _: None),
-            Budget(time_limit, clock or time.monotonic, effort),
+            budget,
+            seed,
         )
+
+    @property
+    def ladder(self) -> tuple[Senses, ...]:
+        """The senses that are tried, the weakest first."""
+        return seeded.LADDER if is_seeded(self.target) else LADDER
 
     @cached_property
     def turnings(self) -> list[Target]:
@@ -201,13 +211,13 @@ class _Asked:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
         ruled: list[Ruled] = []
         turned = [self.target]
-        if self.target.tops is None and senses.faces == "two":
+        if self.target.tops is None and senses.faces == "two" and not is_seeded(self.target):
             turned = self.turnings
         with self.budget.at_most(steps):
             for number, target in enumerate(turned, 1):
                 self.report(f"{sensing(senses)}, turn {number} of {len(turned)}")
                 try:
-                    outcome = self.turned(target, senses)
+                    outcome = (self.grown if is_seeded(target) else self.turned)(target, senses)
                 except OutOfStepsError:
                     text = f"target {target.name!r} with {sensing(senses)}: not decided in the steps allowed"
                     outcome = Ruled(senses, text, False, (), ())
@@ -218,6 +228,13 @@ class _Asked:
         also = "\nwith all cubes turned alike, it is no better" if is_proof and len(ruled) > 1 else ""
         situations = tuple(each for one in ruled for each in one.situations)
         return replace(ruled[0], text=ruled[0].text + also, is_proof=is_proof, situations=situations)
+
+    def grown(self, target: Target, senses: Senses) -> Compiled | Ruled:
+        """A book that grows from a seed."""
+        try:
+            return seeded.grown_book(target, senses, self.max_letters, self.seed, self.budget, self.report)
+        except (InfeasibleError, UndecidedError) as error:
+            return Ruled(senses, str(error), isinstance(error, InfeasibleError), (), ())
 
     def turned(self, target: Target, senses: Senses) -> Compiled | Ruled:
         """The same for a target whose cubes are turned."""
@@ -283,8 +300,8 @@ class _Asked:
         said = [f"{sensing(each.senses)}: {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
         turned = ", cubes turned in the ways tried" if self.target.tops is None else ""
         weaker = (f"weaker senses{turned}: {'; '.join(said)}",) if said else ()
-        assert made.certificate is not None  # noqa: S101  books that are not grown from a seed have one
-        certificate = replace(made.certificate, weaker=tuple(each for each in ruled if each.is_proof))
+        proofs = tuple(each for each in ruled if each.is_proof)
+        certificate = made.certificate and replace(made.certificate, weaker=proofs)
         return replace(made, searched=(*weaker, *made.searched), certificate=certificate)
 
     def why_not(self, ruled: list[Ruled]) -> str:
@@ -297,7 +314,7 @@ class _Asked:
         out = f"\ninfeasible with {'; '.join(proofs)}" if proofs else ""
         return f"{open_}{out}\n{self.remedy()}"
 
-    def too_late(self, ruled: list[Ruled], following: list[Senses]) -> str:
+    def too_late(self, ruled: list[Ruled], following: Sequence[Senses]) -> str:
         """What was decided before time was up, and what comes next."""
         said = [f"{sensing(each.senses)} {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
         rest = f"; next: {'; '.join(map(sensing, following[1:]))}" if following[1:] else ""
@@ -309,13 +326,13 @@ class _Asked:
     def remedy(self) -> str:
         """What would be enough, in words: stronger senses, or bonds that hold."""
         own = self.target.senses
-        for senses in LADDER:
+        for senses in self.ladder:
             if own is not None and senses != own and _is_stronger(senses, own):
                 made = self._quick(senses)
                 if isinstance(made, Compiled):
                     return f"{sensing(senses)} are enough: a book of {made.letters} letters does it"
         if self.breaks and self.joins is None:
-            for senses in LADDER if own is None else (own,):
+            for senses in self.ladder if own is None else (own,):
                 made = replace(self, breaks=False)._quick(senses)
                 if isinstance(made, Compiled):
                     return (
@@ -331,6 +348,11 @@ class _Asked:
             return self.rung(senses, REMEDY_STEPS)
         except (InfeasibleError, TimeoutError):
             return None
+
+
+def is_seeded(target: Target) -> bool:
+    """Whether a target is grown from a seed."""
+    return target.seed is not None or len(target) > MOST
 
 
 def _letters(number: int) -> str:

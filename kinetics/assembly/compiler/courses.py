@@ -6,14 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from kinetics.assembly.compiler.budget import OutOfStepsError
+from kinetics.assembly.compiler.growth import symmetries
+from kinetics.assembly.compiler.orientation import AXES
 from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import distances
-from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of, symmetries
+from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import DIRECTIONS, BookTarget, Direction, Senses
 
-AXES: tuple[Direction, ...] = ("x", "y", "z")
 TRIALS = 500  # of orbits in one search for an order of growth
 SEEDS = 4  # places tried for the seed where the target names none
 
@@ -73,22 +74,22 @@ def _is_its_mirror_image(
 
 def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:
     """What is tried: seeds, the axes of the cubes, which of them come under the same rules."""
-    for root in _roots(target):
+    for root in roots(target)[:SEEDS]:
         places = [minus(place, root) for place in target.positions]
         for axes in _axes(target, places):
             for axis in (2, 0, 1) if axes is None else (axes[0, 0, 0],):
-                for orbits in orbits_of(places, symmetries(places, about(axis), axes)):
+                for orbits in orbits_of(places, symmetries(about(axis), dict.fromkeys(places, 0), axes)):
                     yield Planner(senses, orbits, axis, axes, TRIALS), root
 
 
-def _roots(target: Target) -> list[Position]:
+def roots(target: Target) -> list[Position]:
     """Places for the seed, the best first."""
     if target.seed is not None:
         return [target.seed]
     places = target.positions
     reach = {place: max(distances(places, place).values()) for place in places}
     middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
-    return sorted(places, key=lambda place: (reach[place], math.dist(place, middle), place))[:SEEDS]
+    return sorted(places, key=lambda place: (reach[place], math.dist(place, middle), place))
 
 
 def _axes(target: Target, places: list[Position]) -> Iterator[Mapping[Position, int] | None]:

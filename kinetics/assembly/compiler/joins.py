@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from kinetics.assembly.compiler.clauses import Clauses
-from kinetics.assembly.compiler.plan import Channel, Plan, Reading
+from kinetics.assembly.compiler.dockings import Reading
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.target import check_join
 
 

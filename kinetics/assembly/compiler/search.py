@@ -19,8 +19,9 @@ import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.clauses import Clauses
+from kinetics.assembly.compiler.dockings import Reading
 from kinetics.assembly.compiler.joins import JoinSearch
-from kinetics.assembly.compiler.plan import Channel, Loss, Plan, Reading, Wave, kind_of
+from kinetics.assembly.compiler.plan import Channel, Loss, Plan, Wave
 from kinetics.assembly.faces import IntArray
 
 MOST_LETTERS = 15
@@ -214,7 +215,10 @@ class LetterSearch(JoinSearch):
                 clause.append(literals[made[row]])
             for n in (int(first[row]), int(second[row])):
                 reading = self.known[alike[n]]
-                clause += [self.readings[reading] ^ 1, *self.clauses.unlike(self._pairs(self.known[n], reading))]
+                clause += [
+                    self.readings[reading] ^ 1,
+                    *self.clauses.unlike(zip(self._terms(self.known[n]), self._terms(reading), strict=True)),
+                ]
             self.clauses.add(*clause)
         return bool(wrong.any())
 
@@ -257,7 +261,7 @@ class LetterSearch(JoinSearch):
                 across = -1 if r.across < 0 else self.cells[r.across]
                 cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
                 padded = [some + [-1] * (SIDES - len(some)) for some in cells]
-                rows.append((self.plan.kinds[kind_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
+                rows.append((self.plan.kinds[r.kind], [self.cells[r.own], self.cells[r.partner], across], *padded))
             new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
             self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
         return self._rows
@@ -266,30 +270,20 @@ class LetterSearch(JoinSearch):
     def _rows(self) -> tuple[np.ndarray, ...]:
         return tuple(np.zeros(shape, np.int64) for shape in (0, (0, 3), (0, SIDES), (0, SIDES)))
 
-    def _pairs(self, one: Reading, other: Reading) -> list[tuple[list[int], list[int]]]:
-        """Cells that have to be alike for two readings of one kind to be."""
-        pairs: list[tuple[Iterable[int], Iterable[int]]] = [
-            ((one.own,), (other.own,)),
-            ((one.partner,), (other.partner,)),
-            (one.around, other.around),
-            (one.touched or (), other.touched or ()),
+    def _terms(self, r: Reading) -> list[tuple[int, ...]]:
+        """Cells of the letters that are read, those together whose order does not matter."""
+        across = (r.across,) if r.across >= 0 else ()
+        return [
+            tuple(self.cells[u] for u in some) for some in ((r.own,), (r.partner,), r.around, r.touched or (), across)
         ]
-        if one.across >= 0:
-            pairs.append(((one.across,), (other.across,)))
-        return [([self.cells[u] for u in a], [self.cells[u] for u in b]) for a, b in pairs]
 
     def _ambiguous(self, letters: np.ndarray) -> bool:
         """Cubes that read the same and would have to become different ones."""
         rules: dict[tuple[object, ...], tuple[int, list[tuple[int, ...]], int]] = {}
         value, broken, chosen = letters.tolist(), 0, self.chosen
         uses: list[tuple[int, str, tuple[object, ...], list[tuple[int, ...]], int]] = []
-        for join in sorted(chosen):
-            for docking in self.plan.joins[join]:
-                for r in docking:
-                    terms: list[tuple[int, ...]] = [(self.cells[r.own],), (self.cells[r.partner],)]
-                    terms += [tuple(self.cells[u] for u in some) for some in (r.around, r.touched or ())]
-                    terms += [(self.cells[r.across],)] if r.across >= 0 else []
-                    uses.append((self.readings[r], "join", kind_of(r), terms, self.results[r]))
+        read = (r for join in sorted(chosen) for docking in self.plan.joins[join] for r in docking)
+        uses += [(self.readings[r], "join", r.kind, self._terms(r), self.results[r]) for r in read]
         for active, loss in self.losses:
             terms = [(self.cells[loss.own],), (self.cells[loss.lost],), tuple(self.cells[u] for u in loss.around)]
             uses.append((active, "lose", (), terms, self.results[loss]))

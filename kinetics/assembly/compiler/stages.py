@@ -22,6 +22,7 @@ from kinetics.assembly.compiler.growth import (
     beside,
     explore_stage,
 )
+from kinetics.assembly.compiler.merging import tables_of
 from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import Senses
 
@@ -52,19 +53,6 @@ class NoCourseError(Exception):
     def __init__(self, clash: str, is_proof: bool):
         super().__init__(clash)
         self.is_proof = is_proof
-
-
-def symmetries(places: Sequence[Position], turns: Sequence[Turn], axes: Mapping[Position, int] | None) -> list[Turn]:
-    """The turns that put a set of places, and where given the axes there, onto itself."""
-    known = set(places)
-    return [
-        turn
-        for turn in turns
-        if all(
-            turn.of(place) in known and (axes is None or axes[turn.of(place)] == turn.axis(axes[place]))
-            for place in places
-        )
-    ]
 
 
 def about(axis: int) -> tuple[Turn, ...]:
@@ -216,7 +204,7 @@ class Planner:
         except TooManyError:
             self.is_proof &= not is_short
             return False
-        if facts.usable() is not None:
+        if tables_of(facts) is not None:
             return True
         self.clash = clash_words(facts, stage)
         return False
@@ -240,6 +228,6 @@ def clash_words(facts: Facts, stage: Stage) -> str:
             beside_it = f", touching {len(guest.touched)} cubes" if guest.touched else ""
             return (
                 f"with {len(stage.standing)} cubes standing, a cube at {where[0]} cannot be told from one that must "
-                f"not come, as at {place}: it docks with {guest.face} on {guest.host_face}{twist}{beside_it}"
+                f"not come, as at {place}: it docks with {guest.face} on {guest.partner_face}{twist}{beside_it}"
             )
     return f"with {len(stage.standing)} cubes standing, cubes that look alike would have to become different ones"

@@ -10,7 +10,8 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from kinetics.assembly.compiler.growth import MOST_STATES, Facts, Letters, Stage, around, beside, explore_stage
+from kinetics.assembly.compiler.growth import Facts, Letters, Stage, around, beside, explore_stage
+from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course
 from kinetics.assembly.faces import Position
 
@@ -64,12 +65,10 @@ class _Waves:
         return self.code(orbit, stage, True) if inner else self.code(orbit, stage + 1, False)
 
 
-def facts_of(
-    course: Course, most: int = MOST_STATES, tick: Callable[[], None] = lambda: None
-) -> tuple[Facts, int, Letters]:
+def facts_of(course: Course, tick: Callable[[], None] = lambda: None) -> tuple[Facts, int, Letters]:
     """All that is read during a planned growth, with as many letters as it takes; the seed's; those at the end.
 
-    TooManyError: a stage has more than `most` states.
+    TooManyError: a stage has more than MOST_STATES states.
     """
     orbits = {place: orbit for stage in course.stages for place, orbit in stage.items()}
     seed = max(orbits.values(), default=-1) + 1
@@ -83,19 +82,13 @@ def facts_of(
     for number, coming in enumerate(course.stages):
         entering = {place: waves.code(orbit, number, False) for place, orbit in coming.items()}
         stage = Stage(course.senses, course.axes, letters, entering, course.required)
-        found, letters = explore_stage(stage, course.turns, number == len(rounds) - 1, waves.follow, most, tick)
+        found, letters = explore_stage(stage, course.turns, number == len(rounds) - 1, waves.follow, tick=tick)
         facts.add(found)
     return facts, waves.code(seed, 0, False), letters
 
 
 def _round(whole: dict[Position, int]) -> _Round:
     """What is known when these places are filled."""
-    distance = {ORIGIN: 0}
-    waiting = [ORIGIN]
-    for place in waiting:
-        for p in beside(place):
-            if p in whole and p not in distance:
-                distance[p] = distance[place] + 1
-                waiting.append(p)
+    distance = distances(list(whole), ORIGIN)
     expected = {orbit: Counter(whole[p] for p in beside(place) if p in whole) for place, orbit in whole.items()}
     return _Round(expected, {whole[place]: steps for place, steps in distance.items()})

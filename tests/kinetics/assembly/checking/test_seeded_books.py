@@ -8,8 +8,7 @@ import pytest
 
 from kinetics.assembly import LivelockError, Structure, check
 from kinetics.assembly.checking import examined
-from kinetics.assembly.compiler.seeded import compile_seeded
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler import Target, compile_book
 from kinetics.assembly.deriving.history import random_growth
 
 PLATE = tuple(product(range(-1, 2), range(-1, 2), (0,)))
@@ -18,8 +17,8 @@ GROWTHS = 25
 
 
 def compiled(places):
-    asked = Target("plate", places, breaks=False)
-    return compile_seeded(asked, tries=20, growths=5, time_limit=float("inf")).book
+    asked = Target("plate", places, seed=(0, 0, 0), breaks=False)
+    return compile_book(asked, effort=0.05, time_limit=float("inf")).book
 
 
 def faulty(book):
