@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 
 from kinetics.assembly.compiler.budget import OutOfStepsError
 from kinetics.assembly.compiler.growth import symmetries
@@ -12,6 +12,7 @@ from kinetics.assembly.compiler.result import InfeasibleError, UndecidedError, s
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.compiler.stages import Course, NoCourseError, Planner, about, orbits_of
 from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.deriving.mirror import mirrored
 from kinetics.assembly.faces import Position
 from kinetics.assembly.rules.conditions import DIRECTIONS, BookTarget, Direction, Senses
 
@@ -60,16 +61,12 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
 
 
 def _is_its_mirror_image(
-    places: Sequence[Position], tops: tuple[Direction, ...] | None, letters: tuple[str, ...] = ()
+    places: tuple[Position, ...], tops: tuple[Direction, ...] | None, letters: tuple[str, ...] = ()
 ) -> bool:
     """Whether cubes at these places, with these tops and letters, can be turned into their mirror image."""
     scheme = "one" if tops is None else "two"
-    letters = letters or ("",) * len(places)
-    both = (
-        BookTarget(cubes=tuple((sign * x, y, z) for x, y, z in places), letters=letters, tops=tops) for sign in (1, -1)
-    )
-    own, mirrored = (placed.structure().canonical(scheme) for placed in both)
-    return own == mirrored
+    placed = BookTarget(cubes=places, letters=letters or ("",) * len(places), tops=tops).structure()
+    return mirrored(placed).canonical(scheme) == placed.canonical(scheme)
 
 
 def _searches(target: Target, senses: Senses) -> Iterator[tuple[Planner, Position]]:

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.assembly.compiler.parts import Part, Parts
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler.target import PLACEHOLDER, Target
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, IntArray, compose, roll, scheme_of, turned
 from kinetics.assembly.rules.conditions import Senses
-from kinetics.assembly.structure import Placement
+from kinetics.assembly.structure import Placement, Structure
 
 SPAN = 64  # of the code of a translation, along each axis
 
@@ -195,7 +195,10 @@ class _Contacts:
         rotations = np.concatenate([own, self.other.rotations[self.turn]], axis=1)
         found = {}
         for number in np.flatnonzero(parts.may_be_known(places, rotations)).tolist():
-            made = parts.known(places[number].tolist(), rotations[number].tolist())
+            cubes = tuple(map(tuple, places[number].tolist()))
+            made = parts.known(
+                Structure.unchecked(cubes, tuple(rotations[number].tolist()), (PLACEHOLDER,) * len(cubes))
+            )
             if made is not None:
                 found[number] = made
         return found

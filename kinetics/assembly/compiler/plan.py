@@ -83,7 +83,7 @@ class Plan:
     def places(self) -> tuple[int, ...]:
         """Of the target's cubes as the user gave them, which of the last part they are."""
         whole = self.target.structure(self.senses.faces)
-        known = self.dockings.parts.known(whole.positions, whole.rotations)
+        known = self.dockings.parts.known(whole)
         assert known is not None  # noqa: S101  the target is a part of itself
         return known[1]
 
@@ -202,7 +202,7 @@ def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:
             for own, gone, members in ((i, j, sides[0]), (j, i, sides[1])):
                 loss = Loss(part.unknowns[own], part.unknowns[gone], part.around(own, gone))
                 piece = structure.part(members)
-                known = dockings.parts.known(piece.positions, piece.rotations)
+                known = dockings.parts.known(piece)
                 assert known is not None  # noqa: S101  a piece of a part is one
                 before = tuple(part.unknowns[cube] for cube in members)
                 writers = ((known[1][members.index(own)], loss),)
