@@ -28,7 +28,7 @@ class Budget:
         effort: float = 1.0,
         started: float | None = None,
     ):
-        self.clock, self.effort = clock, effort
+        self.time_limit, self.clock, self.effort = time_limit, clock, effort
         self.start = clock() if started is None else started
         self.end = self.start + time_limit
         self.steps = 0

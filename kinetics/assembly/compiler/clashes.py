@@ -45,16 +45,16 @@ def clashes(plan: Plan, joins: Iterable[Channel]) -> Iterator[Clash]:
                 yield Clash(meeting, made, same)
 
 
-def obstacles(plan: Plan, breaks: bool, asked: Iterable[Channel]) -> list[Clash]:
+def obstacles(plan: Plan, asked: Iterable[Channel]) -> list[Clash]:
     """Clashes that stand in the way: one that cannot be avoided by leaving out joins, if there is such; else one after
     another, each with the joins of those before left out, until too few are left.
     """
     left = frozenset(asked)
     found: list[Clash] = []
     for clash in {clash.blamed: clash for clash in clashes(plan, left)}.values():
-        if not sensible(plan, left - clash.blamed, breaks):
+        if not sensible(plan, left - clash.blamed):
             return [clash]
-    while sensible(plan, left, breaks) and (following := next(clashes(plan, left), None)):
+    while sensible(plan, left) and (following := next(clashes(plan, left), None)):
         found.append(following)
         left -= following.blamed
     return found

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from kinetics.assembly.compiler.orientation import MOST
 from kinetics.assembly.faces import ROTATIONS, IntArray, compose, scheme_of
 from kinetics.assembly.structure import Structure
 
-MOST = 8  # cubes of a target whose parts are all tried
 # Numbers drawn for a cube at a place, seen so; their sums are alike for alike parts, and hardly ever for others.
 _DRAWN = np.random.default_rng(0).integers(1 << 58, size=(MOST, MOST, MOST, 24))
 

@@ -61,7 +61,7 @@ class Plan:
 
     dockings : its parts, and how they meet
     joins : the ways of each join of two parts into a part, by what the two cubes read
-    breaks : for each break, the waves that follow in the pieces
+    breaks : for each break, the waves that follow in the pieces; empty where bonds hold
     """
 
     dockings: Dockings
@@ -145,23 +145,22 @@ class Plan:
         a, b, c = (self.parts[n].name for n in channel)
         return f"{a}+{b}->{c}"
 
-    def reached(self, joins: Iterable[Channel], breaks: bool) -> set[int]:
+    def reached(self, joins: Iterable[Channel]) -> set[int]:
         """The parts that free cubes can become."""
         found, before = {0}, 0
         joins = list(joins)
         while len(found) > before:
             before = len(found)
             found |= {join.c for join in joins if join.a in found and join.b in found}
-            if breaks:
-                found |= {part for broken in self.breaks if broken.c in found for part in broken[:2]}
+            found |= {part for broken in self.breaks if broken.c in found for part in broken[:2]}
         return found
 
-    def leading_home(self, joins: Iterable[Channel], breaks: bool, reached: set[int]) -> set[int]:
+    def leading_home(self, joins: Iterable[Channel], reached: set[int]) -> set[int]:
         """The parts, of those that are reached, which can become part of the target."""
         target = len(self.parts) - 1
         home, before = {target} & reached, 0
         joins = [join for join in joins if join.a in reached and join.b in reached]
-        falls = [broken for broken in self.breaks if breaks and broken.c in reached]
+        falls = [broken for broken in self.breaks if broken.c in reached]
         while len(home) > before:
             before = len(home)
             home |= {part for join in joins if join.c in home for part in join[:2]}
@@ -169,8 +168,8 @@ class Plan:
         return home
 
 
-def planned(dockings: Dockings, senses: Senses) -> Plan:
-    """The plan of a target whose cubes sense that much."""
+def planned(dockings: Dockings, senses: Senses, breaks: bool = True) -> Plan:
+    """The plan of a target whose cubes sense that much; breaks : whether bonds break."""
     joins: dict[Channel, dict[Docking, dict[Wave, Meeting]]] = {}
     for (a, b, c), ways in dockings.made.items():
         found = joins[Channel(a, b, c)] = {}
@@ -185,7 +184,7 @@ def planned(dockings: Dockings, senses: Senses) -> Plan:
         join: {docking: Way(next(iter(waves.values())), tuple(waves)) for docking, waves in ways.items()}
         for join, ways in joins.items()
     }
-    return Plan(dockings, senses, ways_of, _breaks(dockings))
+    return Plan(dockings, senses, ways_of, _breaks(dockings) if breaks else {})
 
 
 def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:

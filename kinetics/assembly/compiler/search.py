@@ -82,14 +82,14 @@ def first_letter(n_cells: int, _: int) -> np.ndarray:
 class LetterSearch(JoinSearch):
     """Letters for a plan, no more than so many.
 
-    allowed : joins that a book may have; breaks : whether bonds break
+    allowed : joins that a book may have
     `find` may be called again and again; what was learned before is kept.
     """
 
-    def __init__(self, plan: Plan, allowed: Iterable[Channel], breaks: bool, n_letters: int, budget: Budget):
+    def __init__(self, plan: Plan, allowed: Iterable[Channel], n_letters: int, budget: Budget):
         if not 1 <= n_letters <= MOST_LETTERS:
             raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
-        super().__init__(plan, allowed, breaks, clauses := Clauses(n_letters, budget))
+        super().__init__(plan, allowed, clauses := Clauses(n_letters, budget))
         unknowns = sorted({u for part in self.parts for u in plan.parts[part].unknowns})
         self.cells = {unknown: clauses.cell() for unknown in unknowns}
         clauses.add(clauses.has(0, 0))
@@ -116,7 +116,7 @@ class LetterSearch(JoinSearch):
             for way in plan.joins[join].values():
                 for wave in way.waves:
                     self._enter(is_open, wave)
-        for broken, waves in plan.breaks.items() if self.breaks else ():
+        for broken, waves in plan.breaks.items():
             if broken.c in present:
                 for wave in waves:
                     self._enter(present[broken.c], wave)

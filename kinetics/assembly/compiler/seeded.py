@@ -38,7 +38,7 @@ LADDER = (
 HOLD = Semantics(bonds="hold")
 
 
-def grown_book(target: Target, senses: Senses, max_letters: int, seed: int, budget: Budget, report: Notify) -> Compiled:
+def grown_book(target: Target, senses: Senses, seed: int, budget: Budget, report: Notify) -> Compiled:
     """A rule book that grows the target from a seed, by cubes with these senses.
 
     seed : of the search and of the random growths; the same seed gives the same book, if time does not run out
@@ -48,10 +48,10 @@ def grown_book(target: Target, senses: Senses, max_letters: int, seed: int, budg
     """
     by = _by_tree if senses.faces == "six" else _by_stages
     made = by(target, senses, seed, budget, report)
-    if made.letters > max_letters:
+    if target.max_letters is not None and made.letters > target.max_letters:
         raise UndecidedError(
             f"target {target.name!r} with {sensing(made.book.senses)}: not found; the best book has {made.letters} "
-            f"letters, max_letters is {max_letters}"
+            f"letters, max_letters is {target.max_letters}"
         )
     if made.book.internal:
         waves = "left out; each wave is taken to rest before the next cube docks"

@@ -189,7 +189,7 @@ def test_time_that_is_up_is_not_called_infeasible():
             compile_book(Target.load("corner"), time_limit=limit, clock=clock)
         assert clock.now <= limit + 3
         assert "at work: two face types" in str(caught.value)
-    assert "two face types infeasible" in str(caught.value)  # the last
+    assert "two face types: infeasible" in str(caught.value)  # the last
     assert "next: two face types, touched" in str(caught.value)
 
 
@@ -258,7 +258,7 @@ def test_all_choices_of_joins_of_a_line():
         ({"joins": []}, "allows none"),
         ({"joins": ["1+2"]}, "infeasible with these joins"),
         ({"joins": ["1+1", "1+2"]}, "infeasible with these joins"),
-        ({"max_letters": 1}, "it must be 2 to 15"),
+        ({"max_letters": 1}, "a book needs at least 2"),
         ({"max_letters": 16}, "it must be 2 to 15"),
         ({"time_limit": 0}, "it must be more than 0"),
         ({"effort": 0}, "effort = 0; it must be more than 0"),
