@@ -108,14 +108,6 @@ class Facts:
     examples: dict[Docking, Position] = field(default_factory=dict)
     states: int = 0
 
-    def add(self, other: Facts) -> None:
-        """Put another one's facts to these."""
-        self.events.update(other.events)
-        self.forbidden |= other.forbidden
-        self.internal.update(other.internal)
-        self.examples.update(other.examples)
-        self.states += other.states
-
 
 class TooManyError(Exception):
     """More states of a stage than the cap."""
@@ -128,11 +120,12 @@ def explore_stage(
     stage: Stage,
     turns: Sequence[Turn],
     is_last: bool,
+    facts: Facts,
     follow: Follow | None = None,
     most: int = MOST_STATES,
     tick: Callable[[], None] = lambda: None,
-) -> tuple[Facts, Letters]:
-    """Everything that may be read while a stage goes on, and the letters at its end.
+) -> Letters:
+    """Put all that may be read while a stage goes on to the facts; the letters at its end.
 
     turns : those that leave the lone seed as it is
     is_last : also look at what may not dock to the complete stage (else its letters belong to the next)
@@ -140,7 +133,6 @@ def explore_stage(
     tick : called at every state, and as it is read; it may raise to end the work
     States that a turn takes into each other are visited once. TooManyError: more than `most` of them.
     """
-    facts = Facts()
     same = symmetries(turns, stage.standing, stage.axes)
     alike = symmetries(same, stage.coming, stage.axes)
     lopsided = len(alike) < len(same)  # then which places look alike changes as cubes come
@@ -153,10 +145,10 @@ def explore_stage(
     unread: list[tuple[Letters, Iterable[Position]]] = [(letters, list(letters))]
     seen = {0}
     waiting = [(0, letters)]
-    final = letters
+    final, states = letters, 0
     while waiting:
         come, letters = waiting.pop()
-        facts.states += 1
+        states += 1
         tick()
         for place in places:
             extended = come | bit[place]
@@ -166,7 +158,7 @@ def explore_stage(
             changed = settle(grown, [place], follow, facts)
             if extended in seen:
                 continue
-            if facts.states + len(waiting) >= most:
+            if states + len(waiting) >= most:
                 raise TooManyError
             for image in images:
                 seen.add(sum([b for number, b in enumerate(image) if extended >> number & 1]))
@@ -181,7 +173,8 @@ def explore_stage(
             _read(stage, state, state, symmetries(same, state, stage.axes), facts)
         else:
             _read(stage, state, fresh, (), facts)
-    return facts, final
+    facts.states += states
+    return final
 
 
 def settle(letters: Letters, fresh: Iterable[Position], follow: Follow | None, facts: Facts) -> set[Position]:

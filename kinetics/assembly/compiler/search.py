@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -101,9 +100,12 @@ class LetterSearch(JoinSearch):
         self.rounds: list[_Step] = []
         self.waves: list[_Running] = []
         self.settled: list[int] = []  # for each number of rounds, true where these are enough
-        self.met: dict[tuple[int, int], IntArray] = {}  # how parts meet: rows of parts, join or -1, and two readings
+        self.met: dict[tuple[int, int], IntArray] = {}  # how parts meet (see `_meet`)
         self.read: dict[Reading, int] = {}  # all that cubes read as they meet, numbered
         self.known: list[Reading] = []  # the same in order
+        self.table = np.zeros(
+            (0, 4 + 2 * SIDES), np.int64
+        )  # of these: the kind, and cells of what is read, -1 for none
         self._start()
 
     def _start(self) -> None:
@@ -197,7 +199,7 @@ class LetterSearch(JoinSearch):
         is_there[[part for part, literal in self.present.items() if self.clauses.true[literal]]] = True
         there = np.flatnonzero(is_there).tolist()
         for pair in [(a, b) for a in there for b in there if b <= a and (a, b) not in self.met]:
-            self._meet(*pair)
+            self.met[pair] = self._meet(*pair)
         keys, others = self._keys(letters)
         open_: dict[tuple[int, int], int] = {}
         for join in sorted(self.chosen):
@@ -222,8 +224,8 @@ class LetterSearch(JoinSearch):
             self.clauses.add(*clause)
         return bool(wrong.any())
 
-    def _meet(self, a: int, b: int) -> None:
-        """Note how two parts can meet."""
+    def _meet(self, a: int, b: int) -> IntArray:
+        """How two parts can meet: rows of them, the join that is made or -1, and the two readings."""
         plan, numbers = self.plan, {join: number for number, join in enumerate(self.open)}
         ways = [
             (numbers.get(join, -1), docking)
@@ -238,37 +240,24 @@ class LetterSearch(JoinSearch):
                     self.read[reading] = len(self.known)
                     self.known.append(reading)
             rows.append((a, b, made, self.read[docking[0]], self.read[docking[1]]))
-        self.met[a, b] = np.array(rows, np.int64).reshape(-1, 5)
+        return np.array(rows, np.int64).reshape(-1, 5)
 
     def _keys(self, letters: np.ndarray) -> tuple[list[int], list[int]]:
         """What the readings met so far come to: pairs of numbers that are the same where all that is read is."""
+        fresh = []
+        for r in self.known[len(self.table) :]:
+            some = [[self.cells[u] for u in unknowns] for unknowns in (r.around, r.touched or ())]
+            near, touched = (cells + [-1] * (SIDES - len(cells)) for cells in some)
+            across = -1 if r.across < 0 else self.cells[r.across]
+            fresh.append([self.plan.kinds[r.kind], self.cells[r.own], self.cells[r.partner], across, *near, *touched])
+        self.table = np.concatenate([self.table, np.array(fresh, np.int64).reshape(-1, 4 + 2 * SIDES)])
         powers = np.append((SIDES + 1) ** letters, 0)
         letters = np.append(letters, -1)
-        kinds, single, around, touched = self._table()
-        keys = kinds
-        for cells in single.T:
+        keys = self.table[:, 0]
+        for cells in self.table.T[1:4]:
             keys = keys * (MOST_LETTERS + 1) + letters[cells] + 1
-        return (keys * (SIDES + 1) ** MOST_LETTERS + powers[around].sum(axis=1)).tolist(), powers[touched].sum(
-            axis=1
-        ).tolist()
-
-    def _table(self) -> tuple[np.ndarray, ...]:
-        """The readings met so far as arrays of cells; -1 for none."""
-        known = self.known
-        if len(self._rows[0]) < len(known):
-            rows = []
-            for r in known[len(self._rows[0]) :]:
-                across = -1 if r.across < 0 else self.cells[r.across]
-                cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
-                padded = [some + [-1] * (SIDES - len(some)) for some in cells]
-                rows.append((self.plan.kinds[r.kind], [self.cells[r.own], self.cells[r.partner], across], *padded))
-            new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
-            self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
-        return self._rows
-
-    @cached_property
-    def _rows(self) -> tuple[np.ndarray, ...]:
-        return tuple(np.zeros(shape, np.int64) for shape in (0, (0, 3), (0, SIDES), (0, SIDES)))
+        near, touched = (powers[cells].sum(axis=1) for cells in np.split(self.table[:, 4:], 2, axis=1))
+        return (keys * (SIDES + 1) ** MOST_LETTERS + near).tolist(), touched.tolist()
 
     def _terms(self, r: Reading) -> list[tuple[int, ...]]:
         """Cells of the letters that are read, those together whose order does not matter."""

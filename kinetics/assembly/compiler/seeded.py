@@ -1,6 +1,6 @@
 """Rule books for large targets, grown cube by cube from a seed; bonds hold, free cubes come one at a time.
 
-Two routes. With two face types, the target is filled orbit by orbit in stages (`stages`, `waves`) and then letters are
+Two routes. With two face types, the target is filled orbit by orbit in stages (`courses`, `waves`) and then letters are
 merged (`merging`). With six, it grows along a spanning tree (`spanning`), which is always possible, but each cube then
 fits at one face and one twist alone, and may have to slip in between two others.
 """

@@ -9,10 +9,10 @@ import pytest
 from kinetics.assembly import RuleBook, Senses, check, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, compile_book
 from kinetics.assembly.compiler.budget import Budget
+from kinetics.assembly.compiler.courses import Planner, about, orbits_of
 from kinetics.assembly.compiler.growth import symmetries
 from kinetics.assembly.compiler.merging import named, reduced, tables_of
 from kinetics.assembly.compiler.spanning import Kinds, spanning_tree
-from kinetics.assembly.compiler.stages import Planner, about, orbits_of
 from kinetics.assembly.compiler.tables import covering, rules_of
 from kinetics.assembly.compiler.verifying import WrongBookError, explored, grown
 from kinetics.assembly.compiler.waves import facts_of
