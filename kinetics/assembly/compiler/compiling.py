@@ -10,21 +10,13 @@ from itertools import islice, product
 
 from kinetics.assembly.compiler import reasons, seeded
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.clashes import clashes, obstacles
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.dockings import Dockings
 from kinetics.assembly.compiler.fewest import MAX_LETTERS, SET_STEPS, fewest
 from kinetics.assembly.compiler.joins import JoinSearch, asked_joins, sensible
 from kinetics.assembly.compiler.orientation import turnings
 from kinetics.assembly.compiler.plan import Plan, planned
-from kinetics.assembly.compiler.result import (
-    Compiled,
-    InfeasibleError,
-    Notify,
-    Ruled,
-    UndecidedError,
-    sensing,
-)
+from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, Ruled, UndecidedError, sensing
 from kinetics.assembly.compiler.search import MOST_LETTERS
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.rules.conditions import Senses
@@ -226,16 +218,16 @@ class _Asked:
                     f"target {target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), "
                     "whatever cubes sense: not all of them can happen, or they make what never becomes the target"
                 )
-            clashing, which = obstacles(plan, joins)[-1:], " and these joins"
+            clashing, which = reasons.obstacles(plan, joins)[-1:], " and these joins"
         elif not JoinSearch(plan, plan.joins, Clauses(1, self.budget)).holds():
-            clashing, which = obstacles(plan, plan.joins), ", whatever joins are chosen,"
+            clashing, which = reasons.obstacles(plan, plan.joins), ", whatever joins are chosen,"
         if not clashing:
             return fewest(plan, joins, self.budget, self.report)
         because = (
             f"target {target.name!r} is infeasible with this sensing ({sensing(senses)}){which} because\n"
             f"{reasons.in_words(plan, clashing)}"
         )
-        every = clashes(plan, plan.joins if joins is None else joins)
+        every = reasons.clashes(plan, plan.joins if joins is None else joins)
         return Ruled(senses, because, True, (reasons.situations(plan, every),), ())
 
     def explained(self, made: Compiled, ruled: list[Ruled]) -> Compiled:

@@ -10,7 +10,6 @@ import numpy as np
 
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.clashes import clashes
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.joins import JoinSearch, sensible
 from kinetics.assembly.compiler.plan import Channel, Plan
@@ -50,7 +49,7 @@ def fewest(
     steps : of the first search with each number of letters
     """
     target = plan.target
-    told_apart = (join for join in plan.joins if all(clash.made for clash in clashes(plan, [join])))
+    told_apart = (join for join in plan.joins if all(clash.made for clash in reasons.clashes(plan, [join])))
     allowed = sensible(plan, told_apart if joins is None else joins)
     exhausted: list[RuledOut] = []
     undecided: list[int] = []

@@ -13,7 +13,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from kinetics.assembly.compiler.dockings import Reading
-from kinetics.assembly.compiler.growth import Around, Docking, Facts
+from kinetics.assembly.compiler.growth import FREE, NOBODY, Around, Docking, Facts
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ReadingTables:
                 low, high = sorted((root(x), root(y)))
                 if low != high:
                     parent[high] = low
-            name = {letter: root(letter) for letter in self.letters}
+            name = {letter: root(letter) for letter in (FREE, NOBODY, *self.letters)}
             guests: dict[Reading, int] = {}
             internal: dict[Around, int] = {}
             waiting = []
@@ -107,16 +107,8 @@ def _many(letters: tuple[int, ...], name: dict[int, int]) -> tuple[int, ...]:
 
 def _renamed(reading: Reading, name: dict[int, int]) -> Reading:
     own, face, near, across, partner, partner_face, roll, touched = reading
-    return Reading(
-        name.get(own, own),
-        face,
-        _many(near, name),
-        name.get(across, across),
-        name.get(partner, partner),
-        partner_face,
-        roll,
-        touched and _many(touched, name),
-    )
+    beside = touched and _many(touched, name)
+    return Reading(name[own], face, _many(near, name), name[across], name[partner], partner_face, roll, beside)
 
 
 def reduced(tables: ReadingTables, rng: np.random.Generator, tick: Callable[[], None] = lambda: None) -> ReadingTables:

@@ -7,12 +7,12 @@ import pytest
 from kinetics.assembly import Senses
 from kinetics.assembly.compiler import Target
 from kinetics.assembly.compiler.budget import Budget
-from kinetics.assembly.compiler.clashes import clashes, obstacles
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.dockings import Dockings
 from kinetics.assembly.compiler.joins import JoinSearch, sensible
 from kinetics.assembly.compiler.orientation import turnings
 from kinetics.assembly.compiler.plan import planned
+from kinetics.assembly.compiler.reasons import clashes, obstacles
 
 CASES = [
     ("line4", Senses(faces="two"), True),
