@@ -12,7 +12,6 @@ that fails; kernels are compiled anew.
 from __future__ import annotations
 
 import argparse
-import ast
 import hashlib
 import json
 import random
@@ -21,6 +20,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from tests.helpers.meaning import meaning
 from tests.mutation.judging import LEAST_PATIENCE, PATIENCE, ROOT, changed, copy_of, run_tests
 from tests.mutation.sites import Mutant, mutants
 
@@ -116,17 +116,8 @@ def code_of(room: Room, root: Path = ROOT) -> str:
     """SHA-256 of what the room's modules do: comments and docstrings may change, nothing else."""
     seen = hashlib.sha256()
     for module in room.modules:
-        tree = ast.parse((root / module).read_text("utf-8"))
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list):
-                node.body = [one for one in body if not _is_text(one)] or [ast.Pass()]  # type: ignore[attr-defined]
-        seen.update(f"{module}\n{ast.unparse(tree)}\n".encode())
+        seen.update(f"{module}\n{meaning((root / module).read_text('utf-8'))}\n".encode())
     return seen.hexdigest()
-
-
-def _is_text(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def stored(name: str, folder: Path = STORED) -> Score | None:

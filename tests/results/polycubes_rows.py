@@ -21,6 +21,7 @@ from kinetics.assembly.compiler.result import Compiled, sensing
 from kinetics.assembly.rules.writing import written
 from kinetics.ranking.yield_and_first_time import Question, yield_and_first_time
 from kinetics.rates import ClassRates
+from tests.helpers.meaning import meaning
 from tests.results.polycubes_shapes import Shape, polycubes
 from tests.results.studies import ROOT
 
@@ -100,9 +101,9 @@ class Row:
 
 
 def _files() -> bytes:
-    """The files that a book depends on."""
+    """What the code does that a book depends on."""
     files = sorted(path for room in ("assembly", "kernels") for path in (ROOT / "kinetics" / room).rglob("*.py"))
-    return b"".join(path.read_bytes() for path in files if "drawing" not in path.parts)
+    return "\n".join(meaning(path.read_text("utf-8")) for path in files if "drawing" not in path.parts).encode()
 
 
 FILES = hashlib.sha256(_files()).hexdigest()  # as they are imported, whatever becomes of them during a long run

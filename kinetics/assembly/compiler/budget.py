@@ -15,14 +15,21 @@ class OutOfStepsError(Exception):
 class Budget:
     """Steps that are left to the search at work, and the end of all work.
 
-    time_limit : s from now
-    clock : in seconds; time.monotonic but in tests
+    time_limit : s; clock : in s, time.monotonic but in tests
+    started : on the clock, when the time began to count; None: now
     effort : by what the steps of every search are multiplied
     steps : all that were taken so far
     """
 
-    def __init__(self, time_limit: float = math.inf, clock: Callable[[], float] = time.monotonic, effort: float = 1.0):
-        self.clock, self.start, self.effort = clock, clock(), effort
+    def __init__(
+        self,
+        time_limit: float = math.inf,
+        clock: Callable[[], float] = time.monotonic,
+        effort: float = 1.0,
+        started: float | None = None,
+    ):
+        self.time_limit, self.clock, self.effort = time_limit, clock, effort
+        self.start = clock() if started is None else started
         self.end = self.start + time_limit
         self.steps = 0
         self.last = math.inf  # the step beyond which the search at work must not go
@@ -33,6 +40,10 @@ class Budget:
         if self.steps > self.last:
             raise OutOfStepsError
         self.check()
+
+    def times(self, number: int) -> int:
+        """So many, times the effort; at least one."""
+        return max(1, round(self.effort * number))
 
     def check(self) -> None:
         """TimeoutError when time is up."""

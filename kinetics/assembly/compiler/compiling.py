@@ -8,30 +8,19 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, product
 
-from kinetics.assembly.compiler import reasons
+from kinetics.assembly.compiler import reasons, seeded
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.clashes import clashes, obstacles
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.dockings import Dockings
-from kinetics.assembly.compiler.fewest import SET_STEPS, Best, NoBookError, fewest
+from kinetics.assembly.compiler.fewest import MAX_LETTERS, SET_STEPS, fewest
 from kinetics.assembly.compiler.joins import JoinSearch, asked_joins, sensible
 from kinetics.assembly.compiler.orientation import turnings
-from kinetics.assembly.compiler.parts import MOST
 from kinetics.assembly.compiler.plan import Plan, planned
-from kinetics.assembly.compiler.result import (
-    Certificate,
-    Compiled,
-    InfeasibleError,
-    Notify,
-    Ruled,
-    UndecidedError,
-    sensing,
-)
+from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, Ruled, UndecidedError, sensing
 from kinetics.assembly.compiler.search import MOST_LETTERS
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.rules.conditions import Senses
 
-MAX_LETTERS = 8
 TIME_LIMIT = 600.0  # s
 MOST_PARTS = 64  # of a target whose cubes are turned; the work grows with their square
 # Steps for one kind of senses, and for one of those that are tried to say what would be enough.
@@ -56,7 +45,8 @@ def compile_book(
     effort: float = 1.0,
     seed: int = 0,
     progress: Notify | None = None,
-    clock: Callable[[], float] | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    started: float | None = None,
 ) -> Compiled:
     """A rule book that builds the target and nothing else: of the weakest senses, then of the fewest letters, then of
     the fewest rules that were found, then of the largest yield.
@@ -64,39 +54,30 @@ def compile_book(
     joins : those to allow, no others, by sizes (`1+2`) or names (`2.a+1->3.b`); None: what the target asks for, or else
         any
     breaks : whether bonds break; what is left must grow again. None: what the target says
-    max_letters : most letters; None: what the target says, or 8
+    max_letters : most letters; None: what the target says, or 8; from a seed, any number
     time_limit : s of wall time for all of it; what is found does not depend on it unless it ends the work
     effort : by what the steps of every search are multiplied; less is quicker, and leaves more undecided
     seed : of what is drawn by chance; only growth from a seed does
     progress : called with what is being tried
-    clock : in s; time.monotonic but in tests
+    clock : in s; started : on it, when the time began to count; None: now
     `Compiled.searched` says what was tried, and within which kind of books. Targets of more than eight cubes, and those
     with a seed, are grown from a seed (see `seeded`).
     InfeasibleError: there is no such book, and why. UndecidedError: none was found in the steps allowed, or in time.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, clock, effort)
-    if target.seed is not None or len(target) > MOST:
-        from kinetics.assembly.compiler.seeded import compile_seeded
-
-        if asked.joins is not None:
-            raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave joins out")
-        held = replace(target, breaks=asked.breaks)
-        return compile_seeded(
-            held, max_letters=max_letters, time_limit=time_limit, seed=seed, progress=progress, budget=asked.budget
-        )
+    budget = Budget(time_limit, clock, effort, started)
+    asked = _Asked.of(target, joins, breaks, max_letters, budget, progress, seed)
     ruled: list[Ruled] = []
-    rungs = [target.senses] if target.senses is not None else list(LADDER)
+    rungs = asked.ladder if target.senses is None else (target.senses,)
     try:
         for senses in rungs:
-            outcome = asked.rung(senses, RUNG_STEPS)
+            outcome = asked.rung(senses, seeded.RUNG_STEPS if target.is_seeded else RUNG_STEPS)
             if isinstance(outcome, Compiled):
                 return asked.explained(outcome, ruled)
             ruled.append(outcome)
         if all(each.is_proof for each in ruled):
             raise InfeasibleError(asked.why_not(ruled))
     except TimeoutError:
-        following = rungs[len(ruled) :]
-        raise UndecidedError(asked.too_late(ruled, following)) from None
+        raise UndecidedError(asked.too_late(ruled, rungs[len(ruled) :])) from None
     raise UndecidedError(asked.why_not(ruled))
 
 
@@ -114,21 +95,19 @@ def all_books(
     Choices for which no book is found are left out; it ends after time_limit. The senses are the target's, or the
     weakest that are enough for any choice. Other arguments as of `compile_book`.
     """
-    asked = _Asked.of(target, joins, breaks, max_letters, time_limit, progress, None)
+    asked = _Asked.of(target, joins, breaks, max_letters, Budget(time_limit), progress)
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:
-            plan = asked.plan(target, senses)
-            among = frozenset(plan.joins if asked.joins is None else asked_joins(plan, asked.joins))
-            search = JoinSearch(plan, among, asked.breaks, Clauses(1, asked.budget))
+            plan = asked.plan(asked.target, senses)
+            among = frozenset(plan.joins if asked.target.joins is None else asked_joins(plan, asked.target.joins))
+            search = JoinSearch(plan, among, Clauses(1, asked.budget))
             sets = sorted(islice(search.every(), MOST_SETS), key=lambda joins: (len(joins), sorted(joins)))
             for choice in sets:
-                try:
-                    best = fewest(plan, asked.breaks, choice, asked.max_letters, asked.budget, asked.report, SET_STEPS)
-                except NoBookError:
-                    continue
-                found = True
-                yield asked.compiled(best, plan, choice)
+                made = fewest(plan, choice, asked.budget, asked.report, SET_STEPS)
+                if isinstance(made, Compiled):
+                    found = True
+                    yield made
         except TimeoutError:
             return
         if found:
@@ -140,12 +119,9 @@ class _Asked:
     """What is asked for, and how much it may take."""
 
     target: Target
-    joins: tuple[str, ...] | None
-    breaks: bool
-    max_letters: int
-    time_limit: float
-    report: Notify
     budget: Budget
+    report: Notify
+    seed: int
     known: dict[tuple[object, str], Dockings] = field(default_factory=dict)
 
     @classmethod
@@ -155,29 +131,34 @@ class _Asked:
         joins: Sequence[str] | None,
         breaks: bool | None,
         max_letters: int | None,
-        time_limit: float,
+        budget: Budget,
         progress: Notify | None,
-        clock: Callable[[], float] | None,
-        effort: float = 1.0,
+        seed: int = 0,
     ) -> _Asked:
-        for name, value in (("time_limit", time_limit), ("effort", effort)):
+        for name, value in (("time_limit", budget.time_limit), ("effort", budget.effort)):
             if not value > 0:
                 raise ValueError(f"{name} = {value}; it must be more than 0")
-        if max_letters is None:
-            max_letters = target.max_letters or MAX_LETTERS
-        if not 2 <= max_letters <= MOST_LETTERS:
-            raise ValueError(f"max_letters = {max_letters}; it must be 2 to {MOST_LETTERS}")
-        if joins is not None and not joins:
-            raise ValueError("joins: an empty list allows none; leave it out to allow all")
-        return cls(
+        target = replace(
             target,
-            target.joins if joins is None else tuple(joins),
-            target.breaks if breaks is None else breaks,
-            max_letters,
-            time_limit,
-            progress or (lambda _: None),
-            Budget(time_limit, clock or time.monotonic, effort),
+            joins=target.joins if joins is None else tuple(joins),
+            breaks=target.breaks if breaks is None else breaks,
+            max_letters=target.max_letters if max_letters is None else max_letters,
         )
+        if target.is_seeded and target.breaks:
+            raise ValueError(
+                f"target {target.name!r}: the bonds of a book that grows from a seed hold, since news that a stage is "
+                "complete is not taken back; set breaks = false"
+            )
+        if target.is_seeded and target.joins is not None:
+            raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave out joins")
+        if not target.is_seeded and (target.max_letters or MAX_LETTERS) > MOST_LETTERS:
+            raise ValueError(f"max_letters = {target.max_letters}; it must be 2 to {MOST_LETTERS}")
+        return cls(target, budget, progress or (lambda _: None), seed)
+
+    @property
+    def ladder(self) -> tuple[Senses, ...]:
+        """The senses that are tried, the weakest first."""
+        return seeded.LADDER if self.target.is_seeded else LADDER
 
     @cached_property
     def turnings(self) -> list[Target]:
@@ -195,19 +176,19 @@ class _Asked:
 
     def plan(self, target: Target, senses: Senses) -> Plan:
         """The plan of a target for cubes that sense that much."""
-        return planned(self.dockings(target, senses.faces), senses)
+        return planned(self.dockings(target, senses.faces), senses, target.breaks)
 
     def rung(self, senses: Senses, steps: int) -> Compiled | Ruled:
         """A book for cubes with these senses, turned as suits where the target leaves it open."""
         ruled: list[Ruled] = []
         turned = [self.target]
-        if self.target.tops is None and senses.faces == "two":
+        if self.target.tops is None and senses.faces == "two" and not self.target.is_seeded:
             turned = self.turnings
         with self.budget.at_most(steps):
             for number, target in enumerate(turned, 1):
                 self.report(f"{sensing(senses)}, turn {number} of {len(turned)}")
                 try:
-                    outcome = self.turned(target, senses)
+                    outcome = (self.grown if target.is_seeded else self.turned)(target, senses)
                 except OutOfStepsError:
                     text = f"target {target.name!r} with {sensing(senses)}: not decided in the steps allowed"
                     outcome = Ruled(senses, text, False, (), ())
@@ -219,72 +200,42 @@ class _Asked:
         situations = tuple(each for one in ruled for each in one.situations)
         return replace(ruled[0], text=ruled[0].text + also, is_proof=is_proof, situations=situations)
 
+    def grown(self, target: Target, senses: Senses) -> Compiled | Ruled:
+        """A book that grows from a seed."""
+        try:
+            return seeded.grown_book(target, senses, self.seed, self.budget, self.report)
+        except (InfeasibleError, UndecidedError) as error:
+            return Ruled(senses, str(error), isinstance(error, InfeasibleError), (), ())
+
     def turned(self, target: Target, senses: Senses) -> Compiled | Ruled:
         """The same for a target whose cubes are turned."""
-        head = f"target {target.name!r} is infeasible with this sensing ({sensing(senses)})"
-        open_ = f"target {target.name!r} with {sensing(senses)}: not decided"
         plan = self.plan(target, senses)
         joins, clashing = None, []
-        if self.joins is not None:
-            joins = asked_joins(plan, self.joins)
-            if sensible(plan, joins, self.breaks) != frozenset(joins):
+        if target.joins is not None:
+            joins = asked_joins(plan, target.joins)
+            if sensible(plan, joins) != frozenset(joins):
                 raise InfeasibleError(
-                    f"target {self.target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), "
+                    f"target {target.name!r} is infeasible with these joins ({reasons.choice(plan, joins)}), "
                     "whatever cubes sense: not all of them can happen, or they make what never becomes the target"
                 )
-            clashing, which = obstacles(plan, self.breaks, joins)[-1:], " and these joins"
-        elif not JoinSearch(plan, plan.joins, self.breaks, Clauses(1, self.budget)).holds():
-            clashing, which = obstacles(plan, self.breaks, plan.joins), ", whatever joins are chosen,"
-        if clashing:
-            because = f"{head}{which} because\n{reasons.in_words(plan, clashing)}"
-            every = clashes(plan, plan.joins if joins is None else joins)
-            return Ruled(senses, because, True, (reasons.situations(plan, every),), ())
-        try:
-            best = fewest(plan, self.breaks, joins, self.max_letters, self.budget, self.report)
-        except NoBookError as error:
-            text = f"{head} because {error}" if error.is_proof else f"{open_}: {error}"
-            return Ruled(senses, text, error.is_proof, (reasons.situations(plan, ()),), error.exhausted)
-        return self.compiled(best, plan, joins)
-
-    def compiled(self, best: Best, plan: Plan, joins: object) -> Compiled:
-        """The result, with what was searched."""
-        n = len(best.book.letters)
-        kind = (
-            "kind of books: both cubes need a rule to bond and read before either writes; all structures of one shape "
-            "have the same letters, and so have places that symmetry exchanges; a join happens in all its ways or not "
-            "at all; cubes turned as in the book's target"
+            clashing, which = reasons.obstacles(plan, joins)[-1:], " and these joins"
+        elif not JoinSearch(plan, plan.joins, Clauses(1, self.budget)).holds():
+            clashing, which = reasons.obstacles(plan, plan.joins), ", whatever joins are chosen,"
+        if not clashing:
+            return fewest(plan, joins, self.budget, self.report)
+        because = (
+            f"target {target.name!r} is infeasible with this sensing ({sensing(senses)}){which} because\n"
+            f"{reasons.in_words(plan, clashing)}"
         )
-        sets = "these joins" if joins is not None else "any joins"
-        few = [
-            f"{_letters(each.letters)}, {sets}: none does, all were tried ({each.steps} steps)"
-            for each in best.exhausted
-        ]
-        few += [f"{_letters(number)}, {sets}: not decided in the steps allowed" for number in best.undecided]
-        rules = (
-            f"{_letters(n)}: of {best.compared} books the one with the fewest rules, then the largest yield: the first "
-            f"found with any joins, and with each of {best.sets} sets of joins; not all books were compared"
-            if joins is None
-            else f"{_letters(n)}, these joins: the first book found"
-        )
-        certificate = Certificate(
-            plan.target.name,
-            best.book.fingerprint,
-            n,
-            best.is_fewest,
-            joins is None,
-            best.joins,
-            best.exhausted,
-            (),
-        )
-        return Compiled(best.book, best.is_fewest, best.joins, (kind, *few, rules), best.verified, certificate)
+        every = reasons.clashes(plan, plan.joins if joins is None else joins)
+        return Ruled(senses, because, True, (reasons.situations(plan, every),), ())
 
     def explained(self, made: Compiled, ruled: list[Ruled]) -> Compiled:
         """The result with what is known of weaker senses."""
-        said = [f"{sensing(each.senses)}: {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
         turned = ", cubes turned in the ways tried" if self.target.tops is None else ""
-        weaker = (f"weaker senses{turned}: {'; '.join(said)}",) if said else ()
-        assert made.certificate is not None  # noqa: S101  books that are not grown from a seed have one
-        certificate = replace(made.certificate, weaker=tuple(each for each in ruled if each.is_proof))
+        weaker = (f"weaker senses{turned}: {'; '.join(map(str, ruled))}",) if ruled else ()
+        proofs = tuple(each for each in ruled if each.is_proof)
+        certificate = made.certificate and replace(made.certificate, weaker=proofs)
         return replace(made, searched=(*weaker, *made.searched), certificate=certificate)
 
     def why_not(self, ruled: list[Ruled]) -> str:
@@ -297,26 +248,26 @@ class _Asked:
         out = f"\ninfeasible with {'; '.join(proofs)}" if proofs else ""
         return f"{open_}{out}\n{self.remedy()}"
 
-    def too_late(self, ruled: list[Ruled], following: list[Senses]) -> str:
+    def too_late(self, ruled: list[Ruled], following: Sequence[Senses]) -> str:
         """What was decided before time was up, and what comes next."""
-        said = [f"{sensing(each.senses)} {'infeasible' if each.is_proof else 'not decided'}" for each in ruled]
         rest = f"; next: {'; '.join(map(sensing, following[1:]))}" if following[1:] else ""
+        so_far = "; ".join(map(str, ruled)) or "nothing"
         return (
-            f"target {self.target.name!r}: not decided within {self.time_limit:g} s\nso far: "
-            f"{'; '.join(said) or 'nothing'}\nat work: {sensing(following[0])}{rest}. Allow more time, or name senses"
+            f"target {self.target.name!r}: not decided within {self.budget.time_limit:g} s\nso far: {so_far}\nat work: "
+            f"{sensing(following[0])}{rest}. Allow more time, or name senses"
         )
 
     def remedy(self) -> str:
         """What would be enough, in words: stronger senses, or bonds that hold."""
         own = self.target.senses
-        for senses in LADDER:
+        for senses in self.ladder:
             if own is not None and senses != own and _is_stronger(senses, own):
                 made = self._quick(senses)
                 if isinstance(made, Compiled):
                     return f"{sensing(senses)} are enough: a book of {made.letters} letters does it"
-        if self.breaks and self.joins is None:
-            for senses in LADDER if own is None else (own,):
-                made = replace(self, breaks=False)._quick(senses)
+        if self.target.breaks and self.target.joins is None:
+            for senses in self.ladder if own is None else (own,):
+                made = replace(self, target=replace(self.target, breaks=False))._quick(senses)
                 if isinstance(made, Compiled):
                     return (
                         f"if bonds hold (breaks = false), {sensing(senses)} are enough: a book of {made.letters} "
@@ -331,10 +282,6 @@ class _Asked:
             return self.rung(senses, REMEDY_STEPS)
         except (InfeasibleError, TimeoutError):
             return None
-
-
-def _letters(number: int) -> str:
-    return f"{number} letter{'' if number == 1 else 's'}"
 
 
 def _is_stronger(senses: Senses, than: Senses) -> bool:

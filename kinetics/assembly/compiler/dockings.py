@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.assembly.compiler.parts import Part, Parts
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler.target import PLACEHOLDER, Target
 from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, IntArray, compose, roll, scheme_of, turned
-from kinetics.assembly.structure import Placement
+from kinetics.assembly.rules.conditions import Senses
+from kinetics.assembly.structure import Placement, Structure
 
 SPAN = 64  # of the code of a translation, along each axis
 
@@ -41,20 +42,39 @@ class Seen(NamedTuple):
     across: int
 
 
-class Side(NamedTuple):
-    """One of two cubes that meet: what it shows, and what cubes of the other part it touches, sorted."""
+class Reading(NamedTuple):
+    """What a cube reads as it docks; letters as unknowns, multisets sorted, -1 for no cube. None: not sensed."""
 
-    seen: Seen
-    touched: tuple[int, ...]
-
-
-class Met(NamedTuple):
-    """Two cubes that meet, as they are in their parts a and b; the twist of one against the other; an example."""
-
-    first: Side
-    second: Side
+    own: int
+    face: str
+    around: tuple[int, ...]
+    across: int
+    partner: int
+    partner_face: str
     roll: str | None
-    meeting: Meeting
+    touched: tuple[int, ...] | None
+
+    @classmethod
+    def of(cls, own: Seen, other: Seen, roll: str | None, touched: tuple[int, ...]) -> Reading:
+        """With all senses."""
+        return cls(*own, other.own, other.face, roll, touched)
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """All but the letters."""
+        n_touched = len(self.touched or ())
+        return self.face, self.partner_face, self.roll, len(self.around), self.across < 0, n_touched
+
+    def sensed(self, senses: Senses) -> Reading:
+        """What of it cubes with these senses read."""
+        return self._replace(
+            across=self.across if senses.across else -1,
+            roll=self.roll if senses.roll else None,
+            touched=self.touched if senses.touched else None,
+        )
+
+
+Met = tuple[Reading, Reading, Meeting]  # what two cubes read that meet, and an example
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,13 +137,8 @@ class Dockings:
     @cached_property
     def kinds(self) -> frozenset[tuple[str, str, int]]:
         """A face's type, its partner's, and how many neighbours there are, of all cubes that meet in `made`."""
-        sides = {
-            (one.seen.face, other.seen.face, len(one.seen.around))
-            for ways in self.made.values()
-            for met, _ in ways
-            for one, other in ((met.first, met.second), (met.second, met.first))
-        }
-        return frozenset(sides)
+        both = (reading for ways in self.made.values() for met, _ in ways for reading in met[:2])
+        return frozenset((reading.face, reading.partner_face, len(reading.around)) for reading in both)
 
     def foreign(self, a: int, b: int) -> list[Met]:
         """How parts a >= b meet that make no part of the target, each pair of cubes that read the same once; left out
@@ -180,7 +195,10 @@ class _Contacts:
         rotations = np.concatenate([own, self.other.rotations[self.turn]], axis=1)
         found = {}
         for number in np.flatnonzero(parts.may_be_known(places, rotations)).tolist():
-            made = parts.known(places[number].tolist(), rotations[number].tolist())
+            cubes = tuple(map(tuple, places[number].tolist()))
+            made = parts.known(
+                Structure.unchecked(cubes, tuple(rotations[number].tolist()), (PLACEHOLDER,) * len(cubes))
+            )
             if made is not None:
                 found[number] = made
         return found
@@ -214,11 +232,11 @@ class _Contacts:
             number = self.placement[row]
             r, move = int(self.other.turns[self.turn[number]]), self.translation[number].tolist()
             i, j = int(self.own.rows[self.first[row], 1]), int(self.other.rows[self.second[row], 1])
+            own, other, twist = self.own.seen[s[row]], self.other.seen[t[row]], rolls[self._rolls[row]]
             found.append(
-                Met(
-                    Side(self.own.seen[s[row]], touched[0][touched[1][row]]),
-                    Side(self.other.seen[t[row]], touching[0][touching[1][row]]),
-                    rolls[self._rolls[row]],
+                (
+                    Reading.of(own, other, twist, touched[0][touched[1][row]]),
+                    Reading.of(other, own, twist, touching[0][touching[1][row]]),
                     Meeting(self.a, i, self.b, j, Placement(r, (move[0], move[1], move[2]))),
                 )
             )

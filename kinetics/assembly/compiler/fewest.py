@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
 from kinetics.assembly.compiler import reasons
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.clashes import clashes
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.joins import JoinSearch, sensible
 from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.proof import NotProvenError, book_of, proven
-from kinetics.assembly.compiler.result import RuledOut, sensing
+from kinetics.assembly.compiler.result import Certificate, Compiled, Notify, Ruled, RuledOut, sensing
 from kinetics.assembly.compiler.search import LetterSearch, OutOfRoundsError, Prefer, Solution, first_letter
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.rule_book import RuleBook
 
+MAX_LETTERS = 8  # where the target names no other number
 STEPS = 4_000  # of the first search with each number of letters
 SET_STEPS = 1_000  # where one set of joins is tried of many
 CHOICE_STEPS = 1_000  # to find these sets
@@ -31,89 +30,85 @@ BEST_SETS, VARIATIONS = 4, 12  # of those with the fewest rules, and other solut
 CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
 
 
-@dataclass(frozen=True, eq=False)
-class Best:
-    """The best book found.
-
-    exhausted : the numbers of letters that are proven not to do; undecided : those that were given up
-    compared : how many books with as many letters were compared; sets : how many sets of joins were tried for these
-    """
-
-    book: RuleBook
-    joins: tuple[str, ...]
-    verified: tuple[str, ...]
-    exhausted: tuple[RuledOut, ...]
-    undecided: tuple[int, ...]
-    compared: int
-    sets: int
-
-    @property
-    def is_fewest(self) -> bool:
-        """Whether fewer letters are proven not to do."""
-        return not self.undecided
-
-
-class NoBookError(Exception):
-    """No book was found, and why, in words; is_proof: there is none. exhausted : letters proven not to do."""
-
-    def __init__(self, text: str, is_proof: bool, exhausted: tuple[RuledOut, ...] = ()):
-        super().__init__(text)
-        self.is_proof, self.exhausted = is_proof, exhausted
+KIND = (
+    "kind of books: both cubes need a rule to bond and read before either writes; all structures of one shape have the "
+    "same letters, and so have places that symmetry exchanges; a join happens in all its ways or not at all; cubes "
+    "turned as in the book's target"
+)
 
 
 def fewest(
     plan: Plan,
-    breaks: bool,
     joins: Iterable[Channel] | None,
-    max_letters: int,
     budget: Budget,
-    report: Callable[[str], None],
+    report: Notify,
     steps: int = STEPS,
-) -> Best:
-    """The best book for some joins; None: over all sets of joins. NoBookError: there is none, or none was found.
+) -> Compiled | Ruled:
+    """The best book for some joins; None: over all sets of joins. Else why there is none, or none was found.
 
     steps : of the first search with each number of letters
     """
-    told_apart = (join for join in plan.joins if all(clash.made for clash in clashes(plan, [join])))
-    allowed = sensible(plan, told_apart if joins is None else joins, breaks)
+    target = plan.target
+    told_apart = (join for join in plan.joins if all(clash.made for clash in reasons.clashes(plan, [join])))
+    allowed = sensible(plan, told_apart if joins is None else joins)
     exhausted: list[RuledOut] = []
     undecided: list[int] = []
-    for n in range(1, max_letters + 1):
+    most = target.max_letters or MAX_LETTERS
+    for n in range(1, most + 1):
         report(f"{sensing(plan.senses)}: {n} letters")
         before = budget.steps
-        search = LetterSearch(plan, allowed, breaks, n, budget)
+        search = LetterSearch(plan, allowed, n, budget)
         found, is_all = _tried(search, joins, steps)
         if found is None and is_all:
             exhausted.append(RuledOut(n, budget.steps - before))
             continue
-        several = _some_sets(plan, allowed, breaks, budget) if joins is None else []
+        several = _some_sets(plan, allowed, budget) if joins is None else []
         compared = [] if found is None else _varied(search, found, several)
-        for solution in _in_order(plan, breaks, compared):
+        for solution in _in_order(plan, compared):
             try:
-                book, verified = proven(plan, breaks, solution, budget.check)
+                book, verified = proven(plan, solution, budget.check)
             except NotProvenError as error:
                 report(str(error))
                 continue
-            names = tuple(map(plan.name, solution.joins))
-            return Best(book, names, verified, tuple(exhausted), tuple(undecided), len(compared), len(several))
+            names, few = tuple(map(plan.name, solution.joins)), tuple(exhausted)
+            sets = "any joins" if joins is None else "these joins"
+            searched = [f"{_letters(m)}, {sets}: none does, all were tried ({steps} steps)" for m, steps in few]
+            searched += [f"{_letters(m)}, {sets}: not decided in the steps allowed" for m in undecided]
+            how = (
+                f"of {len(compared)} books the one with the fewest rules, then the largest yield: the first found with "
+                f"any joins, and with each of {len(several)} sets of joins; not all books were compared"
+                if joins is None
+                else "the first book found"
+            )
+            searched.append(f"{_letters(n)}{'' if joins is None else ', these joins'}: {how}")
+            is_fewest = not undecided
+            claims = Certificate(target.name, book.fingerprint, n, is_fewest, joins is None, names, few, ())
+            return Compiled(book, is_fewest, names, (KIND, *searched), verified, claims)
         undecided.append(n)
         if len(undecided) == MOST_UNDECIDED:
             break
     asked = "" if joins is None else f"the joins {reasons.choice(plan, joins)}: "
+    head = f"target {target.name!r}"
     if undecided:
-        raise NoBookError(
-            f"{asked}no book found with {_numbers(undecided)} letters in the steps allowed", False, tuple(exhausted)
+        text = (
+            f"{head} with {sensing(plan.senses)}: not decided: {asked}no book found with {_numbers(undecided)} letters "
+            "in the steps allowed"
         )
-    raise NoBookError(f"{asked}it takes more than {max_letters} letters: all were tried", True, tuple(exhausted))
+    else:
+        text = (
+            f"{head} is infeasible with this sensing ({sensing(plan.senses)}) because {asked}it takes more than {most} "
+            "letters: all were tried"
+        )
+    return Ruled(plan.senses, text, not undecided, (reasons.situations(plan, ()),), tuple(exhausted))
 
 
-def _some_sets(plan: Plan, allowed: Iterable[Channel], breaks: bool, budget: Budget) -> list[frozenset[Channel]]:
+def _some_sets(plan: Plan, allowed: Iterable[Channel], budget: Budget) -> list[frozenset[Channel]]:
     """Sets of joins from which none can be left out; of those that are found first, the ones of the fewest joins. Where
     these are few, others as well.
     """
 
     def search() -> JoinSearch:
-        return JoinSearch(plan, allowed, breaks, Clauses(1, budget))
+        return JoinSearch(plan, allowed, Clauses(1, budget))
 
     found: list[frozenset[Channel]] = []
     with suppress(OutOfStepsError), budget.at_most(CHOICE_STEPS):
@@ -169,12 +164,12 @@ def _varied(search: LetterSearch, found: Solution, several: list[frozenset[Chann
 
 
 def _size(search: LetterSearch, found: Solution) -> int:
-    return len(book_of(search.plan, search.breaks, found).all_rules)
+    return len(book_of(search.plan, found).all_rules)
 
 
-def _in_order(plan: Plan, breaks: bool, found: list[Solution]) -> Iterator[Solution]:
+def _in_order(plan: Plan, found: list[Solution]) -> Iterator[Solution]:
     """The solutions, fewest rules first; of as many, the largest yields first."""
-    books = [book_of(plan, breaks, solution) for solution in found]
+    books = [book_of(plan, solution) for solution in found]
     counts = [len(book.all_rules) for book in books]
     for count in sorted(set(counts)):
         alike = [n for n, own in enumerate(counts) if own == count]
@@ -214,6 +209,10 @@ def target_yield(book: RuleBook) -> float:
     assert book.target is not None  # noqa: S101  the compiler's books have one
     target = derived.species_of(book.target)
     return round(float(done.y[target, -1] * sizes[target] / CUBES), 3)
+
+
+def _letters(number: int) -> str:
+    return f"{number} letter{'' if number == 1 else 's'}"
 
 
 def _numbers(numbers: Iterable[int]) -> str:

@@ -10,41 +10,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import permutations, product
-from typing import NamedTuple
 
+from kinetics.assembly.compiler.dockings import Reading
 from kinetics.assembly.faces import NORMALS, Position
 from kinetics.assembly.rules.conditions import Senses
 
 TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")
-UNSEEN = ""  # a twist that is not sensed
-NOBODY = -1  # the letter across where there is no cube, or where it is not sensed
+NOBODY, FREE = -1, -2  # the letter across where there is no cube, or where it is not sensed; that of a free cube
 MOST_STATES = 6000  # of one stage; 16 cubes that come in any order make 4,500 or so
 Letters = dict[Position, int]
 
 
-class HostView(NamedTuple):
-    """What a bonded cube reads as a free one docks: near are its neighbours' letters, sorted."""
-
-    letter: int
-    face: str
-    near: tuple[int, ...]
-    guest_face: str
-    roll: str
-    across: int
-
-
-class GuestView(NamedTuple):
-    """What the free cube reads: touched are the letters of all cubes that it touches, sorted."""
-
-    face: str
-    host: int
-    host_face: str
-    roll: str
-    touched: tuple[int, ...]
-
-
-ViewPair = tuple[HostView, GuestView]
+Docking = tuple[Reading, Reading]  # what a bonded cube reads, letters as numbers, and the free one that docks to it
 Around = tuple[int, tuple[int, ...]]  # a letter, and those of its neighbours
 
 
@@ -69,12 +47,6 @@ class Turn:
         source = tuple(first.source[i] for i in self.source)
         signs = tuple(s * first.signs[i] for s, i in zip(self.signs, self.source, strict=True))
         return Turn(source, signs)  # type: ignore[arg-type]  # three of each
-
-    @property
-    def is_mirror(self) -> bool:
-        """Whether left becomes right."""
-        swaps = sum(a > b for n, a in enumerate(self.source) for b in self.source[n + 1 :])
-        return (-1) ** swaps * self.signs[0] * self.signs[1] * self.signs[2] < 0
 
 
 TURNS = tuple(Turn(p, s) for p in permutations(range(3)) for s in product((1, -1), repeat=3))  # type: ignore[arg-type]
@@ -104,60 +76,37 @@ class Stage:
     coming: Mapping[Position, int]
     required: Mapping[Position, frozenset[Position]]
 
-    def holds(self, turns: Iterable[Turn], letters: Mapping[Position, int]) -> list[Turn]:
-        """The turns that put some cubes onto themselves."""
 
-        def fits(turn: Turn) -> bool:
-            for place, letter in letters.items():
-                image = turn.of(place)
-                if letters.get(image) != letter or self.axes[image] != turn.axis(self.axes[place]):
-                    return False
-            return True
+def symmetries(
+    turns: Iterable[Turn], letters: Mapping[Position, int], axes: Mapping[Position, int] | None
+) -> list[Turn]:
+    """The turns that put cubes with these letters, and tops along these axes where given, onto themselves."""
 
-        return [turn for turn in turns if fits(turn)]
+    def fits(turn: Turn) -> bool:
+        for place, letter in letters.items():
+            image = turn.of(place)
+            if letters.get(image) != letter or (axes is not None and axes[image] != turn.axis(axes[place])):
+                return False
+        return True
+
+    return [turn for turn in turns if fits(turn)]
 
 
 @dataclass
 class Facts:
     """What may be read during growth, and what has to come of it.
 
-    events : for each cube that is to come, the contacts through which it may dock; with its letter
-    forbidden : contacts of cubes that must not come
+    events : for each cube that is to come, the ways in which it may dock; with its letter
+    forbidden : those of cubes that must not come
     internal : what a settled or settling cube reads, and its letter in the next round
-    examples : for each contact, a place, for messages
+    examples : for each way of docking, a place, for messages
     """
 
-    events: dict[frozenset[ViewPair], int] = field(default_factory=dict)
-    forbidden: set[ViewPair] = field(default_factory=set)
+    events: dict[frozenset[Docking], int] = field(default_factory=dict)
+    forbidden: set[Docking] = field(default_factory=set)
     internal: dict[Around, int] = field(default_factory=dict)
-    examples: dict[ViewPair, Position] = field(default_factory=dict)
+    examples: dict[Docking, Position] = field(default_factory=dict)
     states: int = 0
-
-    def usable(self) -> set[ViewPair] | None:
-        """Contacts that may be enabled without enabling a forbidden one; None where some cube would have none left."""
-        allowed = {contact for event in self.events for contact in event} - self.forbidden
-        guests: dict[GuestView, int] = {}
-        for event, letter in self.events.items():
-            for contact in event & allowed:
-                if guests.setdefault(contact[1], letter) != letter:
-                    return None
-        # a bond takes a rule of either side, so a pair of rules may enable what neither was made for
-        hosts = {host for host, _ in allowed}
-        crossed = sorted(c for c in self.forbidden if c[0] in hosts and c[1] in guests)
-        for host, guest in crossed:
-            without = {c for c in allowed if c[0] != host}
-            if not all(event & without for event in self.events):
-                without = {c for c in allowed if c[1] != guest}
-            allowed = without
-        return allowed if all(event & allowed for event in self.events) else None
-
-    def add(self, other: Facts) -> None:
-        """Put another one's facts to these."""
-        self.events.update(other.events)
-        self.forbidden |= other.forbidden
-        self.internal.update(other.internal)
-        self.examples.update(other.examples)
-        self.states += other.states
 
 
 class TooManyError(Exception):
@@ -171,11 +120,12 @@ def explore_stage(
     stage: Stage,
     turns: Sequence[Turn],
     is_last: bool,
+    facts: Facts,
     follow: Follow | None = None,
     most: int = MOST_STATES,
     tick: Callable[[], None] = lambda: None,
-) -> tuple[Facts, Letters]:
-    """Everything that may be read while a stage goes on, and the letters at its end.
+) -> Letters:
+    """Put all that may be read while a stage goes on to the facts; the letters at its end.
 
     turns : those that leave the lone seed as it is
     is_last : also look at what may not dock to the complete stage (else its letters belong to the next)
@@ -183,9 +133,8 @@ def explore_stage(
     tick : called at every state, and as it is read; it may raise to end the work
     States that a turn takes into each other are visited once. TooManyError: more than `most` of them.
     """
-    facts = Facts()
-    same = stage.holds(turns, stage.standing)
-    alike = stage.holds(same, stage.coming)
+    same = symmetries(turns, stage.standing, stage.axes)
+    alike = symmetries(same, stage.coming, stage.axes)
     lopsided = len(alike) < len(same)  # then which places look alike changes as cubes come
     places = sorted(stage.coming)
     bit = {place: 1 << number for number, place in enumerate(places)}
@@ -196,10 +145,10 @@ def explore_stage(
     unread: list[tuple[Letters, Iterable[Position]]] = [(letters, list(letters))]
     seen = {0}
     waiting = [(0, letters)]
-    final = letters
+    final, states = letters, 0
     while waiting:
         come, letters = waiting.pop()
-        facts.states += 1
+        states += 1
         tick()
         for place in places:
             extended = come | bit[place]
@@ -209,7 +158,7 @@ def explore_stage(
             changed = settle(grown, [place], follow, facts)
             if extended in seen:
                 continue
-            if facts.states + len(waiting) >= most:
+            if states + len(waiting) >= most:
                 raise TooManyError
             for image in images:
                 seen.add(sum([b for number, b in enumerate(image) if extended >> number & 1]))
@@ -221,10 +170,11 @@ def explore_stage(
     for state, fresh in unread:  # last, as it takes longer than to find out that there are too many
         tick()
         if lopsided:
-            _read(stage, state, state, stage.holds(same, state), facts)
+            _read(stage, state, state, symmetries(same, state, stage.axes), facts)
         else:
             _read(stage, state, fresh, (), facts)
-    return facts, final
+    facts.states += states
+    return final
 
 
 def settle(letters: Letters, fresh: Iterable[Position], follow: Follow | None, facts: Facts) -> set[Position]:
@@ -252,20 +202,20 @@ def around(place: Position, letters: Letters) -> tuple[int, ...]:
     return tuple(sorted([letters[p] for p in beside(place) if p in letters]))
 
 
-def contacts(stage: Stage, letters: Letters, place: Position, axis: int) -> Iterator[ViewPair]:
+def contacts(stage: Stage, letters: Letters, place: Position, axis: int) -> Iterator[Docking]:
     """What a cube and each of its hosts read as it comes to an empty place, its top along an axis."""
     senses = stage.senses
-    touched = around(place, letters) if senses.touched else ()
+    touched = around(place, letters) if senses.touched else None
     for direction, host in enumerate(beside(place)):
         if host not in letters:
             continue
         along, letter = direction // 2, letters[host]
         own, other = (TOP if top == along else SIDE for top in (axis, stage.axes[host]))
-        roll = ROLLS[axis != stage.axes[host]] if senses.roll else UNSEEN
+        roll = ROLLS[axis != stage.axes[host]] if senses.roll else None
         across = letters.get(beside(host)[direction], NOBODY) if senses.across else NOBODY
         yield (
-            HostView(letter, other, around(host, letters), own, roll, across),
-            GuestView(own, letter, other, roll, touched),
+            Reading(letter, other, around(host, letters), across, FREE, own, roll, None),
+            Reading(FREE, own, (), NOBODY, letter, other, roll, touched),
         )
 
 

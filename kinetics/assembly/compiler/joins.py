@@ -9,22 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from kinetics.assembly.compiler.clauses import Clauses
-from kinetics.assembly.compiler.plan import Channel, Plan, Reading
+from kinetics.assembly.compiler.dockings import Reading
+from kinetics.assembly.compiler.plan import Channel, Plan
 from kinetics.assembly.compiler.target import check_join
 
 
 class JoinSearch:
     """Sets of joins of a plan.
 
-    allowed : those that a book may have; breaks : whether bonds break
+    allowed : those that a book may have
     parts : all that can be there; `present` has a literal for each of them, `open` for each join, `readings` for all
         that cubes read in joins, true where one of these is open
     """
 
-    def __init__(self, plan: Plan, allowed: Iterable[Channel], breaks: bool, clauses: Clauses):
-        self.plan, self.breaks, self.clauses = plan, breaks, clauses
-        self.allowed = sensible(plan, allowed, breaks)
-        self.parts = sorted(plan.reached(self.allowed, breaks))
+    def __init__(self, plan: Plan, allowed: Iterable[Channel], clauses: Clauses):
+        self.plan, self.clauses = plan, clauses
+        self.allowed = sensible(plan, allowed)
+        self.parts = sorted(plan.reached(self.allowed))
         self.present = {part: clauses.literal() for part in self.parts}
         self.open = {join: clauses.literal() for join in sorted(self.allowed)}
         self.readings: dict[Reading, int] = {}
@@ -32,10 +33,9 @@ class JoinSearch:
         clauses.add(*([self.present[target]] if target in self.present else []))
         for part in self.parts:
             makers = [literal for join, literal in self.open.items() if join.c == part]
-            if breaks:
-                makers += [self.present[q] for q in self.parts if part in plan.pieces[q]]
-                for piece in plan.pieces[part]:
-                    clauses.add(self.present[part] ^ 1, self.present[piece])
+            makers += [self.present[q] for q in self.parts if part in plan.pieces[q]]
+            for piece in plan.pieces[part]:
+                clauses.add(self.present[part] ^ 1, self.present[piece])
             clauses.add(*makers, self.present[part] ^ (part != 0))
         for join, is_open in self.open.items():
             for part in join:
@@ -75,12 +75,11 @@ class JoinSearch:
         """
         there = {part for part, literal in self.present.items() if self.clauses.true[literal]}
         chosen, add = self.chosen, self.clauses.add
-        reached = self.plan.reached(chosen, self.breaks)
+        reached = self.plan.reached(chosen)
         if lost := there - reached:
             ways = [lit for join, lit in self.open.items() if join.c in lost and lost.isdisjoint(join[:2])]
-            if self.breaks:
-                ways += [self.present[p] for p in self.parts if p not in lost and lost & self.plan.pieces[p]]
-        elif lost := reached - self.plan.leading_home(chosen, self.breaks, reached):
+            ways += [self.present[p] for p in self.parts if p not in lost and lost & self.plan.pieces[p]]
+        elif lost := reached - self.plan.leading_home(chosen, reached):
             ways = [lit for join, lit in self.open.items() if join.c not in lost and not lost.isdisjoint(join[:2])]
         for part in lost:
             add(self.present[part] ^ 1, *ways)
@@ -109,15 +108,15 @@ class JoinSearch:
             self.clauses.add(*(literal ^ (join in found) for join, literal in self.open.items()))
 
 
-def sensible(plan: Plan, joins: Iterable[Channel], breaks: bool) -> frozenset[Channel]:
+def sensible(plan: Plan, joins: Iterable[Channel]) -> frozenset[Channel]:
     """The joins left when those are dropped that cannot happen, or make what never becomes the target; none are
     left where they do not lead to the target.
     """
     kept = frozenset(joins)
     while True:
-        reached = plan.reached(kept, breaks)
-        bad = reached - plan.leading_home(kept, breaks, reached)
-        for part in sorted(reached) if breaks else ():  # what falls into lost parts must not be made either
+        reached = plan.reached(kept)
+        bad = reached - plan.leading_home(kept, reached)
+        for part in sorted(reached):  # what falls into lost parts must not be made either
             if not bad.isdisjoint(plan.pieces[part]):
                 bad.add(part)
         good = frozenset(c for c in kept if c.a in reached and c.b in reached and c.c not in bad)

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
-from kinetics.assembly.compiler.growth import Around, Facts, GuestView, HostView, ViewPair
+from kinetics.assembly.compiler.dockings import Reading
+from kinetics.assembly.compiler.growth import FREE, NOBODY, Around, Docking, Facts
 
 
 @dataclass(frozen=True)
@@ -26,35 +27,24 @@ class ReadingTables:
     merged : letter -> the one that stands for it
     """
 
-    hosts: frozenset[HostView]
-    guests: dict[GuestView, int]
+    hosts: frozenset[Reading]
+    guests: dict[Reading, int]
     internal: dict[Around, int]
-    forbidden: frozenset[ViewPair]
+    forbidden: frozenset[Docking]
     merged: dict[int, int]
-
-    @classmethod
-    def of(cls, facts: Facts) -> ReadingTables:
-        """The tables of a growth without clashes."""
-        usable = facts.usable()
-        if usable is None:
-            raise ValueError("these facts hold a clash; plan the growth so that no cube can be misled")
-        guests = {
-            contact[1]: letter for event, letter in facts.events.items() for contact in event if contact in usable
-        }
-        letters = {letter for letter, _ in facts.internal} | set(facts.internal.values())
-        hosts = frozenset(host for host, _ in usable)
-        return cls(hosts, guests, facts.internal, frozenset(facts.forbidden), {letter: letter for letter in letters})
 
     @property
     def letters(self) -> list[int]:
         """Those in use, in order."""
         return sorted(set(self.merged.values()))
 
-    def joined(self, a: int, b: int, is_strict: bool = True) -> ReadingTables | None:
-        """The tables with two letters merged, and all that follows from it.
+    @property
+    def misleads(self) -> bool:
+        """Whether a cube that must not dock looks like one that may."""
+        return any(host in self.hosts and guest in self.guests for host, guest in self.forbidden)
 
-        None where a cube that must not dock would look like one that may; with is_strict off, such tables are returned.
-        """
+    def joined(self, a: int, b: int) -> ReadingTables:
+        """The tables with two letters merged, and all that follows from it."""
         parent: dict[int, int] = {}
 
         def root(letter: int) -> int:
@@ -68,36 +58,57 @@ class ReadingTables:
                 low, high = sorted((root(x), root(y)))
                 if low != high:
                     parent[high] = low
-            name = {letter: root(letter) for letter in self.letters}
-            guests: dict[GuestView, int] = {}
+            name = {letter: root(letter) for letter in (FREE, NOBODY, *self.letters)}
+            guests: dict[Reading, int] = {}
             internal: dict[Around, int] = {}
             waiting = []
-            for view, letter in self.guests.items():
-                if (known := guests.setdefault(_guest(view, name), name[letter])) != name[letter]:
+            for reading, letter in self.guests.items():
+                if (known := guests.setdefault(_renamed(reading, name), name[letter])) != name[letter]:
                     waiting.append((known, letter))
             for (own, near), letter in self.internal.items():
                 if (known := internal.setdefault((name[own], _many(near, name)), name[letter])) != name[letter]:
                     waiting.append((known, letter))
-        hosts = frozenset(_host(view, name) for view in self.hosts)
-        forbidden = frozenset((_host(host, name), _guest(guest, name)) for host, guest in self.forbidden)
-        if is_strict and any(host in hosts and guest in guests for host, guest in forbidden):
-            return None
+        hosts = frozenset(_renamed(reading, name) for reading in self.hosts)
+        now = {reading: _renamed(reading, name) for reading in set(chain.from_iterable(self.forbidden))}
+        forbidden = frozenset((now[host], now[guest]) for host, guest in self.forbidden)
         merged = {letter: name[now] for letter, now in self.merged.items()}
         return ReadingTables(hosts, guests, internal, forbidden, merged)
+
+
+def tables_of(facts: Facts) -> ReadingTables | None:
+    """The tables of a growth, with all letters; None where some cube could not dock without misleading another."""
+    allowed = {docking for event in facts.events for docking in event} - facts.forbidden
+    guests: dict[Reading, int] = {}
+    for event, letter in facts.events.items():
+        for _, guest in event & allowed:
+            if guests.setdefault(guest, letter) != letter:
+                return None
+    # a bond takes a rule of either side, so a pair of rules may enable what neither was made for
+    hosts = {host for host, _ in allowed}
+    crossed = sorted(d for d in facts.forbidden if d[0] in hosts and d[1] in guests)
+    for docking in crossed:
+        without = {d for d in allowed if d[0] != docking[0]}
+        if not all(event & without for event in facts.events):
+            without = {d for d in allowed if d[1] != docking[1]}
+        allowed = without
+    if not all(event & allowed for event in facts.events):
+        return None
+    guests = {guest: letter for event, letter in facts.events.items() for _, guest in event & allowed}
+    kinds = {guest.kind for guest in guests}
+    forbidden = frozenset(docking for docking in facts.forbidden if docking[1].kind in kinds)  # no other ever matters
+    letters = sorted({letter for letter, _ in facts.internal} | set(facts.internal.values()))
+    merged = {letter: letter for letter in letters}
+    return ReadingTables(frozenset(host for host, _ in allowed), guests, facts.internal, forbidden, merged)
 
 
 def _many(letters: tuple[int, ...], name: dict[int, int]) -> tuple[int, ...]:
     return tuple(sorted([name[letter] for letter in letters]))
 
 
-def _host(view: HostView, name: dict[int, int]) -> HostView:
-    letter, face, near, own, roll, across = view
-    return HostView(name[letter], face, _many(near, name), own, roll, name.get(across, across))
-
-
-def _guest(view: GuestView, name: dict[int, int]) -> GuestView:
-    own, letter, face, roll, touched = view
-    return GuestView(own, name[letter], face, roll, _many(touched, name))
+def _renamed(reading: Reading, name: dict[int, int]) -> Reading:
+    own, face, near, across, partner, partner_face, roll, touched = reading
+    beside = touched and _many(touched, name)
+    return Reading(name[own], face, _many(near, name), name[across], name[partner], partner_face, roll, beside)
 
 
 def reduced(tables: ReadingTables, rng: np.random.Generator, tick: Callable[[], None] = lambda: None) -> ReadingTables:
@@ -109,7 +120,7 @@ def reduced(tables: ReadingTables, rng: np.random.Generator, tick: Callable[[], 
             tick()
             pair = pairs[number]
             fewer = tables.joined(*pair)
-            if fewer is not None:
+            if not fewer.misleads:
                 tables = fewer
                 break
             refused.add(pair)  # a merge of more letters would only be harder

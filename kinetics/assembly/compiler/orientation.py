@@ -10,7 +10,7 @@ from kinetics.assembly.rules.conditions import BookTarget, Direction
 from kinetics.assembly.structure import Structure
 
 AXES: tuple[Direction, ...] = ("x", "y", "z")
-MOST = 8  # cubes; all turns are tried
+MOST = 8  # cubes of a target whose parts, and turns of its cubes, are all tried
 
 
 def chosen_tops(positions: Sequence[Position]) -> tuple[Direction, ...]:

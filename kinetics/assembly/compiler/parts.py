@@ -8,12 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from kinetics.assembly.faces import IntArray, Position, scheme_of
-from kinetics.assembly.structure import Placement, Structure
+from kinetics.assembly.compiler.orientation import MOST
+from kinetics.assembly.faces import ROTATIONS, IntArray, compose, scheme_of
+from kinetics.assembly.structure import Structure
 
-MOST = 8  # cubes of a target whose parts are all tried
-Form = tuple[tuple[int, int, int, int], ...]  # (x, y, z, seen rotation) of each cube, sorted, smallest x, y, z at 0
-# Numbers drawn for a cube at a place, seen so; their sums are alike for alike forms, and hardly ever for others.
+# Numbers drawn for a cube at a place, seen so; their sums are alike for alike parts, and hardly ever for others.
 _DRAWN = np.random.default_rng(0).integers(1 << 58, size=(MOST, MOST, MOST, 24))
 
 
@@ -47,63 +46,47 @@ class Parts:
 
     def __init__(self, whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None):
         self.scheme, self.seen = scheme, scheme_of(scheme).reduced
-        self.forms: dict[Form, tuple[int, tuple[int, ...]]] = {}  # of every part in every turn: part, its cubes
         structures = sorted(pieces_of(whole, scheme, tick), key=lambda s: (len(s), s.positions, s.rotations))
+        self.numbers = {structure: number for number, structure in enumerate(structures)}
         self.parts: list[Part] = []
         for structure, name in zip(structures, _names([len(structure) for structure in structures]), strict=True):
             tick()
-            self._append(structure, name)
-
-    def _append(self, structure: Structure, name: str) -> None:
-        symmetries = tuple(
-            tuple(structure.places[symmetry.of(place)] for place in structure.positions)
-            for symmetry in structure.symmetries(self.scheme)
-        )
-        unknown = 1 + max(self.parts[-1].unknowns) if self.parts else 0
-        first = [min(symmetry[cube] for symmetry in symmetries) for cube in range(len(structure))]
-        orbits = {cube: unknown + n for n, cube in enumerate(sorted(set(first)))}
-        for rotation in range(24):
-            turned = structure.moved(Placement(rotation, (0, 0, 0)))
-            form, order = self._form(turned.positions, turned.rotations)
-            self.forms.setdefault(form, (len(self.parts), order))
-        self.parts.append(Part(structure, tuple(orbits[cube] for cube in first), symmetries, name))
+            symmetries = tuple(
+                tuple(structure.places[symmetry.of(place)] for place in structure.positions)
+                for symmetry in structure.symmetries(scheme)
+            )
+            unknown = 1 + max(self.parts[-1].unknowns) if self.parts else 0
+            first = [min(symmetry[cube] for symmetry in symmetries) for cube in range(len(structure))]
+            orbits = {cube: unknown + n for n, cube in enumerate(sorted(set(first)))}
+            self.parts.append(Part(structure, tuple(orbits[cube] for cube in first), symmetries, name))
 
     def turns(self, part: Part) -> IntArray:
         """The rotations under which a part looks different, the first of those alike."""
-        found: dict[Form, int] = {}
-        for rotation in range(24):
-            turned = part.structure.moved(Placement(rotation, (0, 0, 0)))
-            found.setdefault(self._form(turned.positions, turned.rotations)[0], rotation)
-        return np.array(list(found.values()))
+        alike = [symmetry.rotation for symmetry in part.structure.symmetries(self.scheme)]
+        return np.unique(compose[:, alike].min(axis=1))
 
-    def _form(self, positions: Sequence[Position], rotations: Sequence[int]) -> tuple[Form, tuple[int, ...]]:
-        """How cubes look wherever they are, and the order in which that takes them."""
-        x0, y0, z0 = (min(c) for c in zip(*positions, strict=True))
-        cubes = sorted(
-            ((x - x0, y - y0, z - z0, int(self.seen[r])), cube)
-            for cube, ((x, y, z), r) in enumerate(zip(positions, rotations, strict=True))
-        )
-        return tuple(cube for cube, _ in cubes), tuple(order for _, order in cubes)
-
-    def known(self, positions: Sequence[Position], rotations: Sequence[int]) -> tuple[int, tuple[int, ...]] | None:
+    def known(self, structure: Structure) -> tuple[int, tuple[int, ...]] | None:
         """Which part some cubes are, and which of its cubes each of them is; None: no part."""
-        form, order = self._form(positions, rotations)
-        if form not in self.forms:
-            return None
-        part, cubes = self.forms[form]
-        place = dict(zip(order, cubes, strict=True))
-        return part, tuple(place[cube] for cube in range(len(order)))
+        number = self.numbers.get(structure.canonical(self.scheme))
+        return None if number is None else (number, structure.canonical_cubes(self.scheme))
 
     def may_be_known(self, positions: IntArray, rotations: IntArray) -> np.ndarray:
         """Which of many sets of cubes (sets, n, 3) and (sets, n) may be parts; those that may not, are none."""
-        places = positions - positions.min(axis=1, keepdims=True)
-        fits = (places < MOST).all(axis=(1, 2))
-        x, y, z = np.where(fits[:, None, None], places, 0).transpose(2, 0, 1)
-        return fits & np.isin(_DRAWN[x, y, z, self.seen[rotations]].sum(axis=1), self._sums)
+        fits = (np.ptp(positions, axis=1) < MOST).all(axis=1)
+        fits[fits] = np.isin(self._sum(positions[fits], rotations[fits]), self._sums)
+        return fits
 
     @cached_property
     def _sums(self) -> IntArray:
-        return np.array([sum(_DRAWN[cube] for cube in form) for form in self.forms])
+        found = []
+        for structure in self.numbers:
+            places = (ROTATIONS @ np.array(structure.positions).T).transpose(0, 2, 1)
+            found.append(self._sum(places, compose[:, structure.rotations]))
+        return np.concatenate(found)
+
+    def _sum(self, places: IntArray, rotations: IntArray) -> IntArray:
+        x, y, z = (places - places.min(axis=1, keepdims=True)).transpose(2, 0, 1)
+        return _DRAWN[x, y, z, self.seen[rotations]].sum(axis=1)
 
 
 def pieces_of(whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None) -> set[Structure]:

@@ -10,23 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from kinetics.assembly.compiler.dockings import Dockings, Meeting, Met, Side
+from kinetics.assembly.compiler.dockings import Dockings, Meeting, Reading
 from kinetics.assembly.compiler.parts import Part
 from kinetics.assembly.compiler.target import Target
 from kinetics.assembly.rules.conditions import Senses
-
-
-class Reading(NamedTuple):
-    """What a cube reads as it docks; letters as unknowns, multisets sorted, -1 for no cube."""
-
-    own: int
-    face: str
-    around: tuple[int, ...]
-    across: int
-    partner: int
-    partner_face: str
-    roll: str | None
-    touched: tuple[int, ...] | None
 
 
 class Loss(NamedTuple):
@@ -74,7 +61,7 @@ class Plan:
 
     dockings : its parts, and how they meet
     joins : the ways of each join of two parts into a part, by what the two cubes read
-    breaks : for each break, the waves that follow in the pieces
+    breaks : for each break, the waves that follow in the pieces; empty where bonds hold
     """
 
     dockings: Dockings
@@ -96,7 +83,7 @@ class Plan:
     def places(self) -> tuple[int, ...]:
         """Of the target's cubes as the user gave them, which of the last part they are."""
         whole = self.target.structure(self.senses.faces)
-        known = self.dockings.parts.known(whole.positions, whole.rotations)
+        known = self.dockings.parts.known(whole)
         assert known is not None  # noqa: S101  the target is a part of itself
         return known[1]
 
@@ -134,8 +121,8 @@ class Plan:
 
     @cached_property
     def kinds(self) -> dict[tuple[object, ...], int]:
-        """The kinds of readings in joins (see `kind_of`), numbered; cubes that read anything else never bond."""
-        return {kind: number for number, kind in enumerate(dict.fromkeys(map(kind_of, self.readings)))}
+        """The kinds of readings in joins (see `Reading.kind`), numbered; cubes that read anything else never bond."""
+        return {kind: number for number, kind in enumerate(dict.fromkeys(reading.kind for reading in self.readings))}
 
     def foreign(self, a: int, b: int) -> dict[Docking, Meeting]:
         """What two cubes read where the parts a >= b meet and would make no part of the target, with an example;
@@ -143,10 +130,10 @@ class Plan:
         """
         if (a, b) not in self._foreign:
             found = self._foreign[a, b] = dict[Docking, Meeting]()
-            for met in self.dockings.foreign(a, b):
-                own, other = _read(met, self.senses)
-                if kind_of(own) in self.kinds and kind_of(other) in self.kinds:
-                    found.setdefault(_sorted(own, other), met.meeting)
+            for *readings, meeting in self.dockings.foreign(a, b):
+                own, other = (reading.sensed(self.senses) for reading in readings)
+                if own.kind in self.kinds and other.kind in self.kinds:
+                    found.setdefault(_sorted(own, other), meeting)
         return self._foreign[a, b]
 
     @cached_property
@@ -158,23 +145,22 @@ class Plan:
         a, b, c = (self.parts[n].name for n in channel)
         return f"{a}+{b}->{c}"
 
-    def reached(self, joins: Iterable[Channel], breaks: bool) -> set[int]:
+    def reached(self, joins: Iterable[Channel]) -> set[int]:
         """The parts that free cubes can become."""
         found, before = {0}, 0
         joins = list(joins)
         while len(found) > before:
             before = len(found)
             found |= {join.c for join in joins if join.a in found and join.b in found}
-            if breaks:
-                found |= {part for broken in self.breaks if broken.c in found for part in broken[:2]}
+            found |= {part for broken in self.breaks if broken.c in found for part in broken[:2]}
         return found
 
-    def leading_home(self, joins: Iterable[Channel], breaks: bool, reached: set[int]) -> set[int]:
+    def leading_home(self, joins: Iterable[Channel], reached: set[int]) -> set[int]:
         """The parts, of those that are reached, which can become part of the target."""
         target = len(self.parts) - 1
         home, before = {target} & reached, 0
         joins = [join for join in joins if join.a in reached and join.b in reached]
-        falls = [broken for broken in self.breaks if breaks and broken.c in reached]
+        falls = [broken for broken in self.breaks if broken.c in reached]
         while len(home) > before:
             before = len(home)
             home |= {part for join in joins if join.c in home for part in join[:2]}
@@ -182,23 +168,23 @@ class Plan:
         return home
 
 
-def planned(dockings: Dockings, senses: Senses) -> Plan:
-    """The plan of a target whose cubes sense that much."""
+def planned(dockings: Dockings, senses: Senses, breaks: bool = True) -> Plan:
+    """The plan of a target whose cubes sense that much; breaks : whether bonds break."""
     joins: dict[Channel, dict[Docking, dict[Wave, Meeting]]] = {}
     for (a, b, c), ways in dockings.made.items():
         found = joins[Channel(a, b, c)] = {}
         before = (*dockings.parts.parts[a].unknowns, *dockings.parts.parts[b].unknowns)
-        for met, cubes in ways:
+        for (first, second, meeting), cubes in ways:
             dockings.tick()
-            own, other = _read(met, senses)
-            partner = cubes[len(dockings.parts.parts[a]) + met.meeting.j]
-            wave = _wave(dockings.parts.parts[c], c, cubes, before, ((cubes[met.meeting.i], own), (partner, other)))
-            found.setdefault(_sorted(own, other), {}).setdefault(wave, met.meeting)
+            own, other = first.sensed(senses), second.sensed(senses)
+            partner = cubes[len(dockings.parts.parts[a]) + meeting.j]
+            wave = _wave(dockings.parts.parts[c], c, cubes, before, ((cubes[meeting.i], own), (partner, other)))
+            found.setdefault(_sorted(own, other), {}).setdefault(wave, meeting)
     ways_of = {
         join: {docking: Way(next(iter(waves.values())), tuple(waves)) for docking, waves in ways.items()}
         for join, ways in joins.items()
     }
-    return Plan(dockings, senses, ways_of, _breaks(dockings))
+    return Plan(dockings, senses, ways_of, _breaks(dockings) if breaks else {})
 
 
 def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:
@@ -215,7 +201,7 @@ def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:
             for own, gone, members in ((i, j, sides[0]), (j, i, sides[1])):
                 loss = Loss(part.unknowns[own], part.unknowns[gone], part.around(own, gone))
                 piece = structure.part(members)
-                known = dockings.parts.known(piece.positions, piece.rotations)
+                known = dockings.parts.known(piece)
                 assert known is not None  # noqa: S101  a piece of a part is one
                 before = tuple(part.unknowns[cube] for cube in members)
                 writers = ((known[1][members.index(own)], loss),)
@@ -242,35 +228,5 @@ def _wave(
     return min(alike, key=repr) if len(alike) > 1 else alike[0]
 
 
-def _read(met: Met, senses: Senses) -> Docking:
-    """What two cubes that meet read with these senses."""
-
-    def reading(own: Side, other: Side) -> Reading:
-        return Reading(
-            own.seen.own,
-            own.seen.face,
-            own.seen.around,
-            own.seen.across if senses.across else -1,
-            other.seen.own,
-            other.seen.face,
-            met.roll if senses.roll else None,
-            own.touched if senses.touched else None,
-        )
-
-    return reading(met.first, met.second), reading(met.second, met.first)
-
-
 def _sorted(a: Reading, b: Reading) -> Docking:
     return (a, b) if a <= b else (b, a)
-
-
-def kind_of(reading: Reading) -> tuple[object, ...]:
-    """All of a reading but the letters."""
-    return (
-        reading.face,
-        reading.partner_face,
-        reading.roll,
-        len(reading.around),
-        reading.across < 0,
-        len(reading.touched or ()),
-    )

@@ -18,7 +18,7 @@ FEW = 100  # structures that the check may find; ten times as many in the middle
 MERGED = ("partner", "partner_face", "face", "lost", "letter", "roll", "across")  # one-of conditions, in this order
 
 
-def book_of(plan: Plan, breaks: bool, tables: Solution) -> RuleBook:
+def book_of(plan: Plan, tables: Solution) -> RuleBook:
     """The rule book of a solution: rules that differ in one condition only become one."""
     of = {unknown: ascii_lowercase[number] for unknown, number in tables.letters.items()}
     joined: dict[tuple[Any, ...], str] = {}
@@ -50,7 +50,7 @@ def book_of(plan: Plan, breaks: bool, tables: Solution) -> RuleBook:
         initial="a",
         senses=plan.senses,
         target=whole.with_letters([of[last[cube]] for cube in plan.places]),
-        semantics=Semantics(bonds="break" if breaks else "hold"),
+        semantics=Semantics(bonds="break" if plan.breaks else "hold"),
         combine=tuple(combine),
         dissociate=tuple(dissociate),
         internal=tuple(internal),
@@ -82,15 +82,13 @@ class NotProvenError(Exception):
     """The book of a solution is not proven to do what was asked."""
 
 
-def proven(
-    plan: Plan, breaks: bool, tables: Solution, tick: Callable[[], None] = lambda: None
-) -> tuple[RuleBook, tuple[str, ...]]:
+def proven(plan: Plan, tables: Solution, tick: Callable[[], None] = lambda: None) -> tuple[RuleBook, tuple[str, ...]]:
     """The book of a solution, with how it was proven; NotProvenError where it does not do what was asked.
 
     tick : called again and again; it may raise to end the work
     Neither derivation nor checker know anything of the search: they read the rules alone.
     """
-    book = book_of(plan, breaks, tables)
+    book = book_of(plan, tables)
 
     def progress(*_: int) -> None:
         tick()
@@ -113,7 +111,7 @@ def proven(
         else:
             b, a = sorted(numbers[n] for n in after)
             falls.add(Channel(a, b, numbers[before[0]]))
-    wanted = {broken for broken in plan.breaks if breaks and broken.c in tables.parts}
+    wanted = {broken for broken in plan.breaks if broken.c in tables.parts}
     if joins != set(tables.joins) or falls != wanted:
         odd = ", ".join(sorted(map(plan.name, (joins ^ set(tables.joins)) | (falls ^ wanted))))
         raise NotProvenError(f"{plan.target.name}: the book does not join and break as asked: {odd}")

@@ -42,6 +42,9 @@ class Ruled:
     situations: tuple[Any, ...]
     exhausted: tuple[RuledOut, ...]
 
+    def __str__(self) -> str:
+        return f"{sensing(self.senses)}: {'infeasible' if self.is_proof else 'not decided'}"
+
 
 @dataclass(frozen=True)
 class Certificate:

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.clauses import Clauses
+from kinetics.assembly.compiler.dockings import Reading
 from kinetics.assembly.compiler.joins import JoinSearch
-from kinetics.assembly.compiler.plan import Channel, Loss, Plan, Reading, Wave, kind_of
+from kinetics.assembly.compiler.plan import Channel, Loss, Plan, Wave
 from kinetics.assembly.faces import IntArray
 
 MOST_LETTERS = 15
@@ -81,14 +81,14 @@ def first_letter(n_cells: int, _: int) -> np.ndarray:
 class LetterSearch(JoinSearch):
     """Letters for a plan, no more than so many.
 
-    allowed : joins that a book may have; breaks : whether bonds break
+    allowed : joins that a book may have
     `find` may be called again and again; what was learned before is kept.
     """
 
-    def __init__(self, plan: Plan, allowed: Iterable[Channel], breaks: bool, n_letters: int, budget: Budget):
+    def __init__(self, plan: Plan, allowed: Iterable[Channel], n_letters: int, budget: Budget):
         if not 1 <= n_letters <= MOST_LETTERS:
             raise ValueError(f"{n_letters} letters; the search takes 1 to {MOST_LETTERS}")
-        super().__init__(plan, allowed, breaks, clauses := Clauses(n_letters, budget))
+        super().__init__(plan, allowed, clauses := Clauses(n_letters, budget))
         unknowns = sorted({u for part in self.parts for u in plan.parts[part].unknowns})
         self.cells = {unknown: clauses.cell() for unknown in unknowns}
         clauses.add(clauses.has(0, 0))
@@ -100,9 +100,12 @@ class LetterSearch(JoinSearch):
         self.rounds: list[_Step] = []
         self.waves: list[_Running] = []
         self.settled: list[int] = []  # for each number of rounds, true where these are enough
-        self.met: dict[tuple[int, int], IntArray] = {}  # how parts meet: rows of parts, join or -1, and two readings
+        self.met: dict[tuple[int, int], IntArray] = {}  # how parts meet (see `_meet`)
         self.read: dict[Reading, int] = {}  # all that cubes read as they meet, numbered
         self.known: list[Reading] = []  # the same in order
+        self.table = np.zeros(
+            (0, 4 + 2 * SIDES), np.int64
+        )  # of these: the kind, and cells of what is read, -1 for none
         self._start()
 
     def _start(self) -> None:
@@ -115,7 +118,7 @@ class LetterSearch(JoinSearch):
             for way in plan.joins[join].values():
                 for wave in way.waves:
                     self._enter(is_open, wave)
-        for broken, waves in plan.breaks.items() if self.breaks else ():
+        for broken, waves in plan.breaks.items():
             if broken.c in present:
                 for wave in waves:
                     self._enter(present[broken.c], wave)
@@ -196,7 +199,7 @@ class LetterSearch(JoinSearch):
         is_there[[part for part, literal in self.present.items() if self.clauses.true[literal]]] = True
         there = np.flatnonzero(is_there).tolist()
         for pair in [(a, b) for a in there for b in there if b <= a and (a, b) not in self.met]:
-            self._meet(*pair)
+            self.met[pair] = self._meet(*pair)
         keys, others = self._keys(letters)
         open_: dict[tuple[int, int], int] = {}
         for join in sorted(self.chosen):
@@ -214,12 +217,15 @@ class LetterSearch(JoinSearch):
                 clause.append(literals[made[row]])
             for n in (int(first[row]), int(second[row])):
                 reading = self.known[alike[n]]
-                clause += [self.readings[reading] ^ 1, *self.clauses.unlike(self._pairs(self.known[n], reading))]
+                clause += [
+                    self.readings[reading] ^ 1,
+                    *self.clauses.unlike(zip(self._terms(self.known[n]), self._terms(reading), strict=True)),
+                ]
             self.clauses.add(*clause)
         return bool(wrong.any())
 
-    def _meet(self, a: int, b: int) -> None:
-        """Note how two parts can meet."""
+    def _meet(self, a: int, b: int) -> IntArray:
+        """How two parts can meet: rows of them, the join that is made or -1, and the two readings."""
         plan, numbers = self.plan, {join: number for number, join in enumerate(self.open)}
         ways = [
             (numbers.get(join, -1), docking)
@@ -234,62 +240,39 @@ class LetterSearch(JoinSearch):
                     self.read[reading] = len(self.known)
                     self.known.append(reading)
             rows.append((a, b, made, self.read[docking[0]], self.read[docking[1]]))
-        self.met[a, b] = np.array(rows, np.int64).reshape(-1, 5)
+        return np.array(rows, np.int64).reshape(-1, 5)
 
     def _keys(self, letters: np.ndarray) -> tuple[list[int], list[int]]:
         """What the readings met so far come to: pairs of numbers that are the same where all that is read is."""
+        fresh = []
+        for r in self.known[len(self.table) :]:
+            some = [[self.cells[u] for u in unknowns] for unknowns in (r.around, r.touched or ())]
+            near, touched = (cells + [-1] * (SIDES - len(cells)) for cells in some)
+            across = -1 if r.across < 0 else self.cells[r.across]
+            fresh.append([self.plan.kinds[r.kind], self.cells[r.own], self.cells[r.partner], across, *near, *touched])
+        self.table = np.concatenate([self.table, np.array(fresh, np.int64).reshape(-1, 4 + 2 * SIDES)])
         powers = np.append((SIDES + 1) ** letters, 0)
         letters = np.append(letters, -1)
-        kinds, single, around, touched = self._table()
-        keys = kinds
-        for cells in single.T:
+        keys = self.table[:, 0]
+        for cells in self.table.T[1:4]:
             keys = keys * (MOST_LETTERS + 1) + letters[cells] + 1
-        return (keys * (SIDES + 1) ** MOST_LETTERS + powers[around].sum(axis=1)).tolist(), powers[touched].sum(
-            axis=1
-        ).tolist()
+        near, touched = (powers[cells].sum(axis=1) for cells in np.split(self.table[:, 4:], 2, axis=1))
+        return (keys * (SIDES + 1) ** MOST_LETTERS + near).tolist(), touched.tolist()
 
-    def _table(self) -> tuple[np.ndarray, ...]:
-        """The readings met so far as arrays of cells; -1 for none."""
-        known = self.known
-        if len(self._rows[0]) < len(known):
-            rows = []
-            for r in known[len(self._rows[0]) :]:
-                across = -1 if r.across < 0 else self.cells[r.across]
-                cells = [[self.cells[u] for u in some] for some in (r.around, r.touched or ())]
-                padded = [some + [-1] * (SIDES - len(some)) for some in cells]
-                rows.append((self.plan.kinds[kind_of(r)], [self.cells[r.own], self.cells[r.partner], across], *padded))
-            new = (np.array(column, np.int64) for column in zip(*rows, strict=True))
-            self._rows = tuple(np.concatenate(pair) for pair in zip(self._rows, new, strict=True))
-        return self._rows
-
-    @cached_property
-    def _rows(self) -> tuple[np.ndarray, ...]:
-        return tuple(np.zeros(shape, np.int64) for shape in (0, (0, 3), (0, SIDES), (0, SIDES)))
-
-    def _pairs(self, one: Reading, other: Reading) -> list[tuple[list[int], list[int]]]:
-        """Cells that have to be alike for two readings of one kind to be."""
-        pairs: list[tuple[Iterable[int], Iterable[int]]] = [
-            ((one.own,), (other.own,)),
-            ((one.partner,), (other.partner,)),
-            (one.around, other.around),
-            (one.touched or (), other.touched or ()),
+    def _terms(self, r: Reading) -> list[tuple[int, ...]]:
+        """Cells of the letters that are read, those together whose order does not matter."""
+        across = (r.across,) if r.across >= 0 else ()
+        return [
+            tuple(self.cells[u] for u in some) for some in ((r.own,), (r.partner,), r.around, r.touched or (), across)
         ]
-        if one.across >= 0:
-            pairs.append(((one.across,), (other.across,)))
-        return [([self.cells[u] for u in a], [self.cells[u] for u in b]) for a, b in pairs]
 
     def _ambiguous(self, letters: np.ndarray) -> bool:
         """Cubes that read the same and would have to become different ones."""
         rules: dict[tuple[object, ...], tuple[int, list[tuple[int, ...]], int]] = {}
         value, broken, chosen = letters.tolist(), 0, self.chosen
         uses: list[tuple[int, str, tuple[object, ...], list[tuple[int, ...]], int]] = []
-        for join in sorted(chosen):
-            for docking in self.plan.joins[join]:
-                for r in docking:
-                    terms: list[tuple[int, ...]] = [(self.cells[r.own],), (self.cells[r.partner],)]
-                    terms += [tuple(self.cells[u] for u in some) for some in (r.around, r.touched or ())]
-                    terms += [(self.cells[r.across],)] if r.across >= 0 else []
-                    uses.append((self.readings[r], "join", kind_of(r), terms, self.results[r]))
+        read = (r for join in sorted(chosen) for docking in self.plan.joins[join] for r in docking)
+        uses += [(self.readings[r], "join", r.kind, self._terms(r), self.results[r]) for r in read]
         for active, loss in self.losses:
             terms = [(self.cells[loss.own],), (self.cells[loss.lost],), tuple(self.cells[u] for u in loss.around)]
             uses.append((active, "lose", (), terms, self.results[loss]))

@@ -9,6 +9,7 @@ and one more; and that of a free cube.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +26,7 @@ FREE = "a"
 _COMPOSE, _INVERSE, _TURNED = compose.tolist(), inverse.tolist(), turned.tolist()
 Branches = tuple[tuple[int, int, int], ...]  # direction, kind and turn of each child, sorted
 Hung = tuple[int, int]  # the kind of a subtree, and how it is turned
+Parent = tuple[Position, int]  # the cube on which one hangs, and in which direction from there
 
 
 class Kinds:
@@ -60,24 +62,39 @@ class Kinds:
 class Tree:
     """A spanning tree of a target.
 
-    parents : place -> the place nearer to the seed; the seed has none
-    hung : place -> the subtree that hangs on it
+    hung : place -> the subtree that hangs on it; the seed's last
     kinds : what the numbers of the subtrees mean
     """
 
-    parents: dict[Position, Position]
     hung: dict[Position, Hung]
     kinds: Kinds
 
+    @classmethod
+    def of(cls, parents: dict[Position, Parent | None], kinds: Kinds) -> Tree:
+        """The tree in which these places, the farthest from the seed first, hang on others."""
+        branches: dict[Position, list[tuple[int, int, int]]] = {place: [] for place in parents}
+        hung = {}
+        for place, parent in parents.items():
+            hung[place] = kinds.of(tuple(sorted(branches[place])))
+            if parent is not None:
+                branches[parent[0]].append((parent[1], *hung[place]))
+        return cls(hung, kinds)
+
     @cached_property
     def letters(self) -> list[int]:
-        """The kinds of subtrees that occur; the seed's first."""
+        """The kinds of subtrees that occur, the last one found first."""
         return sorted({kind for kind, _ in self.hung.values()}, reverse=True)
+
+    @cached_property
+    def cost(self) -> float:
+        """Letters; and of as many, better those with a rare kind, which may go next."""
+        counts = Counter(kind for kind, _ in self.hung.values())
+        return len(counts) + math.fsum(1 / n for n in counts.values())
 
     @cached_property
     def rotations(self) -> dict[Position, int]:
         """How each cube is turned: as the rules make it come, from the seed on."""
-        seed = next(place for place in self.hung if place not in self.parents)
+        seed = next(reversed(self.hung))
         found = {seed: self.hung[seed][1]}
         waiting = [seed]
         for place in waiting:
@@ -94,32 +111,14 @@ class Tree:
         for kind in self.letters:
             for face, child, turn in self.kinds.branches[kind]:
                 own = _TURNED[turn].index(face ^ 1)
-                twist = roll("six", turn, own, 0)
-                faces = {"face": (f"f{own + 1}",), "partner_face": (f"f{face + 1}",), "roll": (twist,)}
-                host = {"face": faces["partner_face"], "partner_face": faces["face"], "roll": faces["roll"]}
-                found += [
-                    Combination(
-                        rule=f"{FREE} docks at f{face + 1} of {names[kind]}",
-                        letter=(FREE,),
-                        partner=(names[kind],),
-                        becomes=names[child],
-                        **faces,
-                    ),
-                    Combination(
-                        rule=f"{names[kind]} takes {FREE} on f{face + 1}",
-                        letter=(names[kind],),
-                        partner=(FREE,),
-                        becomes=names[kind],
-                        **host,
-                    ),
-                ]
+                name, twist = names[kind], (roll("six", turn, own, 0),)
+                for rule, letter, partner, becomes, (f, g) in (
+                    (f"{FREE} docks at f{face + 1} of {name}", FREE, name, names[child], (own, face)),
+                    (f"{name} takes {FREE} on f{face + 1}", name, FREE, name, (face, own)),
+                ):
+                    faces = {"face": (f"f{f + 1}",), "partner_face": (f"f{g + 1}",), "roll": twist}
+                    found.append(Combination(rule=rule, letter=(letter,), partner=(partner,), becomes=becomes, **faces))
         return found
-
-
-def centre(places: Sequence[Position]) -> Position:
-    """The place from which the farthest one is nearest; of several, the most central and first."""
-    middle = [(min(c) + max(c)) / 2 for c in zip(*places, strict=True)]
-    return min(places, key=lambda place: (max(distances(places, place).values()), math.dist(place, middle), place))
 
 
 def spanning_tree(
@@ -137,93 +136,38 @@ def spanning_tree(
     Ctrl-C, or an error of `tick` that time or steps are used up, ends the search; the best tree so far is returned.
     """
     best: Tree | None = None
-    bound = max(distances(places, seed).values()) + 1
+    distance = distances(places, seed)
+    bound = max(distance.values()) + 1
+    inwards = {
+        place: [(p, d ^ 1) for d, p in enumerate(beside(place)) if distance.get(p, bound) < distance[place]]
+        for place in places
+    }
+    free = [place for place, choices in inwards.items() if len(choices) > 1]
     try:
         for order in 2 * list(permutations(range(3))):
-            search = _TreeSearch(places, seed, order)
-            cost = search.cost()
-            free = [place for place, choices in search.choices.items() if len(choices) > 1]
+            kinds = Kinds()
+            axes = sorted(range(3), key=order.__getitem__)
+            choices = {p: [way for axis in axes for way in some if way[1] // 2 == axis] for p, some in inwards.items()}
+            parents = {p: choices[p][0] if p != seed else None for p in sorted(places, key=lambda p: -distance[p])}
+            tree = Tree.of(parents, kinds)
             for move in range(moves if free else 1):
-                if best is None or len(search.counts) < len(best.letters):
-                    best = search.tree()
+                if best is None or len(tree.letters) < len(best.letters):
+                    best = tree
                     report(best)
                 if len(best.letters) == bound or not free:
                     return best
                 tick()
                 place = free[rng.integers(len(free))]
-                old, choices = search.parents[place], search.choices[place]
-                search.hang(place, choices[rng.integers(len(choices))])
-                changed = search.cost()
+                hung = {**parents, place: choices[place][rng.integers(len(choices[place]))]}
+                changed = Tree.of(hung, kinds)
                 heat = 1 - move / moves  # in letters
-                if changed <= cost or rng.random() < math.exp((cost - changed) / heat):
-                    cost = changed
-                else:
-                    search.hang(place, old)
+                if changed.cost <= tree.cost or rng.random() < math.exp((tree.cost - changed.cost) / heat):
+                    parents, tree = hung, changed
     except (KeyboardInterrupt, TimeoutError, OutOfStepsError):
         if best is None:
             raise
     assert best is not None  # noqa: S101  the first start sets it
     return best
-
-
-class _TreeSearch:
-    """A tree of shortest paths under change.
-
-    choices : place -> the places that it may hang on
-    order : of the axes; at first, a cube hangs on the neighbour along the first of them
-    """
-
-    def __init__(self, places: Sequence[Position], seed: Position, order: Sequence[int]):
-        distance = distances(places, seed)
-        self.kinds = Kinds()
-        self.choices = {
-            place: sorted(
-                (p for p in beside(place) if distance.get(p, len(places)) < distance[place]),
-                key=lambda p, place=place: order[beside(place).index(p) // 2],  # type: ignore[misc]
-            )
-            for place in places
-            if place != seed
-        }
-        self.parents = {place: choices[0] for place, choices in self.choices.items()}
-        self.children: dict[Position, set[Position]] = {place: set() for place in places}
-        for place, parent in self.parents.items():
-            self.children[parent].add(place)
-        self.hung: dict[Position, Hung] = {}
-        self.counts: dict[int, int] = {}
-        for place in sorted(places, key=lambda p: -distance[p]):
-            self.refresh(place)
-
-    def refresh(self, place: Position) -> bool:
-        """Find out what hangs on a place now; whether that is something else."""
-        branches = tuple(sorted((beside(place).index(child), *self.hung[child]) for child in self.children[place]))
-        now, before = self.kinds.of(branches), self.hung.get(place)
-        if now == before:
-            return False
-        if before is not None:
-            self.counts[before[0]] -= 1
-            if not self.counts[before[0]]:
-                del self.counts[before[0]]
-        self.hung[place] = now
-        self.counts[now[0]] = self.counts.get(now[0], 0) + 1
-        return True
-
-    def hang(self, place: Position, parent: Position) -> None:
-        """Hang a cube, with all that hangs on it, on another one."""
-        old = self.parents[place]
-        self.children[old].discard(place)
-        self.children[parent].add(place)
-        self.parents[place] = parent
-        for start in (old, parent):
-            above: Position | None = start
-            while above is not None and self.refresh(above):
-                above = self.parents.get(above)
-
-    def cost(self) -> float:
-        """Letters; and of as many, better those with a rare kind, which may go next."""
-        return len(self.counts) + sum(1 / n for n in self.counts.values())
-
-    def tree(self) -> Tree:
-        return Tree(dict(self.parents), dict(self.hung), self.kinds)
 
 
 def distances(places: Sequence[Position], seed: Position) -> dict[Position, int]:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from itertools import combinations
 from typing import Any
 
+from kinetics.assembly.compiler.dockings import Reading
 from kinetics.assembly.compiler.growth import SIDE
 from kinetics.assembly.compiler.merging import ReadingTables
 from kinetics.assembly.rules.conditions import Combination, Internal, Senses
@@ -29,8 +30,8 @@ def rules_of(
 def _guests(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list[Combination]:
     """What a free cube becomes; partners that mean the same come together."""
     partners: defaultdict[tuple[str, str, str, Neighbours, int], set[str]] = defaultdict(set)
-    for (own, letter, face, roll, touched), becomes in tables.guests.items():
-        partners[own, face, roll, touched, becomes].add(names[letter])
+    for (_, own, _, _, letter, face, roll, touched), becomes in tables.guests.items():
+        partners[own, face, roll or "", touched or (), becomes].add(names[letter])
     rules = []
     title = _Titles()
     for (own, face, roll, touched, becomes), some in sorted(partners.items(), key=lambda item: (item[0][4], item[0])):
@@ -55,13 +56,13 @@ def _hosts(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list
     refused = {host for host, guest in tables.forbidden if guest in tables.guests} - tables.hosts
     rules = []
     title = _Titles()
-    for letter, face in sorted({(host.letter, host.face) for host in tables.hosts}):
-        hosts, others = ([h for h in some if (h.letter, h.face) == (letter, face)] for some in (tables.hosts, refused))
+    for letter, face in sorted({(host.own, host.face) for host in tables.hosts}):
+        hosts, others = ([h for h in some if (h.own, h.face) == (letter, face)] for some in (tables.hosts, refused))
         # how the newcomer is turned is for itself to see; asked here only where all else is the same
-        is_clear = {h.near for h in hosts}.isdisjoint(h.near for h in others)
-        ways = {None} if is_clear else {h[3:] for h in hosts}
+        is_clear = {h.around for h in hosts}.isdisjoint(h.around for h in others)
+        ways = {None} if is_clear else {_way(h) for h in hosts}
         for way in sorted(ways, key=repr):
-            good, bad = ({h.near for h in some if way in {None, h[3:]}} for some in (hosts, others))
+            good, bad = ({h.around for h in some if way in {None, _way(h)}} for some in (hosts, others))
             own, roll, across = way or (None, None, None)
             rules += [
                 Combination(
@@ -78,6 +79,11 @@ def _hosts(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list
                 for condition in covering(good, bad)
             ]
     return rules
+
+
+def _way(host: Reading) -> tuple[str, str | None, int]:
+    """How the newcomer is turned that docks to a cube, and the letter across."""
+    return host.partner_face, host.roll, host.across
 
 
 def _internal(tables: ReadingTables, names: dict[int, str]) -> tuple[Internal, ...]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from kinetics.assembly.compiler.orientation import chosen_tops
+from kinetics.assembly.compiler.orientation import MOST, chosen_tops
 from kinetics.assembly.faces import Position, scheme_of
 from kinetics.assembly.rules.conditions import BookTarget, Direction, Senses
 from kinetics.assembly.structure import Structure
@@ -98,6 +98,11 @@ class Target:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    @property
+    def is_seeded(self) -> bool:
+        """Whether it is grown from a seed: asked for, or too large to try all its parts."""
+        return self.seed is not None or len(self) > MOST
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Target:

@@ -8,31 +8,34 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from kinetics.assembly.compiler.growth import MOST_STATES, Facts, Letters, Stage, around, beside, explore_stage
-from kinetics.assembly.compiler.stages import Course
+from kinetics.assembly.compiler.courses import Course
+from kinetics.assembly.compiler.growth import Facts, Letters, Stage, around, beside, explore_stage
+from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.faces import Position
 
-ORIGIN = (0, 0, 0)
+ORIGIN, SEED = (0, 0, 0), -1  # where the seed is; its orbit
 State = tuple[int, int, bool]  # orbit, stage, all that hangs on it is there
 
 
-@dataclass(frozen=True)
-class _Round:
-    """What cubes know of a stage: the orbits around each orbit, and its distance from the seed, once it is complete."""
-
-    expected: dict[int, Counter[int]]
-    distance: dict[int, int]
-
-
 class _Waves:
-    """How letters follow each other; every letter stands for a state."""
+    """How letters follow each other; every letter stands for a state.
 
-    def __init__(self, rounds: list[_Round]):
-        self.rounds = rounds
+    expected, distance : for each stage, once it is complete, the orbits around each orbit, and how far that is from the
+        seed
+    """
+
+    def __init__(self, course: Course):
         self.codes: dict[State, int] = {}
         self.states: list[State] = []
+        self.expected: list[dict[int, Counter[int]]] = []
+        self.distance: list[dict[int, int]] = []
+        whole = {ORIGIN: SEED}
+        for coming in course.stages:
+            whole |= coming
+            near = {orbit: Counter(whole[p] for p in beside(place) if p in whole) for place, orbit in whole.items()}
+            self.expected.append(near)
+            self.distance.append({whole[place]: far for place, far in distances(list(whole), ORIGIN).items()})
 
     def code(self, orbit: int, stage: int, is_complete: bool) -> int:
         """The letter of a state."""
@@ -47,7 +50,7 @@ class _Waves:
         comes back.
         """
         orbit, stage, is_complete = self.states[letters[place]]
-        distance = self.rounds[stage].distance
+        distance = self.distance[stage]
         near = [self.states[letter] for letter in around(place, letters)]
         inner = [state for state in near if distance[state[0]] < distance[orbit]]
         if is_complete:
@@ -55,8 +58,8 @@ class _Waves:
             return self.code(orbit, stage + 1, False) if has_leave else letters[place]
         outer = [state for state in near if distance[state[0]] > distance[orbit]]
         is_waiting = (
-            stage == len(self.rounds) - 1
-            or Counter(state[0] for state in near) != self.rounds[stage].expected[orbit]
+            stage == len(self.expected) - 1
+            or Counter(state[0] for state in near) != self.expected[stage][orbit]
             or not all(state[1:] == (stage, True) for state in outer)
         )
         if is_waiting:
@@ -64,38 +67,17 @@ class _Waves:
         return self.code(orbit, stage, True) if inner else self.code(orbit, stage + 1, False)
 
 
-def facts_of(
-    course: Course, most: int = MOST_STATES, tick: Callable[[], None] = lambda: None
-) -> tuple[Facts, int, Letters]:
+def facts_of(course: Course, tick: Callable[[], None] = lambda: None) -> tuple[Facts, int, Letters]:
     """All that is read during a planned growth, with as many letters as it takes; the seed's; those at the end.
 
-    TooManyError: a stage has more than `most` states.
+    TooManyError: a stage has more than MOST_STATES states.
     """
-    orbits = {place: orbit for stage in course.stages for place, orbit in stage.items()}
-    seed = max(orbits.values(), default=-1) + 1
-    rounds, whole = [], {ORIGIN: seed}
-    for coming in course.stages:
-        whole = {**whole, **coming}
-        rounds.append(_round(whole))
-    waves = _Waves(rounds)
-    letters = {ORIGIN: waves.code(seed, 0, False)}
-    facts = Facts()
+    waves, facts = _Waves(course), Facts()
+    seed = waves.code(SEED, 0, False)
+    letters = {ORIGIN: seed}
     for number, coming in enumerate(course.stages):
         entering = {place: waves.code(orbit, number, False) for place, orbit in coming.items()}
         stage = Stage(course.senses, course.axes, letters, entering, course.required)
-        found, letters = explore_stage(stage, course.turns, number == len(rounds) - 1, waves.follow, most, tick)
-        facts.add(found)
-    return facts, waves.code(seed, 0, False), letters
-
-
-def _round(whole: dict[Position, int]) -> _Round:
-    """What is known when these places are filled."""
-    distance = {ORIGIN: 0}
-    waiting = [ORIGIN]
-    for place in waiting:
-        for p in beside(place):
-            if p in whole and p not in distance:
-                distance[p] = distance[place] + 1
-                waiting.append(p)
-    expected = {orbit: Counter(whole[p] for p in beside(place) if p in whole) for place, orbit in whole.items()}
-    return _Round(expected, {whole[place]: steps for place, steps in distance.items()})
+        is_last = number == len(course.stages) - 1
+        letters = explore_stage(stage, course.turns, is_last, facts, waves.follow, tick=tick)
+    return facts, seed, letters

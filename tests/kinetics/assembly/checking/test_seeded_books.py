@@ -8,8 +8,7 @@ import pytest
 
 from kinetics.assembly import LivelockError, Structure, check
 from kinetics.assembly.checking import examined
-from kinetics.assembly.compiler.seeded import compile_seeded
-from kinetics.assembly.compiler.target import Target
+from kinetics.assembly.compiler import Target, compile_book
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.deriving.history import random_growth
 
@@ -19,8 +18,8 @@ GROWTHS = 25
 
 
 def compiled(places):
-    asked = Target("plate", places, breaks=False)
-    return compile_seeded(asked, tries=20, growths=5, time_limit=float("inf")).book
+    asked = Target("plate", places, seed=(0, 0, 0), breaks=False)
+    return compile_book(asked, effort=0.05, time_limit=float("inf")).book
 
 
 def faulty(book):
@@ -77,7 +76,7 @@ def test_a_checker_that_sees_no_dead_end_is_found_out(monkeypatch):
 
 
 def test_free_cubes_and_the_seed_are_there_from_the_start():
-    found = examined.Examined(explore(compiled(PLATE[:3])))
+    found = examined.Examined(explore(compiled(PLATE)))
     assert found.seed == 1
     assert found.costs[:2] == [0, 0]
     assert min(found.costs[2:]) == 1

@@ -1,6 +1,9 @@
 """Books compiled for small targets: few letters, proven, and nothing but the target."""
 
 import re
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from functools import partial
 
@@ -18,8 +21,10 @@ from kinetics.assembly.compiler import (
     compile_book,
     compiling,
 )
+from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.fewest import target_yield
 from kinetics.assembly.rules.writing import written
+from kinetics.commands.compile import time_since_start
 
 compile_unhurried = partial(compile_book, time_limit=float("inf"))  # the same book on any machine
 
@@ -184,7 +189,7 @@ def test_time_that_is_up_is_not_called_infeasible():
             compile_book(Target.load("corner"), time_limit=limit, clock=clock)
         assert clock.now <= limit + 3
         assert "at work: two face types" in str(caught.value)
-    assert "two face types infeasible" in str(caught.value)  # the last
+    assert "two face types: infeasible" in str(caught.value)  # the last
     assert "next: two face types, touched" in str(caught.value)
 
 
@@ -253,7 +258,7 @@ def test_all_choices_of_joins_of_a_line():
         ({"joins": []}, "allows none"),
         ({"joins": ["1+2"]}, "infeasible with these joins"),
         ({"joins": ["1+1", "1+2"]}, "infeasible with these joins"),
-        ({"max_letters": 1}, "it must be 2 to 15"),
+        ({"max_letters": 1}, "a book needs at least 2"),
         ({"max_letters": 16}, "it must be 2 to 15"),
         ({"time_limit": 0}, "it must be more than 0"),
         ({"effort": 0}, "effort = 0; it must be more than 0"),
@@ -277,6 +282,37 @@ def test_the_command_writes_a_book_that_checks(tmp_path):
     assert len(RuleBook.load(tmp_path / "made.toml").letters) == 2
     assert run_here("rules", "check", "made.toml", cwd=tmp_path).code == 0
     assert run_here("rules", "compile", "line4", "--joins", "1+1, 2+2", "--json", cwd=tmp_path).json["letters"] == 2
+
+
+def test_the_time_limit_counts_from_the_start_of_the_process(tmp_path, monkeypatch):
+    """And leaves some for its end: the command ends in time, not the search alone."""
+    asked = {}
+
+    def compile_late(_, **arguments):
+        asked.update(arguments)
+        raise UndecidedError
+
+    monkeypatch.setattr("kinetics.assembly.compiler.compile_book", compile_late)
+    for started in (0.0, 4.0):
+        monkeypatch.setattr("kinetics.commands.compile.time_since_start", lambda started=started: started)
+        now = time.monotonic()
+        run_here("rules", "compile", "l3", cwd=tmp_path)
+        assert now - asked["started"] <= 1.5 * started
+        assert time.monotonic() - asked["started"] >= 1.5 * started
+    Budget(10.0, clock=lambda: 7.0).check()
+    with pytest.raises(TimeoutError):
+        Budget(10.0, clock=lambda: 7.0, started=-4.0).check()
+
+
+@pytest.mark.parametrize("command", ["compile", "check"])
+def test_how_long_ago_the_process_began_is_known(command):
+    """From the operating system; a command called from Python, as by this test, has no start of its own."""
+    code = "import time; time.sleep(0.2); from kinetics.commands.compile import time_since_start as t; print(t())"
+    before = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", code, "rules", command], capture_output=True, check=True, text=True)
+    lasted = time.monotonic() - before
+    assert time_since_start() == 0.0
+    assert (0.2 <= float(done.stdout) <= lasted + 0.02) == (command == "compile")
 
 
 def test_the_command_ends_with_the_reason(tmp_path):
