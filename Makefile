@@ -71,7 +71,7 @@ pyramid: $(READY)
 	rm -r $(PYRAMID_RUNS)
 	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/classes.toml --plot $(PYRAMID)/growth.svg --json \
 		> $(PYRAMID)/growth.json
-	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/control.toml --groups 99 --json \
+	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/control.toml --json \
 		> $(PYRAMID)/control.json
 	$(BIN)/wellmixed validate $(HELD_OUT) --rates results/jack13/classes.toml --groups 99 --json \
 		> $(PYRAMID)/by_jacks.json

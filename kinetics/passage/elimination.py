@@ -61,13 +61,20 @@ class Elimination(Equations):
         self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))))
 
     def solve(self, weights: Floats) -> Floats:
-        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out."""
+        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out.
+
+        inf where a state is left too rarely for a double.
+        """
+        if not self._exits.all():
+            return np.full(weights.size, np.inf)
         x = weights[self._order].astype(float)
         twins.solve(self._band, self._exits, x)
         return self._back(x)
 
     def occupation(self, start: Floats) -> Floats:
-        """Expected time (n,) in each state until the chain is left, from a start spread as `start` (n,)."""
+        """Expected time (n,) in each state until the chain is left, from a start spread as `start` (n,); or inf."""
+        if not self._exits.all():
+            return np.full(start.size, np.inf)
         x = start[self._order].astype(float)
         twins.occupy(self._band, self._exits, x)
         return self._back(x)

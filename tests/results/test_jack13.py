@@ -57,6 +57,15 @@ def test_the_page_has_the_figures_of_the_validation():
         assert (
             f"| {row['kind']} | {row['seen']} | {row['expected']:.0f} ({row['low']:.0f} to {row['high']:.0f})" in page
         )
+    (control,) = json.loads((FOLDER / "control.json").read_text(encoding="utf-8"))["comparisons"]
+    assert not control["is_consistent"]  # one constant for all breaks is refuted by the same runs
+    small = control["curves"]["2 to 3 cubes"]
+    middle, low, high = (small[key][-1] for key in ("predicted", "low", "high"))
+    assert f"{small['observed'][-1]:.1f} where {middle:.1f} ({low:.1f} to {high:.1f}) are\npredicted" in page
+    p_misfit = f"{small['p_misfit']:.4f}".lstrip("0")
+    assert f"{small['coverage']:.0%}".replace("%", " %") + " of the times inside the band" in page
+    assert f"misfit {small['misfit']:.1f}, p {p_misfit}, where" in page
+    assert control["groups"] == 1999
     shown = [f"{power['in_row']:.2f}".lstrip("0") for power in done["powers"]]
     assert f"in their row with probability {shown[0]}, and breaks 20 % off with {shown[1]}." in page
     assert not done["cannot_fail"]
