@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
-CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving)
+CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py
 
 .PHONY: demo test core lock lint validate faults fuzz mutation benchmarks study pyramid clean
 
