@@ -21,6 +21,12 @@ def reaction_tables(
 
     species : their order; None for that in which the reactions name them
     """
+    for name, pair in reactions.items():
+        if not (isinstance(pair, Sequence) and len(pair) == 2 and all(isinstance(side, Mapping) for side in pair)):
+            raise ValueError(
+                f"reaction {name!r} is {pair!r}; expected copies needed and made, as in ({{'A': 1}}, {{'B': 1}}); "
+                "Network.from_text reads reactions as text"
+            )
     sides = [(r, side, made) for r, pair in enumerate(reactions.values()) for made, side in enumerate(pair)]
     in_order = dict.fromkeys(name for _, side, _ in sides for name in side)
     named = checked_names("species", tuple(in_order) if species is None else species)

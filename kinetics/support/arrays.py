@@ -92,5 +92,7 @@ def _numeric(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDA
     )
     if not fits:
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        if not given.shape:
+            raise ValueError(f"{name} = {given}; expected a list or an array of shape ({wanted})")
         raise ValueError(f"{name} has shape {given.shape}; expected ({wanted})")
     return given

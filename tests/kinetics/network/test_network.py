@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kinetics import Auto, Direct, General, Lockstep
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+from kinetics.sampling import simulate
 
 ONE = {"species": ("A", "B"), "channels": ("r",), "reactants": [[2, 1]], "stoichiometry": [[-1, 1]], "ways": [3]}
 
@@ -218,6 +219,8 @@ def test_reactions_by_name():
         ({"x": ({"A": -1}, {})}, {}, "copies holds -1; expected at least 0"),
         ({"x": ({"A": 1.5}, {})}, {}, "copies must be whole numbers; 1.5 is not one"),
         ({"x": ({"A": 1}, {})}, {"rate_constants": [1.0, 2.0]}, "rate_constants has shape"),
+        ({"x": "A + B -> C"}, {}, "reaction 'x' is 'A . B -> C'; expected copies needed and made.*Network.from_text"),
+        ({"x": ({"A": 1},)}, {}, "reaction 'x' is .*expected copies needed and made"),
         ({}, {}, "at least one species"),
         ({"x": ({"A": 1}, {})}, {"conserved": {"mass": [1]}}, "changes the conserved quantity 'mass' by -1"),
     ],
@@ -269,3 +272,9 @@ def test_tens_of_thousands_of_channels():
     assert net.propensities(np.arange(n)).sum() == n * (n - 1) / 2
     with pytest.raises(ValueError, match=r"30000 channels by 30000 species as a dense table need 6\.7 GB; read"):
         _ = net.reactants
+
+
+def test_one_time_that_is_no_list_is_told():
+    network = Network.from_text("A -> B, 1")
+    with pytest.raises(ValueError, match=r"times = 100; expected a list or an array of shape \(any\)"):
+        simulate(network, "ssa", {"A": 3}, 100)
