@@ -5,6 +5,7 @@ import signal
 
 import pytest
 from command_line import run, run_here
+from json_outputs import watch_outputs
 
 # Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -30,7 +31,8 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Before several workers start: each of them would compile the same kernels."""
+    """Before any command is imported; and before several workers start: each would compile the same kernels."""
+    watch_outputs()
     if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
         from warm_kernels import compile_kernels
 

@@ -29,9 +29,9 @@ PACKAGES = {
 SCHEMAS = """# JSON schemas
 
 Every command takes `--json` and then prints one object on standard output. The files below are JSON Schema (draft
-2020-12), for a validator or a generator of types. `python -m tests.results.schemas` writes them: it runs every command
-and reads off the keys and the types of what comes. A test holds the output of other calls against them. Numbers that
-are not finite are `null`."""
+2020-12), for a validator or a generator of types. They are not written by hand: `python -m tests.results.schemas` reads
+keys and types off what commands print in the tests, and every later output there must keep to them. A type that no
+call gave may be missing. A `number` that is not finite is `null`."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -87,30 +87,31 @@ def commands(command: click.Command | None = None, words: tuple[str, ...] = ()) 
 
 
 def schema_page() -> str:
-    """The schemas of the commands' JSON, a table each, from the files beside."""
+    """The schemas of the commands' JSON, a table for each form of an output, from the files beside."""
     parts = [SCHEMAS]
     for path in sorted((ROOT / "docs" / "schemas").glob("*.json")):
         schema = json.loads(path.read_text(encoding="utf-8"))
-        rows = [
-            f"| `{name}` | {shape_of(part)} | {'always' if name in schema['required'] else 'sometimes'} |"
-            for name, part in schema["properties"].items()
-        ]
-        parts.append(
-            f"## {schema['title']}\n\n[{path.name}](schemas/{path.name})\n\n| key | value | there |\n|---|---|---|\n"
-            + "\n".join(rows)
-        )
+        parts.append(f"## {schema['title'].removesuffix(' --json')}\n\n[{path.name}](schemas/{path.name})")
+        for form in schema.get("anyOf", [schema]):
+            rows = [
+                f"| `{name}` | {shape_of(part)} | {'always' if name in form['required'] else 'sometimes'} |"
+                for name, part in form["properties"].items()
+            ]
+            parts.append("\n".join(["| key | value | there |", "|---|---|---|", *rows]))
     return "\n\n".join(parts) + "\n"
 
 
 def shape_of(schema: dict[str, Any]) -> str:
     """A schema in a few words: `list of number or null`."""
-    if "anyOf" in schema:
-        return " or ".join(map(shape_of, schema["anyOf"]))
-    kinds = schema.get("type", "anything")
-    if kinds == "array":
-        return f"list of {shape_of(schema.get('items', {}))}"
-    if kinds == "object" and "properties" in schema:
-        return "object: " + ", ".join(f"`{name}`" for name in schema["properties"])
-    if kinds == "object":
-        return f"map to {shape_of(schema.get('additionalProperties', {}))}"
-    return kinds if isinstance(kinds, str) else " or ".join(kinds)
+    found = []
+    kinds = schema.get("type", ["anything"])
+    for kind in kinds if "number" not in kinds else [kind for kind in kinds if kind != "null"]:
+        if kind == "array":
+            found.append(f"list of ({shape_of(schema['items'])})" if schema.get("items") else "list")
+        elif kind == "object" and isinstance(schema.get("additionalProperties"), dict):
+            found.append(f"map to {shape_of(schema['additionalProperties'])}")
+        elif kind == "object":
+            found.append("object of " + ", ".join(f"`{name}`" for name in schema.get("properties", {})))
+        else:
+            found.append(kind)
+    return " or ".join(found)
