@@ -3,6 +3,8 @@
 import pytest
 from pages import run_page
 
+collect_ignore = ["conftest.py", "site"]  # no pages
+
 
 @pytest.fixture(autouse=True)
 def folder_of_the_page(request, tmp_path, monkeypatch):

@@ -14,6 +14,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a 
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+collect_ignore = ["conftest.py"]  # there is another one in docs/, and modules with examples need names of their own
+
+
 def pytest_addoption(parser):
     parser.addoption("--validate", action="store_true", help="also make the long statistical runs")
     parser.addoption(

@@ -38,7 +38,7 @@ def test_every_picture_is_drawn_by_a_command_of_its_page():
 
 
 def test_pages_have_commands():
-    assert sum(len(lines(page)) for page in PAGES) > 60
+    assert sum(len(lines(page)) for page in PAGES) > 50
     assert sum(len(typed(page)) for page in PAGES) > 20
 
 

@@ -22,7 +22,7 @@ KINDS = {dict: "object", list: "array", bool: "boolean", str: "string", int: "in
 Schema = dict[str, Any]
 
 
-# By the ends of their paths: objects whose keys are data, such as the names of species; objects that may have more keys.
+# By the ends of their paths: objects whose keys are data, such as names of species; objects that may have more keys.
 MAPS = (
     *("/initial", "/conserved", "/shape", "/slopes", "mechanics/reference", "/floor", "/composition", "/versions"),
     *("runs/final", "runs/events", "tanks/events", "/paper_estimator", "/quantiles", "/sensitivity_quantiles"),
