@@ -41,7 +41,7 @@ benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
 		echo "== $$bench"; $(BIN)/python -m tests.benchmarks.$$bench || exit 1; done
 
-# The site, in .site; it opens from there in a browser, without a server. A warning ends it.
+# The site, in .site, from where it opens in a browser; its search wants a server (`mkdocs serve`). A warning ends it.
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 

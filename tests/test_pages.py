@@ -1,9 +1,11 @@
 """What the documentation asks a reader to type: commands are run and print what is shown, or at least exist."""
 
 import pytest
+from click.testing import CliRunner
 from pages import PAGES, ROOT, blocks, lines, misspelt, run_page, typed
 
 from tests.results.page_pictures import PICTURES, shown
+from wellmixed import main
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 # Where a page has examples in Python, docs/conftest.py types its commands before them.
@@ -58,6 +60,18 @@ def test_pages_have_commands():
 def test_a_misspelt_command_is_seen(line, said):
     found = misspelt(line)
     assert found is None if said is None else said in found
+
+
+@pytest.mark.parametrize(("shell", "said"), [("bash", "complete -o"), ("zsh", "#compdef"), ("fish", "complete --no")])
+def test_shells_complete_as_the_page_says(shell, said):
+    assert f"_WELLMIXED_COMPLETE={shell}_source wellmixed" in (ROOT / "docs" / "how_to.md").read_text("utf-8")
+    done = CliRunner().invoke(main, [], prog_name="wellmixed", env={"_WELLMIXED_COMPLETE": f"{shell}_source"})
+    assert said in done.output
+
+
+def test_a_word_is_completed():
+    asked = {"_WELLMIXED_COMPLETE": "bash_complete", "COMP_WORDS": "wellmixed pas", "COMP_CWORD": "1"}
+    assert CliRunner().invoke(main, [], prog_name="wellmixed", env=asked).output == "plain,passage\n"
 
 
 def test_no_block_is_left_open():
