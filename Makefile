@@ -7,7 +7,7 @@ SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py
 
-.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks study pyramid clean
+.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study pyramid clean
 
 demo: $(READY)
 	$(BIN)/wellmixed demo --folder demo-output --workers 2
@@ -40,6 +40,10 @@ mutation: $(READY)
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \
 		echo "== $$bench"; $(BIN)/python -m tests.benchmarks.$$bench || exit 1; done
+
+# The site, in .site, from where it opens in a browser; its search wants a server (`mkdocs serve`). A warning ends it.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # The study of results/line4: reads the runs that are there, makes those that are missing, and writes its pages.
 STUDY := results/line4
@@ -90,4 +94,4 @@ lock:
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output
+	rm -rf $(VENV) demo-output .site

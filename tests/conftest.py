@@ -5,12 +5,16 @@ import signal
 
 import pytest
 from command_line import run, run_here
+from json_outputs import watch_outputs
 
 # Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a shell; some tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+collect_ignore = ["conftest.py"]  # there is another one in docs/, and modules with examples need names of their own
 
 
 def pytest_addoption(parser):
@@ -30,7 +34,8 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Before several workers start: each of them would compile the same kernels."""
+    """Before any command is imported; and before several workers start: each would compile the same kernels."""
+    watch_outputs()
     if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
         from warm_kernels import compile_kernels
 

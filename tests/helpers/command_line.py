@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from click.testing import CliRunner
+from json_outputs import command_at, see
 
 COMMAND = Path(sys.executable).with_name("wellmixed")
 
@@ -32,6 +33,9 @@ def run(*arguments, cwd):
     """Run the installed command, its output in pipes. A command that hangs is ended by the time limit of the test."""
     command = [str(COMMAND), *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    if "--json" in command and done.stdout.startswith("{"):
+        words = " ".join(command[1:3])
+        see(command_at(words) or command_at(command[1]), json.loads(done.stdout))
     return Done(done.returncode, done.stdout, done.stderr)
 
 
