@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
 from kinetics.support.cli.options import in_a_folder
-from kinetics.support.tables import text_table
+from kinetics.support.tables import inverse, of_unit, text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
@@ -102,7 +102,9 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
         )
         for row in study.calibration.table()
     ]
-    lines = [text_table(("channel", "ways", "rate (1/tu)", "95 % interval", "events", "exposure (tu)"), rows)]
+    unit = study.calibration.network.time_unit
+    titles = ("channel", "ways", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
+    lines = [text_table(titles, rows)]
     if unseen := about_not_seen(study.calibration):
         lines.append(unseen)
     lines += ["", *diagnosis_lines(study.diagnosis), ""]

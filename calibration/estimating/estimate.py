@@ -18,6 +18,7 @@ from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
 from kinetics.support.shown import on_axes
+from kinetics.support.tables import inverse, of_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,7 +151,7 @@ class Calibration:
         tank = self.total.tank
         return Rates.model_validate(
             {
-                "convention": {"combinations": self.network.combinations},
+                "convention": {"combinations": self.network.combinations, "time_unit": self.network.time_unit},
                 "tank": None if tank is None else tank.size,
                 "channels": channels,
                 "network": self.network.fingerprint,
@@ -197,7 +198,9 @@ class Calibration:
             limits = [[reference.channels[name].low, reference.channels[name].high] for name in names]
             below, above = np.array(limits, dtype=float).T  # nan for None
             sets[label] = plots.Limited(known.known_rates * scale, below * scale, above * scale)
-        return plots.forest(ax, names, sets, "rate per combination of reactants, k N (1/tu)")
+        return plots.forest(
+            ax, names, sets, of_unit("rate per combination of reactants, k N", inverse(self.network.time_unit))
+        )
 
 
 def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:

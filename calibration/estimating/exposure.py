@@ -17,6 +17,7 @@ import numpy as np
 from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers, reals
+from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +169,11 @@ def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Expos
     >>> decay = Network.from_text("decay: A -> 0, 1")
     >>> path = JumpPath(decay, {"A": 2}, times=[0.5], channels=[0], end=3.0)
     >>> {ages: seen.events.tolist() for ages, seen in by_age([path], [0.0, 1.0, 3.0]).items()}
-    {'0-1 tu': [1], '1-3 tu': [0]}
+    {'0-1': [1], '1-3': [0]}
     """
     runs = list(paths)
-    return {f"{a:g}-{b:g} tu": pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
+    unit = runs[0].network.time_unit if runs else ""
+    return {in_unit(f"{a:g}-{b:g}", unit): pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
 
 
 def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:

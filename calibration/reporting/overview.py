@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
 from calibration.reporting.words import in_words
 from kinetics.rates import Rates, about_priors
+from kinetics.support.tables import inverse, of_unit
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
@@ -87,12 +88,13 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     rows = [row | {"paper's estimator": study.paper_rates[row["channel"]]} for row in study.calibration.table()]
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
+    about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
     references = {"paper, Table III": table3} if is_papers_line else None
     breaks = [] if study.break_models is None else _break_parts(study.break_models)
     return [
         Heading("Rates"),
         Text(f"{study.source}. {study.made} {ABOUT_RATES} {about_not_seen(study.calibration)}"),
-        ReportTable("Rate constants (1/tu), per way and combination.", rows, "rates"),
+        ReportTable(f"{about}, per way and combination.", rows, "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),

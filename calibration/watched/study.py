@@ -19,6 +19,7 @@ from calibration.watched.reading import read_watched
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
+from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class WatchedStudy:
         """Where the rates come from, in words."""
         runs, duration = len(self.paths), sum(path.end for path in self.paths)
         events = int(self.calibration.total.events.sum())
-        return f"{runs} watched run{'s' if runs > 1 else ''}, {duration:g} tu and {events} events in all"
+        return f"{runs} watched run{'s' if runs > 1 else ''}, {in_unit(f'{duration:g}', self.calibration.network.time_unit)} and {events} events in all"
 
     @property
     def made(self) -> str:

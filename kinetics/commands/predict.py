@@ -23,7 +23,7 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import Elasticities, Prediction
@@ -183,5 +183,5 @@ def _elasticity_table(found: Elasticities, made: Prediction) -> str:
             error = "" if found.is_exact else f" ± {found.standard_error[p, 0, s]:.2g}"
             cells.append(f"{found.value[p, 0, s]:.3g}{error} ({100 * found.share[p, 0, s]:.0f} %)")
         rows.append(cells)
-    head = f"elasticity of the mean at {made.times[-1]:g} tu (share of the variance that the rates leave)"
+    head = f"elasticity of the mean at {in_unit(f'{made.times[-1]:g}', made.network.time_unit)} (share of the variance that the rates leave)"
     return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), found.note])

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
     from kinetics.rates import BookRates, Rates
 
+CUBES = "cubes"  # the quantity that networks of rule books conserve
 MOST_SHOWN = 30  # species that are shown without being asked for
 
 
@@ -51,6 +52,8 @@ class Start:
         if self.rates is None:
             return self.notes
         breaks, tank = self.rates.breaks, self.tank or self.rates.measured_in
+        if tank is None and CUBES not in self.network.conserved:
+            return self.notes  # a network of no cubes
         shape = ", ".join(f"{name} = {value:.3g}" for name, value in breaks.shape.items())
         words = f"breaks: {breaks.model}{f' ({shape})' if shape else ''}; "
         return (words + ("a tank that the rates do not state" if tank is None else f"tank {tank}"), *self.notes)
@@ -208,9 +211,10 @@ def _from_file(
 ) -> Start:
     from kinetics.formats import read
 
-    for option, value in (("--rates", rates_name), ("--cubes", cubes)):
-        if value is not None:
-            raise ValueError(f"{source} brings its own rates and counts; leave out {option}")
+    if cubes is not None:
+        raise ValueError(f"--cubes {cubes}: {source} has no cubes, and counts of its own; --initial gives others")
+    if rates_name is not None and chosen:
+        raise ValueError("--rates takes the place of all rates of the file, and --set changes one; leave one out")
     model = read(source, copies_per_unit)
     model = model.with_parameters(**chosen) if chosen else model
     counts = dict(zip(model.network.species, model.initial.tolist(), strict=True))
@@ -219,4 +223,16 @@ def _from_file(
     hidden = [name for name, weights in model.observables.items() if not _are_whole(weights)]
     more = [f"no whole sums of counts, and not shown: {', '.join(hidden)}"] if hidden else []
     state = model.network.state(counts)
-    return Start(model.network, state, observables=model.observables, notes=(*model.notes, *more))
+    rates = None if rates_name is None else _rates_of(rates_name, model.network)
+    return Start(model.network, state, rates, observables=model.observables, notes=(*model.notes, *more))
+
+
+def _rates_of(name: str, network: Network) -> Rates:
+    """Rates by channel for the network of a file, in the place of its own."""
+    from kinetics.rates import Rates, are_by_class
+
+    if are_by_class(name):
+        raise ValueError(f"{name} holds rates by class, which are those of rule books; a network file has channels")
+    rates = Rates.load(name)
+    _ = rates.apply(network)  # else it is found out after the network has been shown
+    return rates

@@ -22,6 +22,7 @@ SHIPPED = Path(__file__).parent / "tables"
 class Convention(Settings):
     """The formula by which the numbers of a rates file give a propensity, with every factor stated.
 
+    time_unit : that of all times and, inverted, of the rates; "" where it is not stated
     combinations : of x like reactants: `distinct`, x (x - 1) / 2; `ordered`, x (x - 1); `product`, x x
 
     >>> from kinetics import Convention, Network
@@ -33,7 +34,7 @@ class Convention(Settings):
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
-    time_unit: Literal["tu"] = "tu"
+    time_unit: str = Field(default="tu", max_length=40)
 
 
 class MeasuredRate(Settings):
@@ -189,6 +190,13 @@ class Rates(Settings):
             raise ValueError(
                 f"these rates are for another network: its channels have the same names, but its fingerprint is "
                 f"{self.network[:12]}, not {network.fingerprint[:12]}"
+            )
+
+        stated, expected = self.convention.time_unit, network.time_unit
+        if stated and expected and stated != expected:
+            raise ValueError(
+                f"these rates are per {stated}, and the network's time unit is {expected}; convert them, and state "
+                f"time_unit = '{expected}' in their convention"
             )
 
     def _check_exposures(self, network: Network) -> None:

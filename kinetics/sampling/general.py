@@ -109,7 +109,7 @@ class GeneralSampler(StepwiseSampler):
         if outcome <= outcomes.OVERFLOW:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
-        where = f"at {state_text(self.network.species, state)}, t = {t:.17g} tu"
+        where = f"at {state_text(self.network.species, state)}, t = {t:.17g}"
         if outcome == outcomes.BAD_COUNT:
             event = self.events[int(np.searchsorted(self.model.assign_starts, about, side="right")) - 1]
             name = self.network.species[self.model.assigned[about]]
@@ -141,7 +141,7 @@ class GeneralSampler(StepwiseSampler):
         if outcome == outcomes.UNBOUNDED:
             raise ValueError(
                 f"the law of channel {channel!r}, {self.network.laws[channel]}, has no finite bound right after t = "
-                f"{t:.17g} tu {where}; without one there are no exact runs: keep it away from its pole, as by min(...)"
+                f"{t:.17g} {where}; without one there are no exact runs: keep it away from its pole, as by min(...)"
             )
         raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 

@@ -78,7 +78,7 @@ class Collocation(ListingMethod):
         seconds = plan.seconds + ENTRY * listed
         if seconds > self.max_seconds:
             raise ValueError(
-                f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g} tu, up to {seconds:.3g} s; "
+                f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
                 f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
                 f"sample with the direct method"
             )
@@ -124,8 +124,8 @@ class CollocationPlan(NamedTuple):
         events = float(-generator.diagonal().min(initial=0.0)) * last
         if not (events <= MOST_EVENTS and last < LARGEST):
             raise ValueError(
-                f"the chain is too stiff for collocation: its fastest rate times {last:g} tu is {events:.3g}, at most "
-                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e} tu; ask for earlier times, or use the method 'dense' if it "
+                f"the chain is too stiff for collocation: its fastest rate times {last:g} is {events:.3g}, at most "
+                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if it "
                 f"has few states"
             )
         pattern: Any = abs(generator) + abs(generator.T)
@@ -174,7 +174,7 @@ def integrate(
     while done < times.size:
         if steps.seconds > max_seconds:
             raise ValueError(
-                f"at {float(steps.begin):.3g} of {times[-1]:g} tu the steps of collocation, {float(steps.length):.3g} "
+                f"at {float(steps.begin):.3g} of {times[-1]:g} the steps of collocation, {float(steps.length):.3g} "
                 f"tu, are far shorter than foretold, as in a chain that turns in circles; max_seconds = "
                 f"{max_seconds:g}; raise it, ask for earlier times, or sample with the direct method"
             )

@@ -89,7 +89,7 @@ def exponential_action(rates: Floats, start: Floats, times: Floats) -> Floats:
         return np.tile(start, (times.size, 1))
     if not (fastest < LARGEST and times[-1] < LARGEST and times[times > 0][0] > 1 / LARGEST):
         raise ValueError(
-            f"rates up to {fastest:.3g} 1/tu at times from {times[0]:.3g} to {times[-1]:.3g} tu are beyond what "
+            f"rates up to {fastest:.3g} at times from {times[0]:.3g} to {times[-1]:.3g} are beyond what "
             f"numbers hold; ask for times below {LARGEST:.0e} or lower the fastest rates"
         )
     return _by_squaring(rates, fastest, start, times, step_exponent(fastest, times))

@@ -190,7 +190,7 @@ class _Front:
         is_stiff = self.steps > TRIAL * MAX_STEPS and total > MAX_STEPS
         if is_long or is_stiff or self.time + steps / chain.rate == self.time:
             raise ValueError(
-                f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} tu took "
+                f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
                 f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised); ask for "
                 f"earlier times, lower the fastest rates, use the method 'exact' if it reaches few states, or sample"
@@ -236,7 +236,7 @@ class _Front:
         ranges = ", ".join(f"{name} {a} to {b}" for _, name, a, b in spread)
         return (
             f"over {self.max_states} states matter: {len(self.states)} held all but {self.tolerance:.0e} of the "
-            f"probability at {self.time:.4g} of {self.grid[-1]:g} tu ({ranges}), and more were needed; ask for earlier "
+            f"probability at {self.time:.4g} of {self.grid[-1]:g} ({ranges}), and more were needed; ask for earlier "
             f"times, a larger tolerance or fewer copies, sample with the direct method instead, or raise max_states"
         )
 

@@ -74,13 +74,13 @@ class Transient(ListingMethod):
                 return other.probabilities(transitions, start, grid, space)
         if steps > MAX_STEPS:
             raise ValueError(
-                f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g} tu, at most "
+                f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g}, at most "
                 f"{MAX_STEPS}, and its {n} states are too many for collocation and the dense method; ask for earlier "
                 f"times, start from fewer copies, or sample with the direct method"
             )
         if seconds > self.max_seconds:
             raise ValueError(
-                f"{n} states would take {steps:.3g} steps until {grid[-1]:g} tu, up to {seconds:.3g} s; "
+                f"{n} states would take {steps:.3g} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
                 f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
                 f"sample with the direct method"
             )

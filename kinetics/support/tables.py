@@ -25,6 +25,15 @@ def of_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
+def inverse(unit: str) -> str:
+    """The unit of a rate constant, per way and combination, where times have this one.
+
+    >>> inverse("s"), inverse("")
+    ('1/s', '')
+    """
+    return f"1/{unit}" if unit else ""
+
+
 def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns of text, aligned, for a terminal."""
     widths = [max(len(line[i]) for line in (titles, *rows)) for i in range(len(titles))]

@@ -9,6 +9,7 @@ import numpy as np
 
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from calibration.estimating.diagnosing.groups import Groups, SpreadDiagnostic
+from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True)
@@ -53,5 +54,6 @@ class Ages(SpreadDiagnostic):
             for k, (low, high) in enumerate(bounds):
                 exposure[k] += clocked.passed_between(origin + low, origin + high).sum(axis=0)
                 np.add.at(events[k], clocked.path.channels[fired[(low <= age) & (age < high)]], 1)
-        names = [f"{low:g}-{high:g} tu" if high < np.inf else f"after {low:g} tu" for low, high in bounds]
+        texts = [f"{low:g}-{high:g}" if high < np.inf else f"after {low:g}" for low, high in bounds]
+        names = [in_unit(text, diagnosed.network.time_unit) for text in texts]
         return Groups(names, events, exposure)

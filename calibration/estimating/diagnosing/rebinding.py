@@ -15,6 +15,7 @@ from kinetics.network import Network
 from kinetics.runs import RESTART
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits
+from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +118,9 @@ class Rebinding(Diagnostic):
         return found
 
     def _in_window(self, diagnosed: DiagnosedRuns, window: float, same_pieces: bool) -> list[DiagnosticResult]:
-        variant = f"within {window:g} tu" + (", same pieces" if same_pieces else "")
+        variant = f"within {in_unit(f'{window:g}', diagnosed.network.time_unit)}" + (
+            ", same pieces" if same_pieces else ""
+        )
         pairs = list(undoings(diagnosed.network))
         collect = _by_pieces if same_pieces else _by_kind
         counted = [collect(diagnosed, pair, window) for pair in pairs]
