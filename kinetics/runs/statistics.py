@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
 from kinetics.support.tables import in_unit
@@ -144,10 +145,6 @@ class EnsembleStatistics(Shown):
 
     def marginal_at(self, species: str, time: float, level: float = 0.95) -> Marginal:
         """The distribution of one species at one of the times, with intervals of its probabilities."""
-        from scipy.special import betaincinv
-
-        if not 0 < level < 1:
-            raise ValueError(f"level = {level}; expected a probability below 1")
         s, here = self.network.index(species), np.flatnonzero(self.times == time)
         if not here.size:
             raise ValueError(f"time = {time:g}; expected one of the {self.times.size} times of the runs")
@@ -156,12 +153,7 @@ class EnsembleStatistics(Shown):
         last = int(self.high[t, s] >> self.shift[t, s]) - int(self.origin[t, s])
         found = self.histogram[t, s, : last + 1]
         first = (self.origin[t, s] + np.arange(last + 1)) * width
-        # Clopper & Pearson (1934): exact, if wide.
-        tail = (1 - level) / 2
-        low, high = np.zeros(found.size), np.ones(found.size)
-        some, rest = found > 0, found < self.runs
-        low[some] = betaincinv(found[some], self.runs - found[some] + 1, tail)
-        high[rest] = betaincinv(found[rest] + 1, self.runs - found[rest], 1 - tail)
+        low, high = binomial_limits(found, self.runs, level)
         return Marginal(species, float(time), first, width, found / self.runs, low, high, level, self.network.time_unit)
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:

@@ -7,12 +7,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.support.extras import extra
+from kinetics.support.output import write_whole
 from kinetics.support.tables import of_unit, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_TIMES = 11  # rows of a table for people
 
@@ -63,6 +69,19 @@ class Shown(ABC):
 
     def _repr_html_(self) -> str:
         return self.summary().html
+
+
+class Tabular(ABC):
+    """Base of results with one tidy table."""
+
+    @abstractmethod
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table, for pandas."""
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write the table to a Parquet file, whole or not at all; returns its path."""
+        extra("pyarrow")
+        return write_whole(path, self.to_dataframe().to_parquet(index=False))
 
 
 def over_time(

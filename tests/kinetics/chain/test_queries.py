@@ -24,6 +24,9 @@ from kinetics.chain.queries import AlwaysQuery, RewardQuery, StationaryQuery, Un
         ("R=? [ C<=50 ]", RewardQuery(up_to=50.0)),
         ('R{"a b"}=? [ F x = 0 ]', RewardQuery("a b", until="x = 0")),
         ('R{"r"}=? [ S ]', RewardQuery("r")),
+        ("E[AB] @ 100", RewardQuery("AB", at=100.0)),
+        ('E [ "a b" ]@1e-3', RewardQuery("a b", at=1e-3)),
+        ("E[A(x,y)] @ 0", RewardQuery("A(x,y)", at=0.0)),
         ("P=? [ Fish >= 1 U Good ]", UntilQuery("Good", "Fish >= 1")),
     ],
 )
@@ -53,6 +56,11 @@ def test_what_is_read(text, query):
         ("R=? [ C=3 ]", "expected C<=t"),
         ("R=? [ C<=3 x ]", "expected C<=t"),
         ("R=? [ F<=3 x = 0 ]", "no time bound"),
+        ("E[AB]", "or E[name] @ t"),
+        ("E[AB] @", "expected E[name] @ t, as in E[AB] @ 100"),
+        ("E[] @ 3", "expected E[name] @ t"),
+        ("E[AB] @ soon", "cannot read the question 'E[AB] @ soon': 'soon' is no time"),
+        ("E[AB] @ -1", "time -1; expected a finite number of at least 0"),
     ],
 )
 def test_what_is_not_read(text, message):
