@@ -144,6 +144,7 @@ def predict(
                 **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "method": method,
+                "method_used": made.method,
                 "runs": made.runs,
                 "complete": made.is_complete,
                 "seed": seed,

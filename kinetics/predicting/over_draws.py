@@ -125,7 +125,9 @@ def runs_over_draws(
     kept = None
     if len(means) > 1:
         kept = DrawMeans(posterior, np.array(parameters), np.array(means), np.array(noise))
-    return RunsOverDraws(tally.statistics(asked), np.sqrt(variance / done), kept, done)
+    return RunsOverDraws(
+        tally.statistics(asked, method.name_for(posterior.expected)), np.sqrt(variance / done), kept, done
+    )
 
 
 def _batches(

@@ -62,7 +62,7 @@ def simulate_statistics(
     except KeyboardInterrupt:
         if not tally.runs:
             raise
-    return tally.statistics(runs)
+    return tally.statistics(runs, sampler.name_for(network))
 
 
 @contextmanager

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinetics.scanning.answer import COUNTS, ESTIMATED, NUMBERS, PROVEN, SAMPLED, WORDS, ScanAnswer
 from kinetics.support.arrays import Floats
+from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
 
@@ -119,12 +120,10 @@ class Scan(Shown, Tabular):
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""
-        xarray = extra("xarray")
         dims = (*self.over, "question")
         content = {what: (dims, self.numbers(what)) for what in NUMBERS + COUNTS}
         content |= {what: (dims, self.words(what).astype(str)) for what in WORDS}
-        coordinates = {name: (name, values) for name, values in self.over.items()}
-        found = xarray.Dataset(content, {**coordinates, "question": ("question", list(self.questions))})
+        found = dataset(content, {**self.over, "question": list(self.questions)})
         for name, label in self.labels.items():
             found[name].attrs["long_name"] = label
         return found

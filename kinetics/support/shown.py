@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -82,6 +82,11 @@ class Tabular(ABC):
         """Write the table to a Parquet file, whole or not at all; returns its path."""
         extra("pyarrow")
         return write_whole(path, self.to_dataframe().to_parquet(index=False))
+
+
+def facts(headline: str, values: Mapping[str, str], notes: Sequence[str] = ()) -> ResultTable:
+    """A table with a row for each of a few figures, name -> value."""
+    return ResultTable(headline, ("", "value"), list(values.items()), notes)
 
 
 def over_time(
