@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.passage.certified import leaving_rates
@@ -18,7 +18,7 @@ from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.support.arrays import Counts, Floats, Ints, read_only
 from kinetics.support.shown import ResultTable, Shown
 
 Target = Callable[[Ints], NDArray[np.bool_]]
@@ -129,7 +129,7 @@ class Committor(ChainCommittor):
 
 
 def committor(
-    network: Network, initial: ArrayLike, targets: Mapping[str, Target], max_states: int = MAX_STATES
+    network: Network, initial: Counts, targets: Mapping[str, Target], max_states: int = MAX_STATES
 ) -> Committor:
     """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
 

@@ -20,7 +20,7 @@ from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
-from kinetics.support.arrays import Floats, Ints, reals, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
 from kinetics.support.tables import in_unit
 
@@ -173,7 +173,7 @@ def _probabilities(q: ArrayLike) -> Floats:
 
 def first_passage(
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     max_states: int = MAX_STATES,

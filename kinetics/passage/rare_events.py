@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.passage.level_chain import LevelBins, LevelChances, LevelJumps
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 from kinetics.support.shown import ResultTable, Shown, facts
 
 Level = Callable[[Ints], NDArray[np.float64]]
@@ -78,7 +78,7 @@ class RareEvent(Shown):
 
 def rare_event(
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     level: Level,
     threshold: float,
     end: float,

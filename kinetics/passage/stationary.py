@@ -20,7 +20,7 @@ from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
-from kinetics.support.arrays import Floats, read_only
+from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
 
 MOST_CLASSES = 10  # in a table for people
@@ -124,7 +124,7 @@ class Stationary(ChainStationary):
         return ax
 
 
-def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATES) -> Stationary:
+def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) -> Stationary:
     """The stationary distribution to which the chain converges from `initial`.
 
     max_states : networks with more reachable states, or infinitely many, are refused

@@ -13,7 +13,7 @@ from kinetics.chain import Chain, Sensitivity, passage_sensitivity
 from kinetics.network import Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
-from kinetics.support.arrays import Floats, rising_times
+from kinetics.support.arrays import Counts, Floats, rising_times
 from kinetics.support.intervals import student_quantile
 from kinetics.support.shown import ResultTable, Shown, on_axes
 
@@ -119,7 +119,7 @@ def _range(values: Floats) -> tuple[str, str]:
 def count_elasticities(
     network: Network,
     rates: Rates | BookRates,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     drawn: DrawMeans | None = None,
     observables: Observables | None = None,
@@ -157,7 +157,7 @@ def count_elasticities(
 def passage_elasticities(
     network: Network,
     rates: Rates | BookRates,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     tank: Tank | None = None,

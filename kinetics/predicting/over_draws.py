@@ -15,7 +15,7 @@ from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
 from kinetics.sampling.streamed import unbroken
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 
 RUNS_PER_DRAW = 100
 LIMITS = (0.025, 0.975)
@@ -75,7 +75,7 @@ def runs_over_draws(
     posterior: RatesPosterior,
     shown: Network,
     weights: Ints | None,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int,
     draws: int,
@@ -132,7 +132,7 @@ def runs_over_draws(
 
 def _batches(
     posterior: RatesPosterior,
-    initial: ArrayLike,
+    initial: Counts,
     grid: Floats,
     n_draws: int,
     block: int,

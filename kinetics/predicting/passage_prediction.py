@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network, Tank
 from kinetics.passage import Passage, first_passage
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import BookRates, Rates
-from kinetics.support.arrays import whole_number
+from kinetics.support.arrays import Counts, whole_number
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -54,7 +53,7 @@ class PassagePrediction(Shown):
 def predict_passage(
     network: Network,
     rates: Rates | BookRates | None,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     seed: int = 0,

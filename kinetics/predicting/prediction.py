@@ -17,7 +17,7 @@ from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_d
 from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Counts, Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
 
@@ -119,7 +119,7 @@ class Prediction(Shown, Tabular):
 def predict(
     network: Network,
     rates: Rates | BookRates | None,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     method: SamplingMethod | SolvingMethod | str | None = None,
     runs: int = 1000,

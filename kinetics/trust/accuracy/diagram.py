@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving import Distribution, Transient
-from kinetics.support.arrays import rising_times
+from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Task, shape_of
@@ -190,7 +190,7 @@ class Diagram(Shown, Tabular):
 def measure(
     title: str,
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     *,
     seed: int = 0,

@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from command_line import COMMAND, run_here
+from failing_disk import FailingDisk, fail_here
 
 MODEL = "bind: A + B -> AB, k1\nunbind: AB -> A + B, k2\nk1 = 1e-3\nk2 = 0.1\nA = 20\nB = 10\n"
 LINE = ["scan", "line4", "--rates", "table3"]
@@ -111,6 +112,27 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers):
 def lines(place):
     """Whole lines of the files of scans."""
     return sum(path.read_bytes().count(b"\n") for path in (place / "scans").glob("*.jsonl"))
+
+
+@pytest.mark.parametrize("piece", [1 << 30, 100])
+def test_a_disk_that_fails_at_the_nth_call_loses_no_point_and_no_table(place, monkeypatch, piece):
+    command = ["scan", "model.rxn", "--over", "k1=1e-3,1e-2,1e-1", *ASK, "--max-states", 0, "--runs", 5]
+    command += ["--csv", "a.csv"]
+    right = run_here(*command, "--scans-folder", "right", cwd=place)
+    table = pd.read_csv(place / "a.csv").drop(columns="cpu_seconds")
+    for at in range(1, 200):
+        (place / "a.csv").write_bytes(b"older")
+        disk = FailingDisk(at, piece=piece)
+        with fail_here(monkeypatch, disk):
+            done = run_here(*command, "--scans-folder", str(at), cwd=place)
+        if len(disk.calls) < at:
+            break
+        assert done.code == 3
+        assert (place / "a.csv").read_bytes() == b"older"
+        again = run_here(*command, "--scans-folder", str(at), cwd=place)
+        assert again.code == right.code == 0
+        pd.testing.assert_frame_equal(pd.read_csv(place / "a.csv").drop(columns="cpu_seconds"), table)
+    assert at > 3 * 3 + 4
 
 
 @pytest.mark.parametrize(
