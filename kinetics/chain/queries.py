@@ -4,6 +4,7 @@
     S=? [ phi ]                                         after infinite time
     R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, rate in the end
     E[name] @ t                                         the first of these for short: the mean of a count at a time
+    R{"time"}=? [ F phi ]                               mean time until phi
 
 phi and psi are conditions on counts and labels: see `predicates`. The words F, G, U, I, C and S stand for themselves
 only where these forms have them; a species with such a name is quoted: F "S" >= 1.

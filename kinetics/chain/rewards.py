@@ -13,17 +13,24 @@ from kinetics.chain.checks import Reward
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
+TIME = "time"
+
 
 def named_reward(
-    name: str | None, rewards: Mapping[str, Reward], variables: Sequence[str], counts: ArrayLike | None
+    name: str | None, rewards: Mapping[str, Reward], variables: Sequence[str], counts: ArrayLike | None, n_states: int
 ) -> Reward:
-    """The reward of a name, or the value of a variable; None for the only reward there is."""
+    """The reward of a name, or the value of a variable; None for the only reward there is.
+
+    `time`, where nothing else is called so, is earned at rate 1: its mean until a target is that of the passage time.
+    """
     if name is None and len(rewards) == 1:
         name = next(iter(rewards))
     if name in rewards:
         return rewards[str(name)]
     if name in variables:
         return Reward(np.asarray(counts)[:, list(variables).index(str(name))].astype(float))
+    if name == TIME:
+        return Reward(np.ones(n_states), most=1.0)
     there = ", ".join([*rewards, *variables]) or "none"
     came = "no reward was named" if name is None else f"unknown reward {name!r}"
     raise ValueError(f"{came}; there are {there}")

@@ -21,7 +21,7 @@ from kinetics.scanning.scanned import ScannedModel
 from kinetics.scanning.values import check_size
 from kinetics.support.arrays import Floats, whole_number
 
-LONG = 5.0  # s
+LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
 
 
@@ -53,7 +53,7 @@ def scan(
     workers : processes on this machine
     scheduler : address of a Dask scheduler, whose workers answer instead
     folder : keeps the points as they come; what is there already is not made again
-    tell, progress : called with a sentence on the cost, once the first point is done, and with how far it is
+    tell, progress : called with a sentence on the cost, once the first points are done, and with how far it is
 
     Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
@@ -87,7 +87,7 @@ def scan(
         if progress is not None:
             progress(f"{done} of {len(points)} points")
 
-    def cost(seconds: float, left: int) -> None:
+    def cost(seconds: Sequence[float], left: int) -> None:
         if tell is not None and left:
             tell(_cost(seconds, left, len(points), workers))
 
@@ -126,27 +126,40 @@ def _checked(
     return scanned, grid
 
 
-def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[float, int], None]) -> list[int]:
+def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:
     """Answer the first point here, so that mistakes and the cost are told at once; returns those that are left.
 
-    Where it was quick, a second one: the first also loads what all need.
+    Where it was quick, the second and the last as well: the first also loads what all need, and the last, where values
+    rise, is often the dearest.
     """
-    seconds, made = 0.0, 0
-    while made < min(2, len(missing)) and seconds < LONG:
+    tried: list[int] = []
+    seconds: list[float] = []
+    for number in (*missing[:2], *missing[-1:]):
+        if number in tried or (seconds and seconds[0] > LONG):
+            continue
         began = time.process_time()
-        take(missing[made])
-        seconds, made = time.process_time() - began, made + 1
-    cost(seconds, len(missing) - made)
-    return missing[made:]
+        take(number)
+        tried.append(number)
+        seconds.append(time.process_time() - began)
+    left = [number for number in missing if number not in tried]
+    cost(seconds[1:] or seconds, len(left))
+    return left
 
 
-def _cost(seconds: float, left: int, points: int, workers: int) -> str:
-    """What is left to do, if other points are like the one that took so long."""
-    spread = "" if workers == 1 else f", by {workers} workers in about {_seconds(seconds * left / workers)}"
+def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str:
+    """What is left to do, if other points are like those that took so long."""
+    spread = "" if workers == 1 else f", by {workers} workers in 1/{workers} of that"
+    each, rest = _span(seconds, 1), _span(seconds, left)
     return (
-        f"{points} points, {left} still to be answered; one took {_seconds(seconds)} of CPU, so others like it take "
-        f"{_seconds(seconds * left)}{spread}"
+        f"{points} points, {left} still to be answered; those tried took {each} of CPU each, so the others take "
+        f"{rest}{spread}"
     )
+
+
+def _span(seconds: Sequence[float], many: int) -> str:
+    """From the least to the most, times so many; one figure where they are much the same."""
+    low, high = min(seconds) * many, max(seconds) * many
+    return _seconds(high) if high <= 1.5 * low else f"{_seconds(low)} to {_seconds(high)}"
 
 
 def _seconds(seconds: float) -> str:

@@ -33,7 +33,7 @@ def check_ends(question: str, query: Query) -> None:
 def sampled_answers(
     model: NetworkModel, questions: Sequence[tuple[str, Query]], runs: int, seed: int
 ) -> list[ScanAnswer]:
-    """The answers of `runs` runs, all from the same: counts at given times by an ensemble, what happens by their paths.
+    """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by paths.
 
     Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
     """

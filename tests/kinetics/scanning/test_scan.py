@@ -202,7 +202,8 @@ def test_the_cost_is_told():
     told = []
     scan(decay(), {"k": np.linspace(0.1, 1, 12)}, "E[A] @ 1", tell=told.append)
     assert len(told) == 1
-    assert told[0].startswith("12 points, 10 still to be answered; one took ")
+    assert told[0].startswith("12 points, 9 still to be answered; those tried took ")
+    assert "workers" not in told[0]
     scan(decay(), {"k": [1.0, 2.0]}, "E[A] @ 1", tell=told.append)
     assert len(told) == 1  # nothing is left to foretell
 
