@@ -100,7 +100,8 @@ def scan(
     except KeyboardInterrupt:
         if all(found is None for found in answers):
             raise
-    return Scan(grid, asked.questions, tuple(answers), {name: scanned.label(name) for name in grid})
+    labels = {name: scanned.label(name) for name in grid}
+    return Scan(grid, asked.questions, tuple(answers), labels, scanned.model.network.time_unit)
 
 
 def _checked(

@@ -32,8 +32,8 @@ class DrawnScan(Protocol):
         ...
 
     @property
-    def questions(self) -> tuple[str, ...]:
-        """What was asked."""
+    def titles(self) -> tuple[str, ...]:
+        """What was asked, with the unit of time."""
         ...
 
     @property
@@ -63,12 +63,12 @@ def draw_scan(figure: Any, scan: DrawnScan) -> None:
     for ax in axes.ravel():
         ax.set_axis_off()
     if len(scan.over) == 1:
-        for q, ax in zip(range(len(scan.questions)), axes.ravel(), strict=False):
+        for q, ax in zip(range(len(scan.titles)), axes.ravel(), strict=False):
             ax.set_axis_on()
             _lines(ax, scan, q)
         return
     facets = _facets(scan)
-    for q, question in enumerate(scan.questions):
+    for q, question in enumerate(scan.titles):
         table = scan.numbers("value")[..., q]
         shown = table[np.isfinite(table)]
         limits = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 1.0)
@@ -110,12 +110,14 @@ def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
             )  # fmt: skip
     _scale(ax.xaxis, ax.set_xscale, x)
     ax.set_xlabel(scan.labels[name])
-    ax.set_ylabel(scan.questions[q])
+    ax.set_ylabel(scan.titles[q])
     ax.legend(frameon=False)
 
 
 def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, float]) -> Any:
     """Values (n1, n2) over two names, with contours where there are values enough; returns the coloured mesh."""
+    from matplotlib.patheffects import withStroke
+
     first, second = list(scan.over)[:2]
     x, y = scan.over[first], scan.over[second]
     across, up = np.argsort(x), np.argsort(y)
@@ -128,7 +130,8 @@ def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, floa
     if min(shown.shape) >= ENOUGH and np.isfinite(shown).all():
         within = [level for level in _levels(limits) if shown.min() < level < shown.max()]
         if within:
-            ax.contour(x, y, shown, levels=within, colors="white", linewidths=1.0)
+            lines = ax.contour(x, y, shown, levels=within, colors="white", linewidths=1.0)
+            lines.set(path_effects=[withStroke(linewidth=1.8, foreground="black")])
     ax.set_xlabel(scan.labels[first])
     ax.set_ylabel(scan.labels[second])
     return mesh
@@ -161,7 +164,7 @@ def _facets(scan: DrawnScan) -> list[tuple[int, ...]]:
 
 def _layout(scan: DrawnScan) -> tuple[int, int]:
     """Rows and columns of panels."""
-    facets, questions = len(_facets(scan)), len(scan.questions)
+    facets, questions = len(_facets(scan)), len(scan.titles)
     if facets * questions > MOST_PANELS:
         raise ValueError(
             f"{facets * questions} panels, one for each question and value of a name beyond two; at most {MOST_PANELS} "
@@ -177,4 +180,4 @@ def _layout(scan: DrawnScan) -> tuple[int, int]:
 def _rows_a_question(scan: DrawnScan, q: int) -> int:
     """The first row of a question's panels."""
     rows, _ = _layout(scan)
-    return rows // len(scan.questions) * q
+    return rows // len(scan.titles) * q

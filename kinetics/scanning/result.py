@@ -14,6 +14,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
+from kinetics.support.tables import of_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,12 +31,19 @@ class Scan(Shown, Tabular):
     over : name -> its values; the grid has every combination, the last name going fastest
     answers : (P,) of the points, each with Q answers, or None where Ctrl-C came before it was made
     labels : name -> title of its axis
+    time_unit : of all times in the questions, "" where none is stated
     """
 
     over: Mapping[str, Floats]
     questions: tuple[str, ...]
     answers: tuple[tuple[ScanAnswer, ...] | None, ...]
     labels: Mapping[str, str]
+    time_unit: str = ""
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """The questions, with the unit of their times."""
+        return tuple(of_unit(question, self.time_unit and f"t in {self.time_unit}") for question in self.questions)
 
     @property
     def points(self) -> Iterator[dict[str, float]]:
@@ -106,7 +114,8 @@ class Scan(Shown, Tabular):
             ]
             for row in self.rows
         ]
-        notes = ["limits: proven or estimated of what is exact, 95 % intervals of what is sampled"]
+        notes = [f"times in {self.time_unit}"] if self.time_unit else []
+        notes += ["limits: proven or estimated of what is exact, 95 % intervals of what is sampled"]
         if len(rows) > MOST_ROWS:
             notes.append(f"{len(rows) - MOST_ROWS} more rows; they are in the files, in JSON and in to_dataframe()")
         titles = [*self.over, "question", "value", "limits", "answered", "by", "s CPU"]
@@ -124,6 +133,7 @@ class Scan(Shown, Tabular):
         content = {what: (dims, self.numbers(what)) for what in NUMBERS + COUNTS}
         content |= {what: (dims, self.words(what).astype(str)) for what in WORDS}
         found = dataset(content, {**self.over, "question": list(self.questions)})
+        found.attrs["time_unit"] = self.time_unit
         for name, label in self.labels.items():
             found[name].attrs["long_name"] = label
         return found

@@ -12,6 +12,7 @@ from kinetics.scanning.pictures import draw_scan, size_of
 from kinetics.support import plots
 
 TWO = ["E[AB] @ 10", "P=? [ F<=10 AB >= 4 ]"]
+TITLES = [f"{question} (t in s)" for question in TWO]
 
 
 def binding(over, questions=TWO, **given):
@@ -29,7 +30,7 @@ def drawn(found):
 
 def test_one_name_gives_lines_with_limits():
     panels, bars = drawn(binding({"k": np.geomspace(1e-3, 1, 7)}, max_states=0, runs=30))
-    assert [ax.get_ylabel() for ax in panels] == TWO
+    assert [ax.get_ylabel() for ax in panels] == TITLES
     assert [ax.get_xlabel() for ax in panels] == ["k", "k"]
     assert {ax.get_xscale() for ax in panels} == {"log"}
     assert bars == []
@@ -56,7 +57,7 @@ def test_two_names_give_a_heat_map_with_contours_at_the_marks_of_the_bar():
     assert len(panels) == len(bars) == 2
     for q, (ax, bar) in enumerate(zip(panels, bars, strict=True)):
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("k", "B at time 0")
-        assert bar.get_ylabel() == TWO[q]
+        assert bar.get_ylabel() == TITLES[q]
         (mesh,) = [each for each in ax.collections if isinstance(each, QuadMesh)]
         np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.numbers("value")[..., q].T)
         (lines,) = [each for each in ax.collections if hasattr(each, "levels")]
@@ -72,7 +73,7 @@ def test_values_that_are_few_give_no_contours():
 def test_more_names_give_a_panel_each_with_one_colour_scale():
     panels, bars = drawn(binding({"k": [0.01, 0.1], "A": [5, 10], "B": [2, 4, 6]}))
     assert [ax.get_title() for ax in panels] == ["B = 2", "B = 4", "B = 6"] * 2
-    assert [bar.get_ylabel() for bar in bars] == TWO
+    assert [bar.get_ylabel() for bar in bars] == TITLES
     for row in (panels[:3], panels[3:]):
         assert len({mesh.get_clim() for ax in row for mesh in ax.collections if isinstance(mesh, QuadMesh)}) == 1
 

@@ -266,7 +266,8 @@ def test_the_tables():
     assert float(cube["value"].sel(k=row["k"], A=row["A"], question=row["question"])) == row["value"]
     assert cube["A"].attrs["long_name"] == "A at time 0"
     json.dumps(found.rows)
-    assert len(str(found).splitlines()) == 1 + 1 + 8 + 1
+    assert len(str(found).splitlines()) == 1 + 1 + 8 + 2
+    assert "times in s" in str(found).splitlines()
     assert repr(found).startswith("<Scan: 4 points of k (2) x A (2), 2 questions: 8 proven; ")
     assert found._repr_html_().count("<tr>") == 9
 
