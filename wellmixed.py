@@ -75,6 +75,11 @@ COMMANDS = {
         "ask",
         "Answer exact questions about a Markov chain, with limits.",
     ),
+    "scan": (
+        "kinetics.commands.scan",
+        "scan",
+        "Answer questions over a grid of parameters, rates and counts.",
+    ),
     "rates": ("calibration.commands.rates", "rates", "Estimate reaction rates at each point of a study."),
     "validate": (
         "calibration.commands.validate",

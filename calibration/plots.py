@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats
+from kinetics.support.intervals import binomial_limits
 from kinetics.support.plots import COLOURS
 
 if TYPE_CHECKING:
@@ -229,14 +230,11 @@ def first_times(
 
     observed : (n,) first times, nan where none was seen by the horizon; predicted : label, times, distribution function
     """
-    from scipy.special import betaincinv
-
     n = observed.size
     seen = np.sort(observed[np.isfinite(observed)])
     reached = np.concatenate([np.arange(seen.size + 1), [seen.size]])
     moments = np.concatenate([[0.0], seen, [horizon]])
-    low = np.where(reached > 0, betaincinv(np.maximum(reached, 1), n - reached + 1, 0.025), 0.0)
-    high = np.where(reached < n, betaincinv(reached + 1, np.maximum(n - reached, 1), 0.975), 1.0)
+    low, high = binomial_limits(reached, n)
     label, times, curve = predicted
     ax.plot(times, curve, color=colour, label=label)
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
+    from kinetics.scanning import Scan, ScanAnswer, ScannedModel, scan
     from kinetics.solving import (
         Collocation,
         Dense,
@@ -71,6 +72,7 @@ _HOMES = {
         *("Auto", "CompositionRejection", "Direct", "General", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
+    "kinetics.scanning": ("Scan", "ScanAnswer", "ScannedModel", "scan"),
     "kinetics.solving": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
@@ -111,6 +113,9 @@ __all__ = [
     "RareEvent",
     "Rates",
     "Reward",
+    "Scan",
+    "ScanAnswer",
+    "ScannedModel",
     "Sensitivity",
     "StateSpace",
     "Stationary",
@@ -128,6 +133,7 @@ __all__ = [
     "rare_event",
     "reachable",
     "sample_path",
+    "scan",
     "simulate",
     "simulate_statistics",
     "solve",

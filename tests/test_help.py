@@ -21,7 +21,7 @@ HEAVY = ("numba", "scipy", "pandas", "pyarrow", "matplotlib", "pybullet", "distr
 # Commands that draw random numbers take --seed; all others give one answer, and a seed would promise another.
 SEEDED = {
     "simulate", "study", "new", "plan", "calibrate", "predict", "passage", "rates", "validate", "verify", "demo",
-    "accuracy kinetics", "accuracy mechanics", "rules compile", "rules draw", "rules grow", "rules rank",
+    "scan", "accuracy kinetics", "accuracy mechanics", "rules compile", "rules draw", "rules grow", "rules rank",
 }  # fmt: skip
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
-from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit
+from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, compare_fits
 from kinetics.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
+from kinetics.support.shown import ResultTable, Shown
 
 if TYPE_CHECKING:
     from kinetics.rates import Rates
@@ -22,8 +23,8 @@ FOLDS = 5
 CLOSE = 2.0  # of AIC: within it of the smallest, the model with the fewest parameters is taken
 
 
-@dataclass(frozen=True, eq=False)
-class BreakComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class BreakComparison(Shown):
     """Break models fitted to the same runs.
 
     The breaks alone say whether others break a structure: all models are compared by their likelihood (`fits`). Where
@@ -71,6 +72,20 @@ class BreakComparison:
             return cls.of(runs, within=within)
         model = break_model(name)
         return cls((fit_breaks(model, runs),), tuple(_fits_by_partner([model], runs)), within)
+
+    @property
+    def headline(self) -> str:
+        """Which models were fitted to how many channels."""
+        return f"break models {', '.join(fit.model.name for fit in self.fits)}, fitted to the same runs"
+
+    def summary(self) -> ResultTable:
+        """One row a model; the choice below."""
+        rows = [
+            (row["model"], str(row["free_parameters"]), f"{row['log_likelihood']:.6g}", f"{row['aic_above_least']:.3g}")
+            for row in compare_fits(self.fits)
+        ]
+        titles = ("break model", "free parameters", "log-likelihood", "AIC above the least")
+        return ResultTable(self.headline, titles, rows, [f"chosen: {self.chosen.model.name}"])
 
     def __getitem__(self, name: str) -> RateFit:
         for fit in self.fits:

@@ -17,7 +17,7 @@ from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import inverse, of_unit
 
 if TYPE_CHECKING:
@@ -88,8 +88,8 @@ class RateEstimate:
         return ax
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Shown):
     """The rates of a network as estimated from runs.
 
     runs : events and exposure of each run; their sum gives the estimates, their spread the diagnostics
@@ -108,6 +108,34 @@ class Calibration:
     def __post_init__(self) -> None:
         for run in self.runs:
             require_same(self.network, run.network)
+
+    @property
+    def headline(self) -> str:
+        """Of how many channels, from how many runs."""
+        return f"rates of {len(self.network.channels)} channels from {len(self.runs)} runs"
+
+    def summary(self) -> ResultTable:
+        """One row a channel: events, exposure, and the rate with its interval."""
+        rows = [
+            (
+                row["channel"],
+                str(row["events"]),
+                f"{row['exposure']:.4g}",
+                row["note"] or f"{row['rate']:.4g} [{row['low']:.3g}, {row['high']:.3g}]",
+            )
+            for row in self.table()
+        ]
+        unit = self.network.time_unit or "tu"
+        titles = ("channel", "events", of_unit("exposure", unit), of_unit("rate constant, 95 % interval", f"1/{unit}"))
+        return ResultTable(self.headline, titles, rows)
+
+    def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int = 0) -> Any:
+        """Independent draws of the rate constants from their posteriors, with the evidence, as `arviz.InferenceData`.
+
+        Under Jeffreys' prior each is Gamma(events + 1/2, exposure); a channel that no run could fire has the prior of
+        `rates`. Needs the extra `inference`.
+        """
+        return self.rates().posterior(self.network).to_arviz(draws, chains, seed)
 
     @cached_property
     def total(self) -> Exposure:

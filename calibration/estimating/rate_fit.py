@@ -15,7 +15,7 @@ from calibration.estimating.rate_model import RateModel
 from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,8 +42,8 @@ class LikelihoodRatio(NamedTuple):
     p_value: float
 
 
-@dataclass(frozen=True, eq=False)
-class RateFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class RateFit(Shown):
     """A model of rates fitted by maximum likelihood.
 
     likelihood : likelihood of the paths to which it was fitted
@@ -63,6 +63,21 @@ class RateFit:
     likelihood: PathLikelihood
     fixed: dict[str, float]
     best: Maximum
+
+    @property
+    def headline(self) -> str:
+        """Which model, of how many channels, and how likely."""
+        return f"{self.model.name} on {len(self.channels)} channels; log-likelihood {self.log_likelihood:.6g}"
+
+    def summary(self) -> ResultTable:
+        """One row a parameter, with its profile-likelihood limits."""
+        rows = []
+        for row in self.table():
+            limits = row["note"] or f"[{row['low']:.3g}, {row['high']:.3g}]"
+            events = "" if row["events"] is None else str(row["events"])
+            rows.append((row["parameter"], f"{row['estimate']:.4g}", limits, events))
+        notes = [f"{self.free_parameters} free parameters; AIC {self.aic:.6g}"]
+        return ResultTable(self.headline, ("parameter", "estimate", "95 % interval", "events"), rows, notes)
 
     @property
     def model(self) -> RateModel:

@@ -18,6 +18,8 @@ from calibration.validating.single_runs import SingleRuns
 from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
+from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,8 +38,8 @@ class Cost:
     exact: float
 
 
-@dataclass(frozen=True, eq=False)
-class CrossValidation:
+@dataclass(frozen=True, eq=False, repr=False)
+class CrossValidation(Shown):
     """Held-out runs from one initial state beside their prediction. Arrays (T, S) over times (tu) and all species.
 
     label : name of the experiment, such as `80 cubes`
@@ -97,6 +99,25 @@ class CrossValidation:
     held_out: HeldOutEvents
     single_runs: SingleRuns
     cost: Cost
+
+    @property
+    def headline(self) -> str:
+        """Of what, and how many runs beside how many predicted groups."""
+        return f"{self.name}: {self.runs} held-out runs beside {self.groups} predicted groups of as many"
+
+    def summary(self) -> ResultTable:
+        """Observed means beside the predicted band at the last time, and the verdict."""
+        rows = [
+            (
+                name,
+                f"{self.observed_mean[-1, s]:.4g}",
+                f"{self.predicted_mean[-1, s]:.4g} [{self.low[-1, s]:.4g}, {self.high[-1, s]:.4g}]",
+            )
+            for s, name in enumerate(self.network.species)
+        ]
+        at = in_unit(f"at {self.times[-1]:g}", self.network.time_unit)
+        band = f"predicted, {100 * self.level:g} % band"
+        return ResultTable(self.headline, (f"mean {at}", "observed", band), rows, [self.verdict.sentence])
 
     @property
     def is_exact(self) -> bool:
@@ -169,7 +190,7 @@ class CrossValidation:
             for s, species in enumerate(self.network.species)
         ]
 
-    def summary(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
         """One row: verdict, coverage and score beside their range under the model, first times, cost of both sides.
 
         A predicted first time without a finite mean (where the target may never come) is nan.
@@ -218,7 +239,7 @@ class CrossValidation:
         """Everything in types that JSON can hold: arrays as lists, nan as None."""
         return _plain(
             {
-                "summary": self.summary(),
+                "summary": self.figures(),
                 "is_consistent": self.is_consistent,
                 "verdict": self.verdict.sentence,
                 "power": [vars(power) for power in self.verdict.powers],
@@ -233,11 +254,21 @@ class CrossValidation:
             }
         )
 
-    def plot(self, axes: Sequence[Axes], species: Sequence[str] | None = None) -> Sequence[Axes]:
-        """Plot observed and predicted means with bands, one species per axes; all species unless some are named."""
+    def plot(self, axes: Sequence[Axes] | None = None, species: Sequence[str] | None = None) -> Sequence[Axes]:
+        """Plot observed and predicted means with bands, one species per axes; all species unless some are named.
+
+        axes : as many; new ones, in a row, where none are given
+        """
         from calibration import plots
         from kinetics.support.plots import colour
 
+        if axes is None:
+            import matplotlib.pyplot as plt
+
+            across = len(species or self.network.species)
+            axes = list(
+                plt.figure(figsize=(4.0 * across, 3.2), layout="constrained").subplots(1, across, squeeze=False)[0]
+            )
         percent, sampled = f"{100 * self.level:g} %", f"SSA, {self.cost.ssa_runs} runs"
         label = f"{'exact' if self.is_exact else sampled}, {percent} band for {self.runs} runs"
         for ax, name in zip(axes, species or self.network.species, strict=True):

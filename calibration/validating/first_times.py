@@ -14,7 +14,7 @@ from kinetics.sampling import Direct, simulate_draws
 from kinetics.solving.states import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, facts, on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +25,8 @@ SAMPLES = 10_000  # SSA runs that stand in for the exact distribution; the error
 PIECE = 1000  # of them at a time, so that they do not fill the memory
 
 
-@dataclass(frozen=True, eq=False)
-class FirstTimes:
+@dataclass(frozen=True, eq=False, repr=False)
+class FirstTimes(Shown):
     """First-passage times observed in runs beside the predicted distribution; all times in tu.
 
     observed : (n,) first times, nan where there was none by the horizon (censored)
@@ -63,6 +63,23 @@ class FirstTimes:
     samples: int
     distance: float
     p_value: float
+
+    @property
+    def headline(self) -> str:
+        """Of which species, in how many runs."""
+        return f"first {self.species} in {len(self.observed)} runs until {self.horizon:g} tu; p {self.p_value:.2g}"
+
+    def summary(self) -> ResultTable:
+        """Observed beside predicted."""
+        values = {
+            "observed mean, cut at the horizon": f"{self.observed_mean:.4g} [{self.low:.4g}, {self.high:.4g}]",
+            "predicted mean, cut alike": f"{self.predicted_mean:.4g}",
+            "its error by sampling": f"{self.predicted_error:.2g}" if self.samples else "none: solved",
+            "runs without one": str(self.censored),
+            "Kolmogorov-Smirnov distance": f"{self.distance:.3g}",
+            "p": f"{self.p_value:.2g}",
+        }
+        return facts(self.headline, values)
 
     @property
     def is_exact(self) -> bool:

@@ -24,6 +24,7 @@ from kinetics.networkfree import Growth, Growths, grow
 from kinetics.networkfree.growth import NOTHING
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ class GrowthEvents:
     p: float
 
 
-@dataclass(frozen=True, eq=False)
-class GrowthComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class GrowthComparison(Shown, Tabular):
     """Held-out runs from one initial state beside their prediction. Arrays (T, V) over times (tu) and V curves.
 
     curves : structures by class of sizes, copies of the target, cubes of the largest structure
@@ -75,6 +76,17 @@ class GrowthComparison:
     events: tuple[GrowthEvents, ...]
     most_groups: int = 0
     powers: tuple[Power, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """Of what, and how many runs beside how many predicted groups."""
+        return f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many"
+
+    def summary(self) -> ResultTable:
+        """The curves at the last time; the verdict below."""
+        rows = [curve[:4] for curve in self._curve_rows()]
+        titles = (f"mean at {self.times[-1]:g} tu", "seen", "predicted (95 %)", "times inside")
+        return ResultTable(self.headline, titles, rows, [self.sentence])
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -143,7 +155,18 @@ class GrowthComparison:
             (e.kind, str(e.seen), f"{e.expected:.1f} ({e.low:.0f}-{e.high:.0f})", shown_p(e.p, least_p(self.groups)))
             for e in self.events
         ]
-        curves = [
+        curves = (f"mean at {self.times[-1]:g} tu", "seen", "predicted (95 %)", "times inside", "misfit", "")
+        return "\n".join(
+            [
+                self.headline,
+                text_table(("events", "seen", "expected (95 %)", ""), events),
+                text_table(curves, self._curve_rows()),
+            ]
+        )
+
+    def _curve_rows(self) -> list[tuple[str, ...]]:
+        """One row a curve: means at the last time, times inside the band, misfit and its p."""
+        return [
             (
                 name,
                 f"{self.observed[-1, v]:.3g}",
@@ -154,15 +177,6 @@ class GrowthComparison:
             )
             for v, name in enumerate(self.curves)
         ]
-        return "\n".join(
-            [
-                f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many",
-                text_table(("events", "seen", "expected (95 %)", ""), events),
-                text_table(
-                    (f"mean at {self.times[-1]:g} tu", "seen", "predicted (95 %)", "times inside", "misfit", ""), curves
-                ),
-            ]
-        )
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a time and curve."""
@@ -202,13 +216,17 @@ class GrowthComparison:
             },
         }
 
-    def plot(self, figure: Any) -> Any:
+    def plot(self, figure: Any = None) -> Any:
         """One panel a curve, each with an axis of its own: predicted mean with its band, observed means as points.
 
-        figure : a Matplotlib figure, which it fills; returned
+        figure : a Matplotlib figure, which it fills; a new one where none is given. Returned
         """
         from kinetics.support import plots
 
+        if figure is None:
+            import matplotlib.pyplot as plt
+
+            figure = plt.figure(layout="constrained")
         across = min(3, len(self.curves))
         panels = figure.subplots(-(-len(self.curves) // across), across, sharex=True, squeeze=False)
         for v, ax in enumerate(panels.flat):

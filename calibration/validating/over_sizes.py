@@ -54,4 +54,4 @@ class ComparedSizes:
 
     def summary(self) -> list[dict[str, Any]]:
         """One row a size."""
-        return [comparison.summary() for comparison in self.comparisons]
+        return [comparison.figures() for comparison in self.comparisons]

@@ -10,6 +10,7 @@ from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow
 from calibration.validating.power import LEVEL, Power
 from calibration.validating.predictive import shown_p
+from kinetics.support.shown import ResultTable, Shown
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class ConsistencyCheck:
         return f"{self.what}, {shown_p(self.p, self.least)}"
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Shown):
     """Whether the held-out runs are consistent with the prediction.
 
     checks : all of them, the smallest p-value first
@@ -41,6 +42,19 @@ class Verdict:
     checks: tuple[ConsistencyCheck, ...]
     failed: tuple[ConsistencyCheck, ...]
     powers: tuple[Power, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """Whether all checks passed, of how many."""
+        word = "consistent with the prediction" if self.is_consistent else f"not consistent: {len(self.failed)} fail"
+        return f"{word}, {len(self.checks)} checks at {100 * LEVEL:g} %"
+
+    def summary(self) -> ResultTable:
+        """One row a check, the smallest p-value first."""
+        failed = set(self.failed)
+        rows = [(check.what, shown_p(check.p, check.least), "fails" * (check in failed)) for check in self.checks]
+        notes = [f"so many runs would have shown {power.sentence}" for power in self.powers]
+        return ResultTable(self.headline, ("check", "p", ""), rows, notes)
 
     @property
     def is_consistent(self) -> bool:

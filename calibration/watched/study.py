@@ -70,9 +70,10 @@ class WatchedStudy:
     @property
     def source(self) -> str:
         """Where the rates come from, in words."""
-        runs, duration = len(self.paths), sum(path.end for path in self.paths)
+        runs, unit = len(self.paths), self.calibration.network.time_unit
+        duration = in_unit(f"{sum(path.end for path in self.paths):g}", unit)
         events = int(self.calibration.total.events.sum())
-        return f"{runs} watched run{'s' if runs > 1 else ''}, {in_unit(f'{duration:g}', self.calibration.network.time_unit)} and {events} events in all"
+        return f"{runs} watched run{'s' if runs > 1 else ''}, {duration} and {events} events in all"
 
     @property
     def made(self) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown
 
 LOPSIDED = 100.0  # how much wider the upper side is where the chain may be lost
 
@@ -59,8 +60,8 @@ class ChainAnswer:
         return f"{self.value:.12g} (+- {wide:.1e}{relative}, {kind}; {self.method})"
 
 
-@dataclass(frozen=True, eq=False)
-class ChainDistribution:
+@dataclass(frozen=True, eq=False, repr=False)
+class ChainDistribution(Shown):
     """The probability of every state of a chain at each time, with its error.
 
     times : (T,) tu
@@ -83,6 +84,23 @@ class ChainDistribution:
 
     def __post_init__(self) -> None:
         read_only(self.probabilities)
+
+    @property
+    def headline(self) -> str:
+        """How much it holds, and how it was found."""
+        n_times, n_states = self.probabilities.shape
+        return (
+            f"probabilities of {n_states} states at {n_times} times; method {self.method}; {self.cpu_seconds:.2g} s CPU"
+        )
+
+    def summary(self) -> ResultTable:
+        """The likeliest states at the last time."""
+        last = self.probabilities[-1]
+        order = np.argsort(-last, kind="stable")[:MOST_TIMES]
+        kind = "proven" if self.is_bound else "estimated"
+        notes = [f"error of all probabilities together {self.error:.1g}, {kind}"]
+        rows = [(str(row), f"{last[row]:.6g}") for row in order]
+        return ResultTable(self.headline, ("state", f"probability at {self.times[-1]:g}"), rows, notes)
 
     def mean(self, values: ArrayLike) -> Floats:
         """Mean (T,) of values (N,), or means (T, V) of values (N, V); of a mask, its probability."""

@@ -316,7 +316,7 @@ class Chain:
         """The reward of a question that `reward` takes."""
         if sum([at is not None, up_to is not None, until is not None, stationary]) != 1:
             raise ValueError("give one of at, up_to, until and stationary")
-        given = named_reward(name, self.rewards, self.variables, self.counts)  # type: ignore[arg-type]
+        given = named_reward(name, self.rewards, self.variables, self.counts, len(self))  # type: ignore[arg-type]
         if at is not None and given.impulses is not None:
             raise ValueError(f"reward {name!r} has impulses, which have no rate at one time; ask for it up to a time")
         return given

@@ -3,6 +3,8 @@
     P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, G<=100, U<=100
     S=? [ phi ]                                         after infinite time
     R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, rate in the end
+    E[name] @ t                                         the first of these for short: the mean of a count at a time
+    R{"time"}=? [ F phi ]                               mean time until phi
 
 phi and psi are conditions on counts and labels: see `predicates`. The words F, G, U, I, C and S stand for themselves
 only where these forms have them; a species with such a name is quoted: F "S" >= 1.
@@ -22,9 +24,11 @@ from kinetics.network.laws.reading import LONGEST, shortened
 
 Answer_co = TypeVar("Answer_co", covariant=True)
 FRAME = re.compile(r'(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\}\s*)?=\s*\?\s*\[(.*)\]', re.DOTALL)
+MEAN = re.compile(r"E\s*\[(.*)\]\s*@(.*)", re.DOTALL)
 BOUND = re.compile(r"\s*(<=|<|>=|>|=|\[)\s*([^\s\[\],]+)")
 FORMS = (
-    'expected P=? [ F phi ], P=? [ G phi ], P=? [ phi U psi ], S=? [ phi ] or R{"name"}=? [ I=t | C<=t | F phi | S ]'
+    'expected P=? [ F phi ], P=? [ G phi ], P=? [ phi U psi ], S=? [ phi ], R{"name"}=? [ I=t | C<=t | F phi | S ] or '
+    "E[name] @ t"
 )
 
 
@@ -124,6 +128,9 @@ def parse(question: str) -> Query:
     """The question that a text asks; conditions in it are read when they meet a chain, which has their names."""
     if len(question) > LONGEST:
         raise ValueError(f"a question of {len(question)} characters; at most {LONGEST} are read")
+    mean = MEAN.fullmatch(question.strip())
+    if mean:
+        return _mean(question, mean[1].strip().strip("\"'"), mean[2].strip())
     found = FRAME.fullmatch(question.strip())
     if not found:
         raise ValueError(f"cannot read the question {shortened(question)!r}; {FORMS}")
@@ -136,6 +143,15 @@ def parse(question: str) -> Query:
         if kind == "S":
             return StationaryQuery(inner.strip())
         return _path(inner.strip()) if kind == "P" else _reward(name, inner.strip())
+    except ValueError as error:
+        raise ValueError(f"cannot read the question {shortened(question)!r}: {error}") from None
+
+
+def _mean(question: str, name: str, time: str) -> RewardQuery:
+    if not name or not time:
+        raise ValueError(f"cannot read the question {shortened(question)!r}; expected E[name] @ t, as in E[AB] @ 100")
+    try:
+        return RewardQuery(name, at=_time(time))
     except ValueError as error:
         raise ValueError(f"cannot read the question {shortened(question)!r}: {error}") from None
 

@@ -10,22 +10,46 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.checks import Reward
+from kinetics.network import Network
 from kinetics.support.arrays import Floats
+
+TIME = "time"
 
 
 def named_reward(
-    name: str | None, rewards: Mapping[str, Reward], variables: Sequence[str], counts: ArrayLike | None
+    name: str | None, rewards: Mapping[str, Reward], variables: Sequence[str], counts: ArrayLike | None, n_states: int
 ) -> Reward:
-    """The reward of a name, or the value of a variable; None for the only reward there is."""
+    """The reward of a name, or the value of a variable; None for the only reward there is.
+
+    `time`, where nothing else is called so, is earned at rate 1: its mean until a target is that of the passage time.
+    """
     if name is None and len(rewards) == 1:
         name = next(iter(rewards))
     if name in rewards:
         return rewards[str(name)]
     if name in variables:
         return Reward(np.asarray(counts)[:, list(variables).index(str(name))].astype(float))
+    if name == TIME:
+        return Reward(np.ones(n_states), most=1.0)
     there = ", ".join([*rewards, *variables]) or "none"
     came = "no reward was named" if name is None else f"unknown reward {name!r}"
     raise ValueError(f"{came}; there are {there}")
+
+
+def observable_rewards(
+    network: Network, observables: Mapping[str, Mapping[str, float]], counts: ArrayLike
+) -> dict[str, Floats]:
+    """Sums of the counts (N, S) of a network's states as rewards; left out are species, and sums that may be negative.
+
+    observables : name -> weight of each species in the sum
+    """
+    table = np.asarray(counts, dtype=float)
+    places = network.species_places
+    return {
+        name: table[:, [places[each] for each in weights]] @ np.array(list(weights.values()), dtype=float)
+        for name, weights in observables.items()
+        if name not in places and min(weights.values(), default=0.0) >= 0.0
+    }
 
 
 def earned(

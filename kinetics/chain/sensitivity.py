@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.chain.chain import Chain, Mask, Target
 from kinetics.chain.checks import Reward, square
@@ -36,7 +35,7 @@ from kinetics.passage.backward import LimitedValue
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import STEP_SECONDS
-from kinetics.support.arrays import Floats, real_number, whole_number
+from kinetics.support.arrays import Counts, Floats, real_number, whole_number
 
 ADJOINT, SQUARING = "adjoint uniformisation", "squaring, with its derivative"
 EQUATIONS = "linear equations, adjoint"
@@ -254,7 +253,7 @@ class Sensitivity:
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
 
 
-def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: int = 1) -> tuple[Sensitivity, Mask]:
+def sensitivity_to(network: Network, initial: Counts, species: str, copies: int = 1) -> tuple[Sensitivity, Mask]:
     """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
@@ -271,7 +270,7 @@ def sensitivity_to(network: Network, initial: ArrayLike, species: str, copies: i
 
 
 def passage_sensitivity(
-    network: Network, initial: ArrayLike, species: str, copies: int = 1, certain: bool = True
+    network: Network, initial: Counts, species: str, copies: int = 1, certain: bool = True
 ) -> Derivatives:
     """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 

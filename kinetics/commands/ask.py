@@ -136,16 +136,10 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
 def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: str | int | None) -> Chain:
     """The chain of a network, whose observables are rewards as well."""
     from kinetics.chain import Chain
+    from kinetics.chain.rewards import observable_rewards
 
     chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
-    places = model.network.species_places
-    counts = np.asarray(chain.counts, dtype=float)
-    sums = {}
-    for name, weights in model.observables.items():
-        if name not in places and min(weights.values(), default=0.0) >= 0.0:
-            columns = counts[:, [places[each] for each in weights]]
-            sums[name] = columns @ np.array(list(weights.values()), dtype=float)
-    return chain.with_rewards(sums)
+    return chain.with_rewards(observable_rewards(model.network, model.observables, np.asarray(chain.counts)))
 
 
 def _slopes(chain: Chain, queries: list[Query]) -> list[Derivatives]:

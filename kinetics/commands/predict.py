@@ -144,6 +144,7 @@ def predict(
                 **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
                 "method": method,
+                "method_used": made.method,
                 "runs": made.runs,
                 "complete": made.is_complete,
                 "seed": seed,
@@ -183,5 +184,6 @@ def _elasticity_table(found: Elasticities, made: Prediction) -> str:
             error = "" if found.is_exact else f" ± {found.standard_error[p, 0, s]:.2g}"
             cells.append(f"{found.value[p, 0, s]:.3g}{error} ({100 * found.share[p, 0, s]:.0f} %)")
         rows.append(cells)
-    head = f"elasticity of the mean at {in_unit(f'{made.times[-1]:g}', made.network.time_unit)} (share of the variance that the rates leave)"
+    last = in_unit(f"{made.times[-1]:g}", made.network.time_unit)
+    head = f"elasticity of the mean at {last} (share of the variance that the rates leave)"
     return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), found.note])

@@ -29,6 +29,7 @@ class Start:
     tank : where it happens; None for the tank of the rates
     observables : name -> weight of each species in the sum
     notes : remarks on how a network file was read, or on rates that were not measured
+    cube : species that is a free single cube; "" in a network file, which knows of none
     """
 
     network: Network
@@ -37,6 +38,7 @@ class Start:
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tank: Tank | None = None
     notes: tuple[str, ...] = ()
+    cube: str = ""
 
     @property
     def conditions(self) -> dict[str, Any]:
@@ -147,7 +149,7 @@ def start(
     if tank is not None and rates.tank is None:
         raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
     notes = (about_priors(rates.not_measured),) if rates.not_measured else ()
-    return Start(network, network.state(counts), rates, tank=tank, notes=notes)
+    return Start(network, network.state(counts), rates, tank=tank, notes=notes, cube=monomer)
 
 
 def _by_class(
@@ -159,17 +161,18 @@ def _by_class(
 
     rates = BookRates(ClassRates.load(rates_name), derive(RuleBook.load(source)))
     book, network = rates.derivation.book, rates.derivation.network
+    monomer = network.species[rates.derivation.species_of(book.monomer())]
     if cubes is None:
         counts = counts_of(initial or "")
     else:
-        counts = {network.species[rates.derivation.species_of(book.monomer())]: cubes}
+        counts = {monomer: cubes}
         seed = book.seed()
         if seed is not None:
             counts[network.species[rates.derivation.species_of(seed)]] = 1
     tank = None if edges is None else Tank(edges)
     if tank is not None and rates.measured_in is None:
         raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
-    return Start(network, network.state(counts), rates, tank=tank)
+    return Start(network, network.state(counts), rates, tank=tank, cube=monomer)
 
 
 def network_of_book(name: str) -> tuple[Network, str]:

@@ -9,14 +9,14 @@ import numpy as np
 
 from kinetics.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, read_only
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import text_table
 
 ROUNDED = 2.0**-52  # of a quotient
 
 
-@dataclass(frozen=True, eq=False)
-class Derivatives:
+@dataclass(frozen=True, eq=False, repr=False)
+class Derivatives(Shown):
     """The derivatives of an answer by the logarithm of each of P parameters: d answer / d ln(parameter).
 
     parameters : names (P,), of channels for their rate constants
@@ -91,7 +91,13 @@ class Derivatives:
             "cpu_seconds": self.cpu_seconds,
         }
 
-    def __str__(self) -> str:
+    @property
+    def headline(self) -> str:
+        """Of which answer, by how many parameters."""
+        return f"derivatives of {self.answer.value:.6g} by {len(self.parameters)} parameters; method {self.method}"
+
+    def summary(self) -> ResultTable:
+        """Elasticity with its error and derivative, a row a parameter."""
         low, high = self.elasticity_limits
         wide = np.maximum(high - self.elasticity, self.elasticity - low)
         rows = [
@@ -99,8 +105,12 @@ class Derivatives:
             for name, elasticity, error, value in zip(self.parameters, self.elasticity, wide, self.value, strict=True)
         ]
         kind = "proven" if self.is_bound else "estimated"
-        table = text_table(("parameter", "elasticity", "+-", "d / d ln"), rows)
-        return f"{table}\nof {self.answer.value:.12g}; limits {kind}; {self.method}; {self.cpu_seconds:.2g} s CPU"
+        note = f"of {self.answer.value:.12g}; limits {kind}; {self.method}; {self.cpu_seconds:.2g} s CPU"
+        return ResultTable(self.headline, ("parameter", "elasticity", "+-", "d / d ln"), rows, [note])
+
+    def __str__(self) -> str:
+        table = self.summary()
+        return "\n".join([text_table(table.titles, table.rows), *table.notes])
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -14,18 +14,19 @@ from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NOTHING = -1  # in `before` and `after` of an event that takes or makes one structure only
 FEW_SIZES = 6  # up to which each size is shown by itself
+MOST_STRUCTURES = 12  # in a table for people
 MOST_CLASSES = 7  # of sizes; with the target as many as there are colours
 
 
-@dataclass(frozen=True, eq=False)
-class Growth:
+@dataclass(frozen=True, eq=False, repr=False)
+class Growth(Shown, Tabular):
     """Every event of one network-free run.
 
     structures : (S,) canonical, first those at time 0, then in the order in which they first formed
@@ -81,6 +82,19 @@ class Growth:
         short = np.flatnonzero(self.initial[sides] + total - offset < 0)
         if short.size:
             raise ValueError(f"an event takes {self.structures[sides[short[0]]]}, of which there is none")
+
+    @property
+    def headline(self) -> str:
+        """How much happened, in which tank, for how long."""
+        return f"{len(self.times)} events among {self.n_cubes} cubes until {self.end:g} tu, network-free"
+
+    def summary(self) -> ResultTable:
+        """Structures, and cubes of the largest, at some of the times."""
+        times = np.linspace(0.0, self.end, MOST_TIMES) if self.end else np.zeros(1)
+        table = self.by_size(times)
+        figures = table.sum(axis=1), table.shape[1] - 1 - np.argmax(table[:, ::-1] > 0, axis=1)
+        names = ("structures", "cubes of the largest")
+        return over_time(self.headline, times, "tu", names, lambda t, s: str(figures[s][t]))
 
     @cached_property
     def _changes(self) -> tuple[Ints, Ints, Ints]:
@@ -194,8 +208,8 @@ def aligned(structure: Structure, to: Structure, scheme: str) -> Structure:
     return structure.moved(best)
 
 
-@dataclass(frozen=True, eq=False)
-class Growths:
+@dataclass(frozen=True, eq=False, repr=False)
+class Growths(Shown):
     """Independent network-free runs of one tank.
 
     interrupted : whether more runs were requested
@@ -218,6 +232,22 @@ class Growths:
         tanks = {(run.n_cubes, run.end) for run in self.runs}
         if len(tanks) > 1:
             raise ValueError(f"the runs have different (cubes, ends): {sorted(tanks)}; expected runs of one tank")
+
+    @property
+    def headline(self) -> str:
+        """How many runs, of what, for how long."""
+        first = self.runs[0]
+        return f"{len(self.runs)} network-free runs of {first.n_cubes} cubes until {first.end:g} tu"
+
+    def summary(self) -> ResultTable:
+        """What is in the tank at the end, on average, at most `MOST_STRUCTURES` of it."""
+        held = self.final()
+        shown = list(held.items())[:MOST_STRUCTURES]
+        rows = [(str(len(structure)), f"{copies:.4g}", str(structure)) for structure, copies in shown]
+        rest = len(held) - len(shown)
+        notes = [f"{rest} more structures"] if rest else []
+        notes += ["interrupted: more runs were requested"] if self.interrupted else []
+        return ResultTable(self.headline, ("cubes", "mean copies at the end", "structure"), rows, notes)
 
     @property
     def book(self) -> RuleBook:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.passage.certified import leaving_rates
@@ -18,13 +18,14 @@ from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
-from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.support.arrays import Counts, Floats, Ints, read_only
+from kinetics.support.shown import ResultTable, Shown
 
 Target = Callable[[Ints], NDArray[np.bool_]]
 
 
-@dataclass(frozen=True, eq=False)
-class ChainCommittor:
+@dataclass(frozen=True, eq=False, repr=False)
+class ChainCommittor(Shown):
     """The probabilities that each of several targets is reached first, from every state of a chain.
 
     transitions : of the chain, which stops in the targets
@@ -56,6 +57,22 @@ class ChainCommittor:
     def __post_init__(self) -> None:
         for array in (self.committors, self.probabilities, self.mean_times, self.occupation, self.lost):
             read_only(array)
+
+    @property
+    def headline(self) -> str:
+        """Which target is reached first, and how often."""
+        return f"reached first: {self}; {self.occupation.size} states"
+
+    def summary(self) -> ResultTable:
+        """Probability with limits and mean time of each target."""
+        rows = []
+        for k, name in enumerate(self.targets):
+            low, high = self.probability_bounds(name)
+            rows.append((name, f"{self.probabilities[k]:.6g}", f"[{low:.6g}, {high:.6g}]", f"{self.mean_times[k]:.4g}"))
+        rows.append(("none", f"{self.never:.6g}", "", ""))
+        kind = "proven" if self.is_bound else "estimated"
+        notes = [f"solved, not sampled: relative error {self.error:.1g}, {kind}"]
+        return ResultTable(self.headline, ("target", "probability", "limits", "mean time"), rows, notes)
 
     def probability_bounds(self, target: str, row: int | None = None) -> tuple[float, float]:
         """Limits of the probability that a target is reached first, from the start or from state `row`."""
@@ -93,7 +110,7 @@ class ChainCommittor:
         return ", ".join([*(f"{name}: {chance:.4g}" for name, chance in reached), f"none: {self.never:.4g}"])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Committor(ChainCommittor):
     """The probabilities that each of several targets is reached first, from every state of a network.
 
@@ -123,7 +140,7 @@ class Committor(ChainCommittor):
 
 
 def committor(
-    network: Network, initial: ArrayLike, targets: Mapping[str, Target], max_states: int = MAX_STATES
+    network: Network, initial: Counts, targets: Mapping[str, Target], max_states: int = MAX_STATES
 ) -> Committor:
     """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
 

@@ -20,13 +20,13 @@ from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
-from kinetics.support.arrays import Floats, Ints, reals, whole_number
-from kinetics.support.shown import on_axes
+from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
+from kinetics.support.shown import ResultTable, Shown, facts, on_axes
 from kinetics.support.tables import in_unit
 
 
-@dataclass(frozen=True, eq=False)
-class Passage:
+@dataclass(frozen=True, eq=False, repr=False)
+class Passage(Shown):
     """The distribution of a first-passage time.
 
     target : the target, in words
@@ -58,6 +58,21 @@ class Passage:
     is_bound: bool = True
     time_unit: str = ""
     _spread: Callable[[], tuple[float, float]] = field(default=lambda: (np.nan, np.nan), repr=False)
+
+    @property
+    def headline(self) -> str:
+        """Of what it is, its mean, and the number of states."""
+        mean = in_unit(f"{self.mean:.4g}", self.time_unit)
+        return f"time until {self.target}: mean {mean}; {self.n_states} states"
+
+    def summary(self) -> ResultTable:
+        """Mean, standard deviation, probability and some quantiles, and how well they are known."""
+        times = {"mean": self.mean, "sd": self.sd}
+        times |= {f"{100 * q:g} % have arrived by": float(self.quantile(q)) for q in (0.05, 0.5, 0.95)}
+        values = {name: in_unit(f"{value:.6g}", self.time_unit) for name, value in times.items()}
+        kind = "proven" if self.is_bound else "estimated"
+        note = f"solved, not sampled: relative error of mean and probability {self.error:.1g}, {kind}"
+        return facts(self.headline, values | {"probability": f"{self.probability:.6g}"}, [note])
 
     @property
     def is_certain(self) -> bool:
@@ -166,7 +181,7 @@ def _probabilities(q: ArrayLike) -> Floats:
 
 def first_passage(
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     max_states: int = MAX_STATES,

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.passage.level_chain import LevelBins, LevelChances, LevelJumps
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
+from kinetics.support.shown import ResultTable, Shown, facts
 
 Level = Callable[[Ints], NDArray[np.float64]]
 Value = Callable[[Floats, Floats], NDArray[np.float64]]  # of levels (n,) and clocks (n,)
@@ -25,8 +26,8 @@ STUDENT = 2.093024054408263  # 97.5 % quantile at 19 degrees of freedom
 TRUSTED = 0.1  # relative standard error
 
 
-@dataclass(frozen=True)
-class RareEvent:
+@dataclass(frozen=True, repr=False)
+class RareEvent(Shown):
     """An estimate of the probability that a level is reached by a given time.
 
     probability, standard_error : unbiased estimate and its sampling error, from independent replicates
@@ -55,6 +56,24 @@ class RareEvent:
         """Whether the replicates agree to a tenth or better, as the two-sided interval requires."""
         return self.probability > 0.0 and self.standard_error <= TRUSTED * self.probability
 
+    @property
+    def headline(self) -> str:
+        """The estimate with its interval."""
+        return f"probability {self.probability:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+    def summary(self) -> ResultTable:
+        """The estimate, its error and its cost in runs."""
+        values = {
+            "probability": f"{self.probability:.6g}",
+            "standard error": f"{self.standard_error:.2g}",
+            "95 % interval": f"[{self.low:.4g}, {self.high:.4g}]",
+            "stages": str(len(self.chances)),
+            "runs of each stage": str(self.runs),
+            "seed": str(self.seed),
+        }
+        trust = "the replicates agree" if self.is_trusted else "the replicates scatter too widely: give more runs"
+        return facts(self.headline, values, [f"sampled by importance splitting; {trust}"])
+
     def __str__(self) -> str:
         text = (
             f"{self.probability:.4g} [{self.low:.4g}, {self.high:.4g}] by {len(self.chances)} stages of "
@@ -65,7 +84,7 @@ class RareEvent:
 
 def rare_event(
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     level: Level,
     threshold: float,
     end: float,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.native import twins
 from kinetics.network import Network
@@ -16,7 +15,7 @@ from kinetics.passage.first_passage import lumped
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
-from kinetics.support.arrays import Floats, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, rising_times, whole_number
 
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 
@@ -45,7 +44,7 @@ class RestrictedPassage:
 
 def restricted_passage(
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     horizon: float,
     copies: int = 1,

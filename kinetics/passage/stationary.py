@@ -20,9 +20,10 @@ from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
-from kinetics.support.arrays import Floats, read_only
-from kinetics.support.shown import on_axes
+from kinetics.support.arrays import Counts, Floats, read_only
+from kinetics.support.shown import ResultTable, Shown, on_axes
 
+MOST_CLASSES = 10  # in a table for people
 MANY = 20_000  # states on which sparse factors are tried before elimination
 ROUGH = 1e-3  # an error that is told rather than refused
 FINE = 1e-12  # an error known beforehand that needs no proof afterwards
@@ -35,8 +36,8 @@ LOST = 1e-291  # what is smaller may be
 LOWEST = -600.0  # logarithm of the smallest guess
 
 
-@dataclass(frozen=True, eq=False)
-class ChainStationary:
+@dataclass(frozen=True, eq=False, repr=False)
+class ChainStationary(Shown):
     """The distribution of a chain after infinite time.
 
     probabilities : (N,) of every state; 0 for transient states and those that are not reached
@@ -57,8 +58,25 @@ class ChainStationary:
         for array in (self.probabilities, self.weights):
             read_only(array)
 
+    @property
+    def headline(self) -> str:
+        """Its size."""
+        classes = "1 closed class" if len(self.classes) == 1 else f"{len(self.classes)} closed classes"
+        return f"stationary distribution of {self.probabilities.size} states, {classes}"
 
-@dataclass(frozen=True, eq=False)
+    def summary(self) -> ResultTable:
+        """The closed classes, the likeliest first, at most `MOST_CLASSES` of them."""
+        order = np.argsort(-self.weights, kind="stable")[:MOST_CLASSES]
+        rows = [(str(c + 1), f"{self.weights[c]:.6g}", str(len(self.classes[c]))) for c in order]
+        return ResultTable(self.headline, ("closed class", "probability", "states"), rows, self._notes)
+
+    @property
+    def _notes(self) -> list[str]:
+        kind = "proven" if self.is_bound else "estimated"
+        return [f"solved, not sampled: relative error of a probability {self.error:.1g}, {kind}"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Stationary(ChainStationary):
     """The distribution of a network's states after infinite time, starting from one state; all are reachable.
 
@@ -73,6 +91,15 @@ class Stationary(ChainStationary):
     """
 
     space: StateSpace
+
+    def summary(self) -> ResultTable:
+        """Mean and standard deviation of every species."""
+        means, sds = self.mean(), self.sd()
+        rows = [
+            (name, f"{mean:.6g}", f"{sd:.4g}")
+            for name, mean, sd in zip(self.space.network.species, means, sds, strict=True)
+        ]
+        return ResultTable(self.headline, ("species", "mean", "sd"), rows, self._notes)
 
     def mean(self) -> Floats:
         """Mean counts (S,)."""
@@ -110,7 +137,7 @@ class Stationary(ChainStationary):
         return ax
 
 
-def stationary(network: Network, initial: ArrayLike, max_states: int = MAX_STATES) -> Stationary:
+def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) -> Stationary:
     """The stationary distribution to which the chain converges from `initial`.
 
     max_states : networks with more reachable states, or infinitely many, are refused

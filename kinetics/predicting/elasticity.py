@@ -13,9 +13,9 @@ from kinetics.chain import Chain, Sensitivity, passage_sensitivity
 from kinetics.network import Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
-from kinetics.support.arrays import Floats, rising_times
+from kinetics.support.arrays import Counts, Floats, rising_times
 from kinetics.support.intervals import student_quantile
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, on_axes
 
 if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
@@ -28,8 +28,8 @@ EXACT_SECONDS = 60.0  # estimated for one time, likewise
 Gradients = tuple[Floats, Floats]
 
 
-@dataclass(frozen=True, eq=False)
-class Elasticities:
+@dataclass(frozen=True, eq=False, repr=False)
+class Elasticities(Shown):
     """Elasticities of predictions of shape (...) to each of P parameters: d ln(prediction) / d ln(parameter).
 
     parameters : names (P,): channels, for their rates (of a break its coefficient), then shape parameters
@@ -81,6 +81,21 @@ class Elasticities:
         )
         return f"elasticities are {how}; the largest share is the rate most worth more runs"
 
+    @property
+    def headline(self) -> str:
+        """How many there are."""
+        kind = "exact" if self.is_exact else "from draws of the rates"
+        return f"elasticities of {self.prediction.size} figures to {len(self.parameters)} parameters, {kind}"
+
+    def summary(self) -> ResultTable:
+        """Smallest and largest elasticity and share of each parameter."""
+        rows = []
+        for p, name in enumerate(self.parameters):
+            values, share = self.value[p].ravel(), self.share[p].ravel()
+            known = share[np.isfinite(share)]
+            rows.append((name, *_range(values[np.isfinite(values)]), f"{known.max():.0%}" if known.size else ""))
+        return ResultTable(self.headline, ("parameter", "smallest", "largest", "largest share"), rows, [self.note])
+
     def to_dict(self) -> dict[str, Any]:
         """All of it but the prediction; arrays are (P, ...)."""
         return {
@@ -106,10 +121,15 @@ class Elasticities:
         return plots.grouped_bars(ax, self.parameters, names, values, low, high, "elasticity of the mean")
 
 
+def _range(values: Floats) -> tuple[str, str]:
+    """Smallest and largest value; nothing where there is none."""
+    return (f"{values.min():.3g}", f"{values.max():.3g}") if values.size else ("", "")
+
+
 def count_elasticities(
     network: Network,
     rates: Rates | BookRates,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     drawn: DrawMeans | None = None,
     observables: Observables | None = None,
@@ -155,7 +175,7 @@ def count_elasticities(
 def passage_elasticities(
     network: Network,
     rates: Rates | BookRates,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     tank: Tank | None = None,

@@ -15,7 +15,7 @@ from kinetics.network.sparse_tables import SparseTable
 from kinetics.runs import Ensemble
 from kinetics.sampling import SamplingMethod
 from kinetics.sampling.base import check_numbers
-from kinetics.support.arrays import Ints, integers, rising_times
+from kinetics.support.arrays import Counts, Ints, integers, rising_times
 
 if TYPE_CHECKING:
     from kinetics.sampling.base import Sampler
@@ -83,7 +83,7 @@ class ObservedSampling(SamplingMethod):
     def simulate(
         self,
         network: Network,
-        initial: ArrayLike,
+        initial: Counts,
         times: ArrayLike,
         runs: int = 1000,
         seed: int = 0,
@@ -101,4 +101,8 @@ class ObservedSampling(SamplingMethod):
             many = min(block, runs - begin)
             part = self.method.simulate(self.model, initial, grid, many, seed, threads, first_run=first_run + begin)
             parts.append(part.counts @ self.observables.weights)
-        return Ensemble(network, grid, np.concatenate(parts))
+        return Ensemble(network, grid, np.concatenate(parts), self.name_for(network))
+
+    def name_for(self, network: Network) -> str:  # noqa: ARG002
+        """That of the method that makes the runs."""
+        return self.method.name_for(self.model)

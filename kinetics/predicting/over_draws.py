@@ -15,7 +15,7 @@ from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
 from kinetics.sampling.streamed import unbroken
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 
 RUNS_PER_DRAW = 100
 LIMITS = (0.025, 0.975)
@@ -75,7 +75,7 @@ def runs_over_draws(
     posterior: RatesPosterior,
     shown: Network,
     weights: Ints | None,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int,
     draws: int,
@@ -125,12 +125,14 @@ def runs_over_draws(
     kept = None
     if len(means) > 1:
         kept = DrawMeans(posterior, np.array(parameters), np.array(means), np.array(noise))
-    return RunsOverDraws(tally.statistics(asked), np.sqrt(variance / done), kept, done)
+    return RunsOverDraws(
+        tally.statistics(asked, method.name_for(posterior.expected)), np.sqrt(variance / done), kept, done
+    )
 
 
 def _batches(
     posterior: RatesPosterior,
-    initial: ArrayLike,
+    initial: Counts,
     grid: Floats,
     n_draws: int,
     block: int,

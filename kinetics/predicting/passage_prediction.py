@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network, Tank
 from kinetics.passage import Passage, first_passage
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import BookRates, Rates
-from kinetics.support.arrays import whole_number
+from kinetics.support.arrays import Counts, whole_number
+from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import in_unit
 
 
-@dataclass(frozen=True, eq=False)
-class PassagePrediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class PassagePrediction(Shown):
     """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
 
     passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
@@ -41,11 +42,23 @@ class PassagePrediction:
     notes: tuple[str, ...]
     network: Network
 
+    @property
+    def headline(self) -> str:
+        """Its mean time, with the interval from the rates."""
+        mean = in_unit(f"{self.mean:.4g}", self.passage.time_unit)
+        limits = "" if self.low is None else f" [{self.low:.4g}, {self.high:.4g}], 95 % from the rates"
+        return f"time until {self.passage.target}: mean {mean}{limits}"
+
+    def summary(self) -> ResultTable:
+        """The distribution of the time, under its headline and notes."""
+        table = self.passage.summary()
+        return ResultTable(self.headline, table.titles, table.rows, (*table.notes, *self.notes))
+
 
 def predict_passage(
     network: Network,
     rates: Rates | BookRates | None,
-    initial: ArrayLike,
+    initial: Counts,
     species: str,
     copies: int = 1,
     seed: int = 0,

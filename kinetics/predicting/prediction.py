@@ -17,17 +17,19 @@ from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_d
 from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.support.arrays import Floats
-from kinetics.support.shown import ResultTable, Shown, on_axes, over_time
+from kinetics.support.arrays import Counts, Floats
+from kinetics.support.datasets import dataset
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
     from kinetics.solving import Distribution, SolvingMethod
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prediction(Shown):
+class Prediction(Shown, Tabular):
     """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
     mean, sd : mean, and standard deviation of a single run. Where the rates have evidence, a method that samples gives
@@ -38,6 +40,7 @@ class Prediction(Shown):
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
+    method : by its name; one that chooses says in brackets what it chose
     result : the statistics of the runs, or the Distribution, from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None where there is none
 
@@ -101,6 +104,15 @@ class Prediction(Shown):
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
         return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
+    def to_xarray(self) -> xr.Dataset:
+        """The same, with dimensions time and species."""
+        columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
+        if self.low is not None and self.high is not None:
+            columns |= {"low": self.low, "high": self.high}
+        variables = {name: (("time", "species"), values) for name, values in columns.items()}
+        places = {"time": self.times, "species": list(self.network.species)}
+        return dataset(variables, places, self.network.time_unit, method=self.method)
+
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
@@ -115,7 +127,7 @@ class Prediction(Shown):
 def predict(
     network: Network,
     rates: Rates | BookRates | None,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     method: SamplingMethod | SolvingMethod | str | None = None,
     runs: int = 1000,
@@ -211,7 +223,7 @@ def predict(
         error,
         (*notes, *filter(None, [_rounding(result)])),
         result,
-        method.name,
+        method.name_for(model) if isinstance(method, SamplingMethod) else method.name,
         time.process_time() - began,
         is_complete,
         drawn,

@@ -22,7 +22,7 @@ from kinetics.ranking.ranked_book import (
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import whole_number
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 MAX_JOINS = 8  # shown to people; the rest is in `pathways`
 
 
-@dataclass(frozen=True, eq=False)
-class Ranking:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ranking(Shown, Tabular):
     """Rule books of one target in order, the best first.
 
     by : `yield`, the targets at the horizon over those possible, or `first`, the mean time to the first target, where
@@ -98,8 +98,14 @@ class Ranking:
         """Book -> the pairs of sizes that it joins."""
         return {candidate.name: candidate.pathway for candidate in self.books}
 
-    def table(self) -> str:
-        """A table for people: one line per book, then what the figures mean."""
+    @property
+    def headline(self) -> str:
+        """Which book is best, of how many, and by what."""
+        best = f"best {self.books[0].name}" if self.books else "none finished"
+        return f"{len(self.books)} rule books by {self.by}, {self.cubes} cubes until {self.horizon:g} tu: {best}"
+
+    def summary(self) -> ResultTable:
+        """One row per book, then what the figures mean."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
         for place, candidate in zip(self.places, self.books, strict=True):
@@ -116,7 +122,12 @@ class Ranking:
                     f"{candidate.cpu_seconds:.2g}",
                 )
             )
-        return "\n".join([text_table(titles, rows), *self._legend()])
+        return ResultTable(self.headline, titles, rows, self._legend())
+
+    def table(self) -> str:
+        """The table for a terminal, without the headline."""
+        table = self.summary()
+        return "\n".join([text_table(table.titles, table.rows), *table.notes])
 
     def _legend(self) -> list[str]:
         lines = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from kinetics.breaks import Expansion
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.inference import inference_data
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 
@@ -94,6 +96,10 @@ class RatesPosterior:
         if self.breaks.posterior is None:
             return np.hstack([table, np.tile(shapes, (n, 1))])
         return np.hstack([table, shapes[rng.choice(weights.size, size=n, p=weights)]])
+
+    def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int = 0) -> Any:
+        """Independent draws as ArviZ's `InferenceData`; see `inference_data`."""
+        return inference_data(self, draws, chains, seed)
 
     def constants(self, parameters: ArrayLike) -> Floats:
         """Rate constants (n, R'), 1/tu, that go with parameters (n, P)."""

@@ -14,10 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
-from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
+from kinetics.support.datasets import dataset
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, over_time
+from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
 RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
@@ -26,8 +29,8 @@ RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial stat
 BY_WALL, BY_SEVERAL, NO_BREAK, BY_UNKNOWN = -1, -2, -3, -4
 
 
-@dataclass(frozen=True, eq=False)
-class JumpPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class JumpPath(Shown, Tabular):
     """A jump path: every event of one run, in order.
 
     initial : (S,) counts at time 0, and again after each restart
@@ -79,6 +82,20 @@ class JumpPath:
                 )
             object.__setattr__(self, "partners", partners)
         self._check_events(is_open)
+
+    @property
+    def headline(self) -> str:
+        """How much happened, and for how long."""
+        restarts = int((self.channels == RESTART).sum())
+        more = f" and {restarts} restarts" if restarts else ""
+        end = in_unit(f"{self.end:g}", self.network.time_unit)
+        return f"{self.channels.size - restarts} events{more} of {len(self.network.channels)} channels until {end}"
+
+    def summary(self) -> ResultTable:
+        """Counts at some of the times until the end."""
+        times, network = np.linspace(0.0, self.end, MOST_TIMES) if self.end else np.zeros(1), self.network
+        counts = self.at(times)
+        return over_time(self.headline, times, network.time_unit, network.species, lambda t, s: str(counts[t, s]))
 
     def _check_events(self, is_open: NDArray[np.bool_]) -> None:
         """Every event must be possible: its channel open, its reactants there."""
@@ -197,11 +214,12 @@ class JumpPath:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble(Shown):
+class Ensemble(Shown, Tabular):
     """The counts of many independent runs on one grid of times.
 
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
+    method : that made the runs; "" where that is not known
     ValueError: counts of another shape or kind, or negative ones
 
     >>> import numpy as np
@@ -215,6 +233,7 @@ class Ensemble(Shown):
     network: Network
     times: Floats
     counts: Ints
+    method: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", rising_times(self.times))
@@ -249,12 +268,13 @@ class Ensemble(Shown):
         if not kept.any():
             last = f"{self.times[0]:g} to {self.times[-1]:g}" if self.times.size else "none"
             raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
-        return Ensemble(self.network, self.times[kept], self.counts[:, kept])
+        return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method)
 
     @property
     def headline(self) -> str:
         """How much it holds."""
-        return f"{self.runs} runs of {len(self.network.species)} species at {self.times.size} times"
+        size = f"{self.runs} runs of {len(self.network.species)} species at {self.times.size} times"
+        return f"{size}; method {self.method}" if self.method else size
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
@@ -314,6 +334,12 @@ class Ensemble(Shown):
         table = {"run": runs, "time": np.tile(self.times, self.runs)}
         columns = self.counts.reshape(-1, len(self.network.species)).T
         return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+
+    def to_xarray(self) -> xr.Dataset:
+        """The counts, with dimensions run, time and species."""
+        places = {"run": np.arange(self.runs), "time": self.times, "species": list(self.network.species)}
+        counts = {"counts": (("run", "time", "species"), self.counts)}
+        return dataset(counts, places, self.network.time_unit, method=self.method)
 
     @on_axes
     def plot(self, ax: Any) -> Any:

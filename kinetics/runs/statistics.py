@@ -6,7 +6,7 @@ statistics of a set of runs do not depend on the blocks in which they came, on t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,12 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.datasets import dataset
+from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
-from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 # Bins of a histogram, one for each time and species. No power of two: histograms so many bytes apart would push each
 # other out of the cache.
@@ -28,11 +31,12 @@ MOST_BINS, FEWEST_BINS = 4088, 63
 HISTOGRAM_BYTES = 2**28  # of all histograms, as long as there are more than the fewest bins
 MOST_COVARIED = 32  # species up to which all pairs are kept; their number grows with the square
 LARGEST_SQUARE = 2**62
+QUANTILES = (0.025, 0.5, 0.975)  # of tables
 Exact = NDArray[np.object_]  # whole numbers without limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EnsembleStatistics(Shown):
+class EnsembleStatistics(Shown, Tabular):
     """Statistics of the counts of many independent runs on one grid of times; the runs are not kept.
 
     times : (T,) tu, rising
@@ -42,6 +46,7 @@ class EnsembleStatistics(Shown):
         number `origin`. Bins are one count wide where the range allows, and then nothing is rounded
     sums, products : exact integers: sums of the counts (T, S), and of the products of each pair of species (T, P)
     pairs : (2, P) the species of the pairs
+    method : that made the runs; "" where that is not known
 
     >>> from kinetics import Network, simulate_statistics
     >>> source = Network.from_text("0 -> A, 5")
@@ -62,6 +67,7 @@ class EnsembleStatistics(Shown):
     sums: Exact
     products: Exact
     pairs: NDArray[np.intp]
+    method: str = ""
 
     @property
     def is_complete(self) -> bool:
@@ -72,7 +78,8 @@ class EnsembleStatistics(Shown):
     def headline(self) -> str:
         """How much it holds."""
         made = str(self.runs) if self.is_complete else f"{self.runs} of {self.asked}"
-        return f"statistics of {made} runs of {len(self.network.species)} species at {self.times.size} times"
+        size = f"statistics of {made} runs of {len(self.network.species)} species at {self.times.size} times"
+        return f"{size}; method {self.method}" if self.method else size
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
@@ -150,10 +157,6 @@ class EnsembleStatistics(Shown):
 
     def marginal_at(self, species: str, time: float, level: float = 0.95) -> Marginal:
         """The distribution of one species at one of the times, with intervals of its probabilities."""
-        from scipy.special import betaincinv
-
-        if not 0 < level < 1:
-            raise ValueError(f"level = {level}; expected a probability below 1")
         s, here = self.network.index(species), np.flatnonzero(self.times == time)
         if not here.size:
             raise ValueError(f"time = {time:g}; expected one of the {self.times.size} times of the runs")
@@ -162,15 +165,9 @@ class EnsembleStatistics(Shown):
         last = int(self.high[t, s] >> self.shift[t, s]) - int(self.origin[t, s])
         found = self.histogram[t, s, : last + 1]
         first = (self.origin[t, s] + np.arange(last + 1)) * width
-        # Clopper & Pearson (1934): exact, if wide.
-        tail = (1 - level) / 2
-        low, high = np.zeros(found.size), np.ones(found.size)
-        some, rest = found > 0, found < self.runs
-        low[some] = betaincinv(found[some], self.runs - found[some] + 1, tail)
-        high[rest] = betaincinv(found[rest] + 1, self.runs - found[rest], 1 - tail)
-        return Marginal(
-            species, float(time), first, width, found / self.runs, low, high, level, self.network.time_unit, s
-        )
+        low, high = binomial_limits(found, self.runs, level)
+        unit = self.network.time_unit
+        return Marginal(species, float(time), first, width, found / self.runs, low, high, level, unit, s)
 
     def merged(self, other: EnsembleStatistics) -> EnsembleStatistics:
         """Statistics of the runs of both, which must be different runs of one network at the same times."""
@@ -183,7 +180,7 @@ class EnsembleStatistics(Shown):
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)
-        return tally.statistics(self.asked + other.asked)
+        return tally.statistics(self.asked + other.asked, self.method if self.method == other.method else "")
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
@@ -191,10 +188,19 @@ class EnsembleStatistics(Shown):
 
         names = self.network.species
         figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
-        figures |= {f"q{q:g}": self.quantile(q) for q in (0.025, 0.5, 0.975)}
+        figures |= {f"q{q:g}": self.quantile(q) for q in QUANTILES}
         figures["quantile_error"] = self.quantile_error()
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
         return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+
+    def to_xarray(self) -> xr.Dataset:
+        """The statistics, with dimensions time and species, and of the quantiles q."""
+        figures: dict[str, Any] = {"mean": self.mean(), "sd": self.sd(), "standard_error": self.standard_error()}
+        figures |= {"smallest": self.low, "largest": self.high, "quantile_error": self.quantile_error()}
+        variables: dict[str, Any] = {name: (("time", "species"), values) for name, values in figures.items()}
+        variables["quantile"] = (("q", "time", "species"), np.stack([self.quantile(q) for q in QUANTILES]))
+        places = {"time": self.times, "species": list(self.network.species), "q": list(QUANTILES)}
+        return dataset(variables, places, self.network.time_unit, runs=self.runs, method=self.method)
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -205,8 +211,8 @@ class EnsembleStatistics(Shown):
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
 
 
-@dataclass(frozen=True, eq=False)
-class Marginal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Marginal(Shown):
     """Counts of one species at one time, in K bins.
 
     time : in `time_unit`
@@ -224,6 +230,21 @@ class Marginal:
     level: float
     time_unit: str = ""
     place: int = 0
+
+    @property
+    def headline(self) -> str:
+        """What it is of."""
+        return f"copies of {self.species} at {in_unit(f'{self.time:g}', self.time_unit)} in {self.share.size} bins"
+
+    def summary(self) -> ResultTable:
+        """The likeliest bins with their intervals, in order."""
+        shown = np.sort(np.argsort(-self.share, kind="stable")[:MOST_TIMES])
+        bins = [f"{n}" if self.width == 1 else f"{n} to {n + self.width - 1}" for n in self.first[shown].tolist()]
+        rows = [
+            (name, f"{self.share[b]:.4g}", f"[{self.low[b]:.4g}, {self.high[b]:.4g}]")
+            for name, b in zip(bins, shown, strict=True)
+        ]
+        return ResultTable(self.headline, ("copies", "share of runs", f"{100 * self.level:g} % interval"), rows)
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -307,12 +328,13 @@ class Tally:
         self.products += other.products
         self.runs += other.runs
 
-    def statistics(self, asked: int) -> EnsembleStatistics:
-        """Statistics of the runs added so far; nothing more can be added afterwards."""
+    def statistics(self, asked: int, method: str = "") -> EnsembleStatistics:
+        """Statistics of the runs added so far, by the method of that name; nothing can be added afterwards."""
         if not self.runs:
             raise ValueError("no runs were added, so there are no statistics; add some first")
         arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
-        return EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
+        made = EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
+        return replace(made, method=method)
 
 
 def bins_for(n_times: int, n_species: int) -> int:

@@ -48,6 +48,10 @@ class Auto(SamplingMethod):
             raise ValueError(f"no exact method takes this network: {'; '.join(refusals)}")
         return min(candidates, key=lambda method: method.cost(size))
 
+    def name_for(self, network: Network) -> str:
+        """Its name, and that of the chosen method."""
+        return f"{self.name} ({self.choose(network).name})"
+
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for the chosen method."""
         return self.choose(network).prepared(network)

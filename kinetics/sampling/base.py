@@ -19,7 +19,7 @@ from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import order_refusal
-from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 from kinetics.support.memory import check_memory
 
 PIECE = 1000  # runs; an interrupt waits for a piece only
@@ -110,6 +110,10 @@ class SamplingMethod(ABC):
             )
         return refusal
 
+    def name_for(self, network: Network) -> str:  # noqa: ARG002
+        """The name that runs of this network bear; one that chooses also says what it chose."""
+        return self.name
+
     def takes(self, network: Network) -> bool:
         """Whether the method takes the network, see `refusal`."""
         return not self.refusal(network)
@@ -131,7 +135,7 @@ class SamplingMethod(ABC):
     def simulate(
         self,
         network: Network,
-        initial: ArrayLike,
+        initial: Counts,
         times: ArrayLike,
         runs: int = 1000,
         seed: int = 0,
@@ -177,14 +181,14 @@ class SamplingMethod(ABC):
                     raise
         for outcome, run in outcomes:
             check_outcome(outcome, run)
-        return Ensemble(network, grid, out)
+        return Ensemble(network, grid, out, self.name_for(network))
 
-    def sample_path(self, network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
+    def sample_path(self, network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""
         return next(self.sample_paths(network, initial, end, seed, run))
 
     def sample_paths(
-        self, network: Network, initial: ArrayLike, end: float, seed: int = 0, first_run: int = 0
+        self, network: Network, initial: Counts, end: float, seed: int = 0, first_run: int = 0
     ) -> Iterator[JumpPath]:
         """The same of runs first_run, first_run + 1, ..., without end; the network is made ready once."""
         horizon = float(rising_times([end])[0])

@@ -17,7 +17,7 @@ from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, check_outcome, stream_key
 from kinetics.sampling.direct import RecomputingSampler
 from kinetics.sampling.mass_action import mass_action
-from kinetics.support.arrays import Floats, Ints, integers, reals, rising_times
+from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times
 from kinetics.support.memory import check_memory
 
 PIECE_BYTES = 2**26  # of all counts of a draw that are there at a time, where only sums of them are asked for
@@ -27,7 +27,7 @@ BATCH = 16  # draws a thread at a time
 def simulate_draws(
     network: Network,
     constants: ArrayLike,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int,
     seed: int = 0,
@@ -86,7 +86,7 @@ def simulate_draws(
 def exposures_of_draws(
     network: Network,
     constants: ArrayLike,
-    initial: ArrayLike,
+    initial: Counts,
     end: float,
     runs: int,
     seed: int = 0,
@@ -128,9 +128,7 @@ def exposures_of_draws(
         yield seen, watched
 
 
-def _checked(
-    network: Network, constants: ArrayLike, initial: ArrayLike, runs: int, first_run: int
-) -> tuple[Floats, Ints]:
+def _checked(network: Network, constants: ArrayLike, initial: Counts, runs: int, first_run: int) -> tuple[Floats, Ints]:
     """The draws (D, R) and the initial counts (S,)."""
     check_numbers(runs, None, first_run)
     table = reals("constants", constants, (None, len(network.channels)), minimum=0)

@@ -9,6 +9,7 @@ from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.exact_methods import EXACT_METHODS
+from kinetics.support.arrays import Counts
 
 SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (*EXACT_METHODS, Auto)
 BY_NAME = {method.name: method for method in SAMPLING_METHODS}
@@ -17,7 +18,7 @@ BY_NAME = {method.name: method for method in SAMPLING_METHODS}
 def simulate(
     network: Network,
     method: SamplingMethod | str,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int = 1000,
     seed: int = 0,
@@ -44,7 +45,7 @@ def simulate(
     return sampling_method(method).simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
 
 
-def sample_path(network: Network, initial: ArrayLike, end: float, seed: int = 0, run: int = 0) -> JumpPath:
+def sample_path(network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
     The method is that of `path_method`: the direct method under mass action, `General` under other rate laws. (seed,

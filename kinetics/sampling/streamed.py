@@ -14,7 +14,7 @@ from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.methods import sampling_method
-from kinetics.support.arrays import rising_times, whole_number
+from kinetics.support.arrays import Counts, rising_times, whole_number
 
 if TYPE_CHECKING:
     from kinetics.sampling.base import SamplingMethod
@@ -26,7 +26,7 @@ FEWEST_RUNS = 16  # of a block, however large a run is
 def simulate_statistics(
     network: Network,
     method: SamplingMethod | str,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int = 1000,
     seed: int = 0,
@@ -71,7 +71,7 @@ def simulate_statistics(
     except KeyboardInterrupt:
         if not tally.runs:
             raise
-    return tally.statistics(runs)
+    return tally.statistics(runs, sampler.name_for(network))
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from kinetics.network import Network
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transitions import Transitions
-from kinetics.support.arrays import Floats, Ints, real_number, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, real_number, rising_times, whole_number
 from kinetics.support.memory import check_memory
 
 
@@ -61,7 +61,7 @@ class SolvingMethod(ABC):
         if max_states is not None:
             whole_number("max_states", max_states, 1)
 
-    def solve(self, network: Network, initial: ArrayLike, times: ArrayLike) -> Distribution:
+    def solve(self, network: Network, initial: Counts, times: ArrayLike) -> Distribution:
         """Probability of every state at `times` (T,), tu, rising, starting from the state `initial` (S,) at time 0.
 
         ValueError: rates are missing, times do not rise, or the states are too many or the time too long to solve for.

@@ -12,16 +12,18 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats, read_only
-from kinetics.support.shown import ResultTable, Shown, means_over_time, on_axes
+from kinetics.support.datasets import dataset
+from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Distribution(Shown):
+class Distribution(Shown, Tabular):
     """The probability of every state at each time, with its error.
 
     times : (T,) tu
@@ -149,6 +151,20 @@ class Distribution(Shown):
                 "sd": self.sd().ravel(),
             }
         )
+
+    def to_xarray(self) -> xr.Dataset:
+        """Mean, its limits, and sd, with dimensions time and species; the probability of each number of copies."""
+        low, high = self.mean_bounds()
+        figures = {"mean": self.mean(), "low": low, "high": high, "sd": self.sd()}
+        variables: dict[str, Any] = {name: (("time", "species"), values) for name, values in figures.items()}
+        names, most = self.network.species, int(self.space.states.max())
+        chances = np.zeros((self.times.size, len(names), most + 1))
+        for s, name in enumerate(names):
+            marginal = self.marginal(name)
+            chances[:, s, : marginal.shape[1]] = marginal
+        variables["probability"] = (("time", "species", "copies"), chances)
+        places = {"time": self.times, "species": list(names), "copies": np.arange(most + 1)}
+        return dataset(variables, places, self.network.time_unit, error=self.error, is_bound=int(self.is_bound))
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving.base import SolvingMethod
 from kinetics.solving.distribution import Distribution
+from kinetics.support.arrays import Counts
 from kinetics.support.families import members
 
 from kinetics.solving.transient import Transient
@@ -20,7 +21,7 @@ SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMet
 BY_NAME = {method.name: method for method in SOLVING_METHODS}
 
 
-def solve(network: Network, method: SolvingMethod | str, initial: ArrayLike, times: ArrayLike) -> Distribution:
+def solve(network: Network, method: SolvingMethod | str, initial: Counts, times: ArrayLike) -> Distribution:
     """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`.
 
     method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`

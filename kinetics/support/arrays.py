@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from operator import index
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Counts = Mapping[str, int] | ArrayLike  # species -> copies, the others 0; or copies (S,) of all species in order
 
 
 def integers(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: int | None = None) -> Ints:

@@ -47,6 +47,23 @@ def exact_limits(
     )
 
 
+def binomial_limits(hits: ArrayLike, runs: int, level: float = 0.95) -> tuple[Floats, Floats]:
+    """Lower and upper limits (...) of the probabilities behind `hits` (...) among `runs`, exact, if wide.
+
+    Clopper & Pearson (1934), doi:10.1093/biomet/26.4.404.
+    """
+    from scipy.special import betaincinv
+
+    if not 0 < level < 1:
+        raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
+    found, tail = np.asarray(hits), (1 - level) / 2
+    low, high = np.zeros(found.shape), np.ones(found.shape)
+    some, rest = found > 0, found < runs
+    low[some] = betaincinv(found[some], runs - found[some] + 1, tail)
+    high[rest] = betaincinv(found[rest] + 1, runs - found[rest], 1 - tail)
+    return low, high
+
+
 def jeffreys_posterior(events: float, exposure: float) -> tuple[float, float]:
     """Shape and rate of the Gamma posterior of a rate under Jeffreys' (1946) prior: events + 1/2, exposure."""
     return events + 0.5, exposure

@@ -3,7 +3,7 @@
 A file is written under a temporary name beside its target, synced, and renamed. The temporary name is random and is
 opened with O_EXCL and O_NOFOLLOW, so that nothing planted beforehand is written through. Where any step fails (a full
 or failing disk, a limit, Ctrl-C), what stood at the target is as it was. A process killed with SIGKILL may leave a
-`.wellmixed-*.part` behind, which nothing reads.
+`.wellmixed-*.part` behind, which nothing reads. `append_line` alone adds to a file that is there.
 
 Runs have a door of their own, `mechsim.runs.turns`, whose writers of one file take turns.
 """
@@ -21,6 +21,7 @@ from pathlib import Path
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 LONGEST_NAME = 80  # characters; file systems take 255, and endings are added
 ANEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+MORE = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 KINDS = {stat.S_IFLNK: "a symbolic link", stat.S_IFDIR: "a folder"}
 
 
@@ -52,6 +53,29 @@ def write_together(contents: Mapping[Path, bytes | str]) -> None:
             temporary.unlink(missing_ok=True)
     for folder in {path.parent for path in contents}:
         _sync_folder(folder)
+
+
+def append_line(path: str | Path, line: str) -> None:
+    """Add a line to the file at `path`, made if missing; it is on disk before this returns.
+
+    A process that dies on the way may leave the line torn, so a reader must leave out what is no whole line; the next
+    line begins anew behind it. OSError: names the path. ValueError: there is something else than a file.
+    """
+    target = Path(path)
+    check_target(target)
+    with _named(target):
+        descriptor = os.open(target, MORE, 0o666)
+        try:
+            size = os.fstat(descriptor).st_size
+            is_torn = size > 0 and os.pread(descriptor, 1, size - 1) != b"\n"
+            left = memoryview(b"\n" * is_torn + line.encode() + b"\n")
+            while left:
+                left = left[os.write(descriptor, left) :]
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        if not size:
+            _sync_folder(target.parent)
 
 
 @contextlib.contextmanager

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.support.extras import extra
+from kinetics.support.output import write_whole
 from kinetics.support.tables import of_unit, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_TIMES = 11  # rows of a table for people
 
@@ -63,6 +69,24 @@ class Shown(ABC):
 
     def _repr_html_(self) -> str:
         return self.summary().html
+
+
+class Tabular(ABC):
+    """Base of results with one tidy table."""
+
+    @abstractmethod
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table, for pandas."""
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write the table to a Parquet file, whole or not at all; returns its path."""
+        extra("pyarrow")
+        return write_whole(path, self.to_dataframe().to_parquet(index=False))
+
+
+def facts(headline: str, values: Mapping[str, str], notes: Sequence[str] = ()) -> ResultTable:
+    """A table with a row for each of a few figures, name -> value."""
+    return ResultTable(headline, ("", "value"), list(values.items()), notes)
 
 
 def over_time(

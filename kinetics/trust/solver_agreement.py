@@ -18,7 +18,7 @@ from kinetics.solving import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transient import MANY_STEPS
 from kinetics.solving.uniformisation import mixtures
-from kinetics.support.arrays import rising_times
+from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.tables import text_table
 from kinetics.trust.verification.conditional import chain_of
 
@@ -86,7 +86,7 @@ class SolverAgreement:
 
 
 def compare_solvers(
-    network: Network, initial: ArrayLike, times: ArrayLike, solvers: Sequence[SolvingMethod] | None = None
+    network: Network, initial: Counts, times: ArrayLike, solvers: Sequence[SolvingMethod] | None = None
 ) -> SolverAgreement:
     """Compare all pairs of `solvers`, all solving methods by default, at `times` (T,), tu.
 

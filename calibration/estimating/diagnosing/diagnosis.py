@@ -14,7 +14,7 @@ from calibration.estimating.rate_fit import RateFit
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Ints
-from kinetics.support.shown import on_axes
+from kinetics.support.shown import ResultTable, Shown, on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 LEVEL = 0.01  # chance of one or more false alarms among all tests
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """The results of all diagnostics.
 
     tests : the diagnostics, in order
@@ -39,6 +39,16 @@ class Diagnosis:
 
     tests: tuple[Diagnostic, ...]
     results: tuple[DiagnosticResult, ...]
+
+    @property
+    def headline(self) -> str:
+        """How many answers, and how many of them fail."""
+        return f"{len(self.tested)} of {len(self.results)} answers have a p-value, {len(self.failed)} fail"
+
+    def summary(self) -> ResultTable:
+        """One row a diagnostic, the verdict below."""
+        rows = [(row["test"], "" if row["p"] is None else f"{row['p']:.2g}", row["verdict"]) for row in self.verdicts()]
+        return ResultTable(self.headline, ("test", "smallest p", "verdict"), rows, [self.verdict])
 
     @property
     def tested(self) -> list[DiagnosticResult]:

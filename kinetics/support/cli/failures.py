@@ -10,6 +10,8 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.extras import EXTRAS, how_to_install
+
 MISTAKE = 2  # of the user: options, files, their contents, a package that is missing
 OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
 FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
@@ -20,19 +22,6 @@ WRONG_PATH = {
     *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.EACCES, errno.EPERM),
     *(errno.ELOOP, errno.ENAMETOOLONG, errno.EROFS, errno.EINVAL),
 }
-# package that a command may lack -> the extra that brings it
-EXTRAS = {
-    "pybullet": "mech",
-    "pandas": "data",
-    "pyarrow": "data",
-    "matplotlib": "plot",
-    "distributed": "dist",
-    "imageio_ffmpeg": "movie",
-    "plotly": "movie",
-    "libsbml": "sbml",
-    "antimony": "antimony",
-    "bionetgen": "bngl",
-}
 KEPT = "wellmixed.kept"
 
 
@@ -42,7 +31,7 @@ def judged(error: Exception) -> tuple[int, str]:
     if isinstance(error, ValueError):
         return MISTAKE, said
     if isinstance(error, ModuleNotFoundError) and error.name in EXTRAS:
-        return MISTAKE, f"this needs {error.name}; install it by: pip install 'wellmixed[{EXTRAS[error.name]}]'"
+        return MISTAKE, how_to_install(error.name)
     if isinstance(error, OSError):
         is_mistake = isinstance(error, PermissionError) or error.errno in WRONG_PATH
         if error.strerror:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving import Distribution, Transient
-from kinetics.support.arrays import rising_times
+from kinetics.support.arrays import Counts, rising_times
+from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Task, shape_of
 from kinetics.trust.accuracy.distances import Distance, Marginals, sampling_floor
@@ -60,8 +61,8 @@ class LeftOut:
     reason: str
 
 
-@dataclass(frozen=True)
-class Diagram:
+@dataclass(frozen=True, repr=False)
+class Diagram(Shown, Tabular):
     """All points, and what they are measured against.
 
     times : (T,) tu at which the distributions are compared
@@ -146,7 +147,15 @@ class Diagram:
 
         return pd.DataFrame(self.rows())
 
-    def __str__(self) -> str:
+    @property
+    def headline(self) -> str:
+        """Of what, and how large."""
+        return (
+            f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}"
+        )
+
+    def summary(self) -> ResultTable:
+        """One row a point; how they were measured, below."""
         heads = ("method", "setting", "CPU (s)", "error (copies)", "proven bound", "total variation", "error of a mean")
         rows = []
         for p in self.points:
@@ -159,25 +168,29 @@ class Diagram:
                 (name, setting, f"{p.cpu_seconds:.3g}", f"{p.error.copies:.2e}{spread}", bound, variation, mean)
             )
         within = f"within {self.reference_bound:.1e} copies, {'proven' if self.is_proven else 'estimated'}"
-        lines = [
-            f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}",
+        measured = [
             "error: largest Wasserstein distance of a species' distribution from the exact one, over times and species",
             f"reference: {REFERENCE.name}, tolerance {REFERENCE.tolerance:g}, {self.reference_cpu:.3g} CPU s; {within}",
-            text_table(heads, rows),
         ]
+        lines = []
         slopes = [f"{name} {slope:.3f}" for name, slope in self.slopes().items()]
         if slopes:
             lines.append(f"exponent of the error against runs (-1/2 expected): {', '.join(slopes)}")
         lines += [f"left out: {x.curve} {x.label}: {x.reason}" for x in self.left_out]
         if not self.is_complete:
             lines.append("interrupted: only what was finished is shown")
-        return "\n".join(lines)
+        return ResultTable(self.headline, heads, rows, [*measured, *lines])
+
+    def __str__(self) -> str:
+        table = self.summary()
+        measured, others = table.notes[:2], table.notes[2:]  # what the table shows goes before it
+        return "\n".join([self.headline, *measured, text_table(table.titles, table.rows), *others])
 
 
 def measure(
     title: str,
     network: Network,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     *,
     seed: int = 0,

@@ -13,7 +13,7 @@ from kinetics.network import Network
 from kinetics.solving import Distribution, SolvingMethod, Transient
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.uniformisation import DiscreteChain
-from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times
 from kinetics.trust.verification.conditional import Expectations, chain_of, expected_after, transition_matrix
 from kinetics.trust.verification.scores import STEP, RateScore, rate_scores
 
@@ -41,9 +41,7 @@ class Reference:
     solver: SolvingMethod
 
     @classmethod
-    def of(
-        cls, network: Network, initial: ArrayLike, times: ArrayLike, solver: SolvingMethod | None = None
-    ) -> Reference:
+    def of(cls, network: Network, initial: Counts, times: ArrayLike, solver: SolvingMethod | None = None) -> Reference:
         """Solve at `times` (T,), tu, by Transient() unless another solver is given."""
         grid = rising_times(times)
         if grid.size and grid[0] == 0.0:

@@ -6,11 +6,13 @@ from dataclasses import asdict, dataclass
 from math import inf
 from typing import Any
 
+from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import text_table
 from kinetics.trust.verification.base import SamplerFinding
 from kinetics.trust.verification.correlated_runs import LAGS
 from kinetics.trust.verification.rate_scores import RateSight
 
+CHECK_TITLES = ("check", "findings", "failed", "p-value", "sees")
 MOST_SHOWN = 10  # findings that failed
 NOT_SEEN = (
     "mistakes in so few runs, or so small, that right runs scatter as much: the tables above say where that begins",
@@ -44,8 +46,8 @@ class MutantOutcome:
         return bool(self.caught_by)
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(Shown):
     """The outcome of all checks of a sampler.
 
     false_alarm : largest probability that a correct sampler fails any check
@@ -84,6 +86,23 @@ class Verification:
         """Whether no finding failed."""
         return not self.failures
 
+    @property
+    def headline(self) -> str:
+        """Whether all checks passed, of how many findings."""
+        word = "passed" if self.passed else f"{len(self.failures)} failed"
+        return f"{self.method}: {word}; {len(self.findings)} findings on {self.runs} runs (seed {self.seed})"
+
+    def summary(self) -> ResultTable:
+        """One row a check; what failed, and what no check sees, below."""
+        notes = [f"failed: {f.what}: {f.found:.6g}, exact {f.expected:.6g}, p {f.p_value:.1e}" for f in self.failures]
+        unseen = [f"not seen by any check: {what}" for what in NOT_SEEN]
+        chance = f"a right sampler fails with probability {self.false_alarm:g} at most"
+        return ResultTable(self.headline, CHECK_TITLES, self._checks, [*notes[:MOST_SHOWN], chance, *unseen])
+
+    @property
+    def _checks(self) -> list[tuple[str, ...]]:
+        return [(c.name, str(c.findings), str(c.failed), f"{c.p_value:.2g}", c.sees) for c in self.checks]
+
     def __str__(self) -> str:
         right = "" if self.is_bound else ", as far as the solution's error holds, which is an estimate"
         if self.unbounded:
@@ -94,8 +113,7 @@ class Verification:
         if self.failures:
             rows = [(f.what, f"{f.found:.6g}", f"{f.expected:.6g}", f"{f.p_value:.1e}") for f in self.failures]
             lines.append(text_table(("finding", "found", "exact", "p-value"), rows[:MOST_SHOWN]))
-        table = [(c.name, str(c.findings), str(c.failed), f"{c.p_value:.2g}", c.sees) for c in self.checks]
-        lines.append(text_table(("check", "findings", "failed", "p-value", "sees"), table))
+        lines.append(text_table(CHECK_TITLES, self._checks))
         if self.mutants:
             lines.append("power, measured on mutants of these runs, each made once:")
             seen = [(m.name, ", ".join(m.caught_by) or "NOT SEEN") for m in self.mutants]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving import SolvingMethod
-from kinetics.support.arrays import whole_number
+from kinetics.support.arrays import Counts, whole_number
 from kinetics.trust.verification.base import SamplerFinding
 from kinetics.trust.verification.checks import SAMPLER_CHECKS
 from kinetics.trust.verification.mutants import MUTANTS, Mutant, rate_mutant
@@ -28,7 +28,7 @@ MOST_RATES = 6  # that are made wrong one by one
 def verify(
     network: Network,
     method: CountSampler,
-    initial: ArrayLike,
+    initial: Counts,
     times: ArrayLike,
     runs: int = 20_000,
     seed: int = 0,

@@ -104,7 +104,7 @@ def comparison():
 
 
 def test_both_sides_and_their_cost_in_one_table(comparison):
-    row = comparison.summary()
+    row = comparison.figures()
     assert row["label"] == "30 cubes"
     assert row["cpu_mechanics_s"] == 12.5
     assert row["cpu_ssa_s"] >= 0
@@ -153,7 +153,7 @@ def test_channels_without_events_predict_neither_infinity_nor_what_their_band_ex
 
 
 def test_every_output_states_the_verdict(comparison):
-    row = comparison.summary()
+    row = comparison.figures()
     assert row["verdict"] == comparison.verdict.sentence
     assert row["is_consistent"] == comparison.is_consistent
     assert {"p_joins", "p_breaks", "p_scatter_joins", "p_single_runs", "p_misfit", "p_crps", "p_first"} <= row.keys()

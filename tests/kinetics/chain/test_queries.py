@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinetics import Chain
+from kinetics import Chain, Network
 from kinetics.chain import ask
 from kinetics.chain.queries import AlwaysQuery, RewardQuery, StationaryQuery, UntilQuery, parse
 
@@ -24,6 +24,9 @@ from kinetics.chain.queries import AlwaysQuery, RewardQuery, StationaryQuery, Un
         ("R=? [ C<=50 ]", RewardQuery(up_to=50.0)),
         ('R{"a b"}=? [ F x = 0 ]', RewardQuery("a b", until="x = 0")),
         ('R{"r"}=? [ S ]', RewardQuery("r")),
+        ("E[AB] @ 100", RewardQuery("AB", at=100.0)),
+        ('E [ "a b" ]@1e-3', RewardQuery("a b", at=1e-3)),
+        ("E[A(x,y)] @ 0", RewardQuery("A(x,y)", at=0.0)),
         ("P=? [ Fish >= 1 U Good ]", UntilQuery("Good", "Fish >= 1")),
     ],
 )
@@ -53,6 +56,11 @@ def test_what_is_read(text, query):
         ("R=? [ C=3 ]", "expected C<=t"),
         ("R=? [ C<=3 x ]", "expected C<=t"),
         ("R=? [ F<=3 x = 0 ]", "no time bound"),
+        ("E[AB]", "or E[name] @ t"),
+        ("E[AB] @", "expected E[name] @ t, as in E[AB] @ 100"),
+        ("E[] @ 3", "expected E[name] @ t"),
+        ("E[AB] @ soon", "cannot read the question 'E[AB] @ soon': 'soon' is no time"),
+        ("E[AB] @ -1", "time -1; expected a finite number of at least 0"),
     ],
 )
 def test_what_is_not_read(text, message):
@@ -98,3 +106,18 @@ def test_questions_ask_the_methods():
             answer.method,
         )
     assert len({answer.value for _, answer in same}) >= len(same) - 1  # the control: they ask different things
+
+
+def test_time_is_earned_until_a_target():
+    network = Network.from_text("A -> 0, 0.5")
+    chain = Chain.of(network, {"A": 3})
+    answer = ask(chain, 'R{"time"}=? [ F A = 0 ]')
+    truth = 2.0 * (1 + 1 / 2 + 1 / 3)
+    assert answer.low <= truth <= answer.high
+    assert answer.is_bound
+    assert answer.value == pytest.approx(chain.passage("A == 0").mean, rel=1e-12)
+    assert ask(chain, 'R{"time"}=? [ C<=7 ]').value == pytest.approx(7.0, rel=1e-12)
+    named = Chain.of(Network.from_text("time -> 0, 0.5"), {"time": 3})  # a species of that name comes first
+    assert ask(named, 'R{"time"}=? [ I=0 ]').value == 3.0
+    with pytest.raises(ValueError, match="unknown reward 'tim'"):
+        ask(chain, 'R{"tim"}=? [ F A = 0 ]')

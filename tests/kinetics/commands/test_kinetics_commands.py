@@ -31,6 +31,9 @@ def test_predict_as_json():
         assert_allclose(row[0] + 2 * row[1] + 3 * row[2] + 4 * row[3], 20, rtol=1e-12)
     assert len(data["sd"]) == 3
     sampled = json.loads(run(*EXACT[:-1], "ssa", "--times", 10, 50, 100, "--json", "--runs", 400, "--seed", 1))
+    assert (data["method_used"], sampled["method_used"]) == ("exact", "ssa")
+    chosen = json.loads(run(*EXACT[:-1], "auto", "--times", 10, "--json", "--runs", 9))
+    assert (chosen["method"], chosen["method_used"]) == ("auto", "auto (lockstep)")
     for t in range(3):
         for s in range(4):
             allowed = 4.9 * sampled["standard_error"][t][s] + 1e-9

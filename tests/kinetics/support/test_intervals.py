@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import gamma, kstest, poisson, t
+from scipy.stats import binom, gamma, kstest, poisson, t
 
 from kinetics.support.intervals import (
+    binomial_limits,
     exact_limits,
     jeffreys_posterior,
     posterior_draws,
@@ -37,3 +38,20 @@ def test_students_interval_by_hand():
     np.testing.assert_allclose(high, [3 + half, 5.0])
     assert student_quantile(2, 0.9) == pytest.approx(t.ppf(0.95, 2))
     assert np.isnan(student_interval(values[:1])[0]).all()
+
+
+@pytest.mark.parametrize("runs", [7, 40])
+def test_binomial_limits_cover_and_narrower_ones_do_not(runs):
+    """Clopper & Pearson cover at least 95 % at every probability, by the distribution itself; 80 % limits do not."""
+    hits, chances = np.arange(runs + 1), np.linspace(0.001, 0.999, 97)[:, None]
+    for level, is_enough in ((0.95, True), (0.8, False)):
+        low, high = binomial_limits(hits, runs, level)
+        covered = (binom.pmf(hits, runs, chances) * ((low <= chances) & (chances <= high))).sum(axis=1)
+        assert (covered.min() >= 0.95 - 1e-12) is np.bool_(is_enough)
+
+
+def test_binomial_limits_at_the_ends():
+    assert binomial_limits(0, 10)[0] == 0.0
+    assert binomial_limits(10, 10)[1] == 1.0
+    with pytest.raises(ValueError, match=r"level = 1\.5; expected"):
+        binomial_limits(1, 2, 1.5)

@@ -11,7 +11,7 @@ import pytest
 from failing_disk import CALLS, fail_at_each_call
 
 from kinetics.support import output
-from kinetics.support.output import check_target, checked_name, new_folder, write_together, write_whole
+from kinetics.support.output import append_line, check_target, checked_name, new_folder, write_together, write_whole
 
 OLD, NEW = b"older " * 700, b"newer" * 900
 
@@ -245,3 +245,40 @@ def test_a_folder_that_cannot_be_made_is_named_as_it_was_asked_for(tmp_path, mon
     said = "no folder can be made here, Permission denied: .*made'$"
     with pytest.raises(PermissionError, match=said), new_folder(tmp_path / "made"):
         pass
+
+
+def test_lines_are_added_and_a_torn_one_is_left_alone(tmp_path):
+    path = tmp_path / "lines"
+    append_line(path, "one")
+    append_line(path, "zwei \u00e4")
+    assert path.read_text(encoding="utf-8") == "one\nzwei \u00e4\n"
+    path.write_bytes(path.read_bytes()[:-2])  # the last write was cut short
+    append_line(path, "three")
+    assert path.read_bytes().splitlines()[0::2] == [b"one", b"three"]
+
+
+def test_lines_are_added_to_files_alone(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    with pytest.raises(ValueError, match="is a symbolic link"):
+        append_line(tmp_path / "link", "one")
+    assert not (tmp_path / "there").exists()
+    with pytest.raises(OSError, match="could not write"):
+        append_line(tmp_path / "none" / "file", "one")
+
+
+def test_a_full_disk_keeps_the_lines_before(tmp_path, monkeypatch):
+    path, real = tmp_path / "lines", os.write
+    append_line(path, "one")
+    left = [2]
+
+    def write(file, data):
+        if not left:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(file, bytes(data)[: left.pop()])
+
+    monkeypatch.setattr(os, "write", write)
+    with pytest.raises(OSError, match="could not write"):
+        append_line(path, "another")
+    monkeypatch.undo()
+    append_line(path, "three")
+    assert path.read_bytes().splitlines() == [b"one", b"an", b"three"]

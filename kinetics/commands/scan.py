@@ -1,0 +1,198 @@
+"""`wellmixed scan`: questions at every point of a grid of parameters, rate constants and counts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from kinetics.commands.start import is_network_file, start
+from kinetics.support.cli.failures import keep
+from kinetics.support.cli.options import (
+    AskedStart,
+    csv_option,
+    echo_json,
+    in_a_folder,
+    json_option,
+    plot_option,
+    seed_option,
+    starting_options,
+    tank_option,
+    within_option,
+)
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.output import write_whole
+
+if TYPE_CHECKING:
+    from kinetics.commands.start import Start
+
+
+@click.command()
+@starting_options
+@tank_option
+@click.option(
+    "--over",
+    "ranges",
+    metavar="NAME=VALUES",
+    multiple=True,
+    required=True,
+    help="Values a,b,c or low:high:n (also nlin, nlog) of a parameter, a channel's rate constant, a species' count at "
+    "time 0, or cubes; may be repeated.",
+)
+@click.option(
+    "--ask",
+    "questions",
+    metavar="QUESTION",
+    multiple=True,
+    required=True,
+    help="Ask this at every point, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
+)
+@within_option
+@click.option(
+    "--max-states",
+    metavar="N",
+    type=click.IntRange(min=0),
+    default=100_000,
+    show_default=True,
+    help="Sample points that can reach more states than this; 0 samples all.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=1000,
+    show_default=True,
+    help="Number of runs of each point that is sampled.",
+)
+@click.option(
+    "--workers",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Number of points answered at the same time, as processes on this machine.",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Answer points on the workers of the Dask cluster whose scheduler is at this address, as tcp://10.0.0.5:8786.",
+)
+@click.option(
+    "--scans-folder",
+    "folder",
+    metavar="FOLDER",
+    type=click.Path(file_okay=False),
+    default="scans",
+    show_default=True,
+    help="Folder in which points are kept; a point that is already there is not answered again.",
+)
+@csv_option
+@click.option(
+    "--parquet",
+    "parquet_file",
+    metavar="FILE",
+    callback=in_a_folder,
+    help="Write the table to this Parquet file.",
+)
+@plot_option
+@seed_option
+@json_option
+def scan(
+    asked: AskedStart,
+    edges: tuple[float, float, float] | None,
+    ranges: tuple[str, ...],
+    questions: tuple[str, ...],
+    within: str | int | None,
+    max_states: int,
+    runs: int,
+    workers: int,
+    scheduler: str | None,
+    folder: str,
+    csv_file: str | None,
+    parquet_file: str | None,
+    plot_file: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
+
+    NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
+    Questions are those of `wellmixed ask`. Exact answers have limits that are proven unless the column `answered` says
+    otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
+    Ctrl-C the same command goes on from there, and a grid may grow.
+    """
+    from kinetics.scanning import ScannedModel, read_values
+    from kinetics.scanning import scan as make
+    from kinetics.scanning.answering import tell_questions
+
+    over = {}
+    for text in ranges:
+        name, values = read_values(text)
+        if name in over:
+            raise ValueError(f"--over {name} came twice; give all of its values at once")
+        over[name] = values
+    tell_questions(questions)
+    begin = _start(asked, edges, {name: values.tolist() for name, values in over.items()})
+    keep(f"points that are done are kept in {folder}, and the same command goes on from there")
+    with progress_line() as progress:
+        made = make(
+            ScannedModel(begin.model, begin.cube),
+            over,
+            questions,
+            max_states=max_states,
+            within=within,
+            runs=runs,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            folder=folder,
+            tell=lambda text: click.echo(text, err=True),
+            progress=progress,
+        )
+    if csv_file:
+        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
+    if parquet_file:
+        write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
+    if plot_file:
+        from kinetics.scanning.pictures import draw_scan, size_of
+        from kinetics.support import plots
+
+        plots.save_figure(plot_file, lambda figure: draw_scan(figure, made), size_of(made))
+    if as_json:
+        echo_json(
+            {
+                "model": asked.source,
+                "rates": asked.rates_name,
+                "convention": begin.convention,
+                **begin.conditions,
+                "over": dict(made.over),
+                "questions": made.questions,
+                "max_states": max_states,
+                "within": within,
+                "runs": runs,
+                "seed": seed,
+                "points": len(made.answers),
+                "complete": made.is_complete,
+                "rows": made.rows,
+                "notes": begin.notes,
+                "cpu_seconds": made.cpu_seconds,
+            }
+        )
+    else:
+        click.echo("\n".join([str(made), *begin.in_words]))
+    if not made.is_complete:
+        done = sum(answers is not None for answers in made.answers)
+        click.echo(
+            f"Interrupted: {done} of {len(made.answers)} points are answered, and kept in {folder}; the same command "
+            "goes on from there.",
+            err=True,
+        )
+        raise SystemExit(INTERRUPTED)
+
+
+def _start(asked: AskedStart, edges: tuple[float, float, float] | None, over: dict[str, list[float]]) -> Start:
+    """The start that the options describe; where cubes are scanned, with some number of them."""
+    is_open = asked.cubes is None and asked.initial is None
+    if is_open and over.get("cubes") and not is_network_file(asked.source):
+        asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
+    return start(**asked._asdict(), edges=edges)

@@ -1,0 +1,32 @@
+"""The answer to one question at one point of a scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PROVEN, ESTIMATED, SAMPLED = "proven", "estimated", "sampled"
+NUMBERS = ("value", "low", "high", "standard_error", "cpu_seconds")
+COUNTS = ("states", "runs")
+WORDS = ("answered", "method")
+
+
+@dataclass(frozen=True)
+class ScanAnswer:
+    """The answer to one question at one point.
+
+    low, high : limits, proven or estimated, of an exact answer; of a sampled one its 95 % interval, nan where all runs
+        are alike
+    answered : `proven` or `estimated`, of the limits of an exact answer, or `sampled`
+    standard_error : of a sampled value; nan where it is exact
+    states, runs : of the chain, or of the sample; the other is None
+    """
+
+    value: float
+    low: float
+    high: float
+    answered: str
+    method: str
+    cpu_seconds: float
+    standard_error: float = float("nan")
+    states: int | None = None
+    runs: int | None = None

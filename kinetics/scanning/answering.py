@@ -1,0 +1,106 @@
+"""The answers at one point of a scan: exact where its states can be listed, sampled elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetics.chain.chain import Chain
+from kinetics.chain.queries import Query, parse
+from kinetics.chain.rewards import observable_rewards
+from kinetics.formats import NetworkModel
+from kinetics.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
+from kinetics.scanning.sampled import sampled_answers
+from kinetics.scanning.scanned import ScannedModel, digest_of
+from kinetics.solving.states import TooManyStatesError
+from kinetics.support.stream_keys import seed_of
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked at every point of a scan.
+
+    max_states : where more can be reached, or rates depend on time, the point is sampled; 0: everywhere
+    within : condition or number of states within which a chain is followed; None for all
+    runs, seed : of points that are sampled
+    """
+
+    questions: tuple[str, ...]
+    max_states: int
+    within: str | int | None
+    runs: int
+    seed: int
+
+    @property
+    def queries(self) -> list[tuple[str, Query]]:
+        """Every question with what it was read as."""
+        return [(question, parse(question)) for question in self.questions]
+
+    def key(self, model: NetworkModel) -> str:
+        """What the answers at a point depend on, as text: two points of one key have the same answers."""
+        return f"{digest_of(model)} {self!r}"
+
+    def stream(self, model: NetworkModel) -> int:
+        """Seed of the runs at a point: by the model there, so that points are independent, in any grid and order."""
+        return seed_of(f"scan {self.seed} {digest_of(model)}")
+
+
+def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[ScanAnswer]:
+    """The answers at one point; a ValueError names the point and what is wrong there."""
+    try:
+        model = scanned.at(point)
+        exact = _exact(model, asked)
+        if exact is not None:
+            return exact
+        return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
+    except ValueError as error:
+        raise ValueError(f"at {in_words(point)}: {error}") from error
+
+
+def in_words(point: Mapping[str, float]) -> str:
+    """`k1 = 0.001, cubes = 20`"""
+    return ", ".join(f"{name} = {value:g}" for name, value in point.items())
+
+
+def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
+    """The answers of the chain; None where it has too many states, or none because rates depend on time."""
+    if not asked.max_states or not _is_homogeneous(model):
+        return None
+    began = time.process_time()
+    try:
+        chain = Chain.of(model.network, model.initial, max_states=asked.max_states, within=asked.within)
+    except TooManyStatesError:
+        return None
+    rewards = observable_rewards(model.network, model.observables, np.asarray(chain.counts))
+    chain = chain.with_rewards(rewards)
+    listed = (time.process_time() - began) / len(asked.questions)
+    found = []
+    for _, query in asked.queries:
+        answer = query.of(chain)
+        kind = PROVEN if answer.is_bound else ESTIMATED
+        seconds = answer.cpu_seconds + listed
+        found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
+    return found
+
+
+def _is_homogeneous(model: NetworkModel) -> bool:
+    try:
+        model.network.check_homogeneous()
+    except ValueError:
+        return False
+    return True
+
+
+def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
+    """The questions, each readable and none asked twice; a ValueError where not."""
+    given = (questions,) if isinstance(questions, str) else tuple(questions)
+    if not given:
+        raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
+    for question in given:
+        parse(question)
+        if given.count(question) > 1:
+            raise ValueError(f"{question!r} is asked twice; ask it once")
+    return given

@@ -1,0 +1,92 @@
+"""Who answers the points of a scan: this process, several on this machine, or the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+from kinetics.support.extras import extra
+
+ANSWER_WITHIN = 10  # s, for a scheduler
+
+
+@contextmanager
+def crew(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+    """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
+
+    OSError: no scheduler answers at the address.
+    """
+    if scheduler is not None:
+        client = _client(scheduler)
+        try:
+            yield client.get_executor(pure=False)
+        finally:
+            client.close()
+    elif workers == 1:
+        yield None
+    else:
+        with _processes(workers) as pool:
+            yield pool
+
+
+def results(
+    executor: Executor | None, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
+) -> Iterator[tuple[int, Any]]:
+    """Number and result of each task, as they come."""
+    if executor is None:
+        for number, task in enumerate(tasks):
+            yield number, work(*task)
+        return
+    waiting = {executor.submit(work, *task): number for number, task in enumerate(tasks)}
+    try:
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+    except BrokenProcessPool as error:
+        raise ChildProcessError(
+            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
+            "start again with fewer workers"
+        ) from error
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    """Processes on this machine, which Ctrl-C and errors here end at once."""
+    before = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("forkserver" if sys.platform != "win32" else "spawn")
+    pool = ProcessPoolExecutor(workers, context, _begin)
+    try:
+        yield pool
+        pool.shutdown()
+    except BaseException:
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the process that asks; arithmetic of one worker takes one core."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+
+def _client(address: str) -> Any:
+    """A client of the Dask scheduler at an address."""
+    distributed = extra("distributed")
+    try:
+        return distributed.Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise OSError(
+            f"no Dask scheduler answers at {address!r}: {error}; expected the address that `dask scheduler` prints, as "
+            "tcp://10.0.0.5:8786"
+        ) from error

@@ -1,0 +1,177 @@
+"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial limits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.chain.predicates import StateNames
+from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
+from kinetics.formats import NetworkModel
+from kinetics.runs import JumpPath
+from kinetics.sampling import Auto
+from kinetics.sampling.methods import path_method
+from kinetics.scanning.answer import SAMPLED, ScanAnswer
+from kinetics.support.arrays import Floats
+from kinetics.support.intervals import binomial_limits, student_quantile
+
+LEVEL = 0.95
+ROWS = 200_000  # states of paths that conditions are evaluated on at a time
+LASTS = "it has no end in time; ask within a time, as in F<=100 or C<=100, or let more states be listed"
+
+
+def check_ends(question: str, query: Query) -> None:
+    """ValueError where runs of a finite length do not answer the question."""
+    if _end(query) is None:
+        raise ValueError(f"{question!r} cannot be sampled: {LASTS}")
+
+
+def sampled_answers(
+    model: NetworkModel, questions: Sequence[tuple[str, Query]], runs: int, seed: int
+) -> list[ScanAnswer]:
+    """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by paths.
+
+    Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
+    """
+    for question, query in questions:
+        check_ends(question, query)
+    asked = [query for _, query in questions]
+    at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
+    on_paths = [query for query in asked if query not in at_times]
+    found: dict[Query, ScanAnswer] = {}
+    if at_times:
+        found |= _timed(at_times, lambda: _at_times(model, at_times, runs, seed))
+    if on_paths:
+        found |= _timed(on_paths, lambda: _on_paths(model, on_paths, runs, seed))
+    return [found[query] for query in asked]
+
+
+def _timed(queries: Sequence[Query], made: Callable[[], tuple[list[Floats], str]]) -> dict[Query, ScanAnswer]:
+    """The answers of samples that are made together; each bears its share of the time."""
+    began = time.process_time()
+    samples, method = made()
+    seconds = (time.process_time() - began) / len(queries)
+    return {query: _answer(query, values, method, seconds) for query, values in zip(queries, samples, strict=True)}
+
+
+def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
+    """Values (runs,) of each reward at its time."""
+    times = np.array(sorted({float(query.at or 0.0) for query in queries}))
+    method = Auto().choose(model.network)
+    counts = method.simulate(model.network, model.initial, times, runs, seed, threads=1).counts
+    rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
+    return [
+        counts[:, t].astype(float) @ _weights(model, query) for t, query in zip(rows, queries, strict=True)
+    ], method.name
+
+
+def _on_paths(model: NetworkModel, queries: Sequence[Query], runs: int, seed: int) -> tuple[list[Floats], str]:
+    """Values (runs,) of each question about paths: truths as 1 or 0, or totals."""
+    end = max(_end(query) or 0.0 for query in queries)
+    method = path_method(model.network)
+    paths = method.sample_paths(model.network, model.initial, end, seed)
+    samples: list[list[Floats]] = [[] for _ in queries]
+    for many in _blocks(paths, runs):
+        table = _Visits.of(many)
+        for values, query in zip(samples, queries, strict=True):
+            values.append(_judged(table, model, query))
+    return [np.concatenate(values) for values in samples], method.name
+
+
+def _blocks(paths: Iterator[JumpPath], runs: int) -> Iterator[list[JumpPath]]:
+    """Paths in blocks of not many states."""
+    block: list[JumpPath] = []
+    rows = 0
+    for _ in range(runs):
+        block.append(next(paths))
+        rows += len(block[-1].times) + 1
+        if rows > ROWS:
+            yield block
+            block, rows = [], 0
+    if block:
+        yield block
+
+
+@dataclass(frozen=True)
+class _Visits:
+    """The states that paths visit, one path after the other.
+
+    counts : (n, S); entered, left : (n,) times; run : (n,) number of the path
+    """
+
+    counts: NDArray[np.int64]
+    entered: Floats
+    left: Floats
+    run: NDArray[np.intp]
+    runs: int
+
+    @classmethod
+    def of(cls, paths: Sequence[JumpPath]) -> _Visits:
+        entered = np.concatenate([np.append(0.0, path.times) for path in paths])
+        left = np.concatenate([np.append(path.times, path.end) for path in paths])
+        run = np.repeat(np.arange(len(paths)), [len(path.times) + 1 for path in paths])
+        return cls(np.concatenate([path.states for path in paths]), entered, left, run, len(paths))
+
+    def first(self, marked: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """The first marked row of each path (runs,); n where there is none."""
+        rows = np.full(self.runs, len(self.run))
+        np.minimum.at(rows, self.run[marked], np.flatnonzero(marked))
+        return rows
+
+
+def _judged(visits: _Visits, model: NetworkModel, query: Query) -> Floats:
+    """Whether each path fulfils a question (runs,), or the total that it earns."""
+    names = StateNames(len(visits.counts), model.network.species, visits.counts, {})
+    if isinstance(query, RewardQuery):
+        held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
+        earned = held * (visits.counts.astype(float) @ _weights(model, query))
+        return np.bincount(visits.run, earned, visits.runs).astype(float)
+    if isinstance(query, AlwaysQuery):
+        broken = ~names.holds(query.states) & (visits.entered <= (query.by or 0.0))
+        return (visits.first(broken) == len(visits.run)).astype(float)
+    if not isinstance(query, UntilQuery):
+        raise TypeError(f"{query} is not asked of paths")
+    reached = visits.first(names.holds(query.target) & (visits.entered <= (query.by or 0.0)))
+    if query.through is None:
+        return (reached < len(visits.run)).astype(float)
+    astray = visits.first(~names.holds(query.through))
+    return ((reached < len(visits.run)) & (astray >= reached)).astype(float)
+
+
+def _weights(model: NetworkModel, query: RewardQuery) -> Floats:
+    """Weight (S,) of each species in a reward: an observable, or a species."""
+    species, name = model.network.species, query.name
+    if name is None and len(model.observables) == 1:
+        name = next(iter(model.observables))
+    weights = model.observables.get(name or "", {name: 1.0} if name in species else {})
+    if name in species:
+        weights = {str(name): 1.0}
+    if not weights:
+        there = ", ".join([*model.observables, *species][:12])
+        raise ValueError(f"unknown reward {name!r}; there are {there}")
+    return np.array([weights.get(each, 0.0) for each in species])
+
+
+def _end(query: Query) -> float | None:
+    """When a run has told what is asked; None where it never has."""
+    if isinstance(query, UntilQuery | AlwaysQuery):
+        return query.by
+    if isinstance(query, RewardQuery):
+        return query.at if query.at is not None else query.up_to
+    return None
+
+
+def _answer(query: Query, values: Floats, method: str, seconds: float) -> ScanAnswer:
+    """Value, standard error and limits of a sample (runs,)."""
+    runs, mean = len(values), float(values.mean())
+    error = float(values.std(ddof=1) / np.sqrt(runs))
+    if isinstance(query, RewardQuery):
+        half = student_quantile(runs - 1, LEVEL) * error if error > 0 else np.nan
+        low, high = mean - half, mean + half
+    else:
+        low, high = map(float, binomial_limits(values.sum(), runs, LEVEL))
+    return ScanAnswer(mean, low, high, SAMPLED, method, seconds, standard_error=error, runs=runs)

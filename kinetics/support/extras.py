@@ -1,0 +1,37 @@
+"""Packages that come with an extra: imported where they are used, with a message that says which extra brings them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+# package that may be lacking -> the extra that brings it
+EXTRAS = {
+    "pybullet": "mech",
+    "pandas": "data",
+    "pyarrow": "data",
+    "xarray": "data",
+    "arviz": "inference",
+    "matplotlib": "plot",
+    "distributed": "dist",
+    "imageio_ffmpeg": "movie",
+    "plotly": "movie",
+    "libsbml": "sbml",
+    "antimony": "antimony",
+    "bionetgen": "bngl",
+}
+
+
+def how_to_install(name: str) -> str:
+    """What a user without this package does."""
+    return f"this needs {name}; install it by: pip install 'wellmixed[{EXTRAS[name]}]'"
+
+
+def extra(name: str) -> Any:
+    """The package of this name; a ModuleNotFoundError that says which extra brings it."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        raise ModuleNotFoundError(how_to_install(name), name=name) from None

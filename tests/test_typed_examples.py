@@ -1,0 +1,72 @@
+"""Users' own files pass mypy in strict mode: the Python of README and docs, and a script with dicts."""
+
+import doctest
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
+SCRIPT = """
+from kinetics import Direct, Network, Transient, first_passage, predict, sample_path, scan, simulate, solve, stationary
+
+network = Network.from_text("A + B <-> AB, k, 0.1", k=1e-2)
+start: dict[str, int] = {"A": 20, "B": 10}
+values: dict[str, list[float]] = {"k": [1e-2, 1e-1]}
+mean: float = float(simulate(network, "ssa", start, [1.0, 2.0], runs=10)["AB"].mean())
+solve(network, Transient(), start, [1, 2]).to_xarray()
+simulate(network, Direct(), network.initial, [1.0])[0:1].to_dataframe()
+first_passage(network, start, "AB").quantile(0.5)
+predict(network, None, start, [1.0]).plot()
+stationary(network, start).mean()
+sample_path(network, start, 1.0).to_parquet("path.parquet")
+scan(network, values, ["E[AB] @ 1"], initial=start).numbers("value")
+"""
+WRONG = SCRIPT + 'simulate(network, "ssa", start, [1.0], runs="many")\nmean = network\n'
+
+
+def examples(page):
+    """The statements of a page's examples."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return "".join(each.source for each in doctest.DocTestParser().get_examples(text))
+
+
+def strictly(folder, sources):
+    """What mypy has to say of files, name -> source; our own modules are taken as they are installed, silently."""
+    for name, source in sources.items():
+        (folder / name).write_text(source, encoding="utf-8")
+    settings = [
+        "--strict",
+        "--follow-imports=silent",
+        "--no-error-summary",
+        "--hide-error-context",
+        "--allow-redefinition",
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *settings, *sources],
+        cwd=folder, capture_output=True, text=True, check=False, env=os.environ | {"MYPYPATH": str(ROOT)},
+    )  # fmt: skip
+    assert not done.stderr, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """All of it in one go: mypy reads our packages once."""
+    pages = {f"{Path(page).stem.lower()}_page.py": examples(page) for page in PAGES if examples(page)}
+    assert len(pages) >= 4
+    folder = tmp_path_factory.mktemp("typed")
+    return strictly(folder, {**pages, "script.py": SCRIPT, "wrong.py": WRONG})
+
+
+def test_examples_pass(said):
+    assert [line for line in said if not line.startswith("wrong.py")] == []
+
+
+def test_mistakes_are_seen(said):
+    """The control."""
+    wrong = [line for line in said if line.startswith("wrong.py")]
+    assert sorted(line.rsplit("[", 1)[1].rstrip("]") for line in wrong) == ["arg-type", "assignment"]
