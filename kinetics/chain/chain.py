@@ -197,6 +197,13 @@ class Chain:
         other._reward(rewards)
         return other
 
+    def with_variables(self, more: Mapping[str, ArrayLike]) -> Chain:
+        """The same chain with further variables for conditions: whole numbers (N,) by name."""
+        other = copy(self)
+        counts = np.column_stack([np.empty((len(self), 0)) if self.counts is None else self.counts, *more.values()])
+        other._set(variables=(*self.variables, *more), counts=integers("counts", counts, counts.shape))
+        return other
+
     def states(self, target: Target, what: str = "target") -> Mask:
         """The states (N,) of a target: those in which a condition holds."""
         if isinstance(target, str):

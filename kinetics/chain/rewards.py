@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.checks import Reward
-from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
 TIME = "time"
@@ -34,22 +33,6 @@ def named_reward(
     there = ", ".join([*rewards, *variables]) or "none"
     came = "no reward was named" if name is None else f"unknown reward {name!r}"
     raise ValueError(f"{came}; there are {there}")
-
-
-def observable_rewards(
-    network: Network, observables: Mapping[str, Mapping[str, float]], counts: ArrayLike
-) -> dict[str, Floats]:
-    """Sums of the counts (N, S) of a network's states as rewards; left out are species, and sums that may be negative.
-
-    observables : name -> weight of each species in the sum
-    """
-    table = np.asarray(counts, dtype=float)
-    places = network.species_places
-    return {
-        name: table[:, [places[each] for each in weights]] @ np.array(list(weights.values()), dtype=float)
-        for name, weights in observables.items()
-        if name not in places and min(weights.values(), default=0.0) >= 0.0
-    }
 
 
 def earned(

@@ -31,6 +31,7 @@ from kinetics.derivatives import (
 )
 from kinetics.derivatives.squaring import MAX_SQUARED
 from kinetics.network import Network
+from kinetics.network.sums import Counted, summed
 from kinetics.passage.backward import LimitedValue
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import totals
@@ -253,7 +254,7 @@ class Sensitivity:
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
 
 
-def sensitivity_to(network: Network, initial: Counts, species: str, copies: int = 1) -> tuple[Sensitivity, Mask]:
+def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: int = 1) -> tuple[Sensitivity, Mask]:
     """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
@@ -264,13 +265,13 @@ def sensitivity_to(network: Network, initial: Counts, species: str, copies: int 
     >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
     ([False, True], [-1.0])
     """
-    place, wanted = network.index(species), whole_number("copies", copies, 0)
-    chain = Chain.of(network, initial, stop=lambda states: states[:, place] >= wanted)
-    return Sensitivity(chain), np.asarray(chain.counts)[:, place] >= wanted
+    (weights, _), wanted = summed(network, species), whole_number("copies", copies, 0)
+    chain = Chain.of(network, initial, stop=lambda states: states @ weights >= wanted)
+    return Sensitivity(chain), np.asarray(chain.counts) @ weights >= wanted
 
 
 def passage_sensitivity(
-    network: Network, initial: Counts, species: str, copies: int = 1, certain: bool = True
+    network: Network, initial: Counts, species: Counted, copies: int = 1, certain: bool = True
 ) -> Derivatives:
     """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 

@@ -134,12 +134,12 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
 
 
 def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: str | int | None) -> Chain:
-    """The chain of a network, whose observables are rewards as well."""
+    """The chain of a network, with its observables."""
     from kinetics.chain import Chain
-    from kinetics.chain.rewards import observable_rewards
+    from kinetics.chain.observing import observing
 
     chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
-    return chain.with_rewards(observable_rewards(model.network, model.observables, np.asarray(chain.counts)))
+    return observing(chain, model.network, model.observables)
 
 
 def _slopes(chain: Chain, queries: list[Query]) -> list[Derivatives]:
@@ -164,6 +164,6 @@ def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
     elif model is None:
         raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")
     else:
-        most = np.asarray(chain.counts).max(axis=0)
+        most = np.asarray(chain.counts)[:, : len(model.network.species)].max(axis=0)
         text = prism_text(model.network, model.initial, most, model.observables)
         write_whole(path, text)

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from kinetics.commands.start import Start, start
+from kinetics.network.sums import Counted, summed
 from kinetics.support.cli.options import (
     AskedStart,
     echo_json,
@@ -34,7 +35,9 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @click.command()
 @starting_options
 @tank_option
-@click.option("--species", metavar="SPECIES", required=True, help="The species to wait for.")
+@click.option(
+    "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
+)
 @click.option(
     "--copies",
     metavar="N",
@@ -84,15 +87,16 @@ def passage(
 
     began = time.process_time()
     begin = start(**asked._asdict(), edges=edges)
+    counted = begin.counted(species)
     if within is not None:
         if plot_file or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         _limits(begin, within, species, copies, as_json)
         return
-    made = predict_passage(begin.network, begin.rates, begin.state, species, copies, seed, draws, begin.tank)
+    made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
     found = made.passage
     quantiles = found.quantile(QUANTILES)
-    slopes = _sensitivities(made.network, begin.state, species, copies, found) if with_sensitivity else None
+    slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
     if plot_file:
         from kinetics.support import plots
 
@@ -179,7 +183,7 @@ class Sensitivities(NamedTuple):
         return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
 
 
-def _sensitivities(network: Network, initial: Ints, species: str, copies: int, found: Passage) -> Sensitivities:
+def _sensitivities(network: Network, initial: Ints, species: Counted, copies: int, found: Passage) -> Sensitivities:
     from kinetics.chain import sensitivity_to
 
     asked, goal = sensitivity_to(network, initial, species, copies)
@@ -197,11 +201,11 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
 
     began = time.process_time()
     model = begin.model
-    index = model.network.index(species)
+    weights, name = summed(model.network, begin.counted(species))
     chain = Chain.of(
-        model.network, model.initial, stop=lambda states: states[:, index] >= copies, within=within, max_states=MOST
+        model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
     )
-    found = chain.passage_limits(np.asarray(chain.counts)[:, index] >= copies, f"{copies} {species}")
+    found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, f"{copies} {name}")
     low, high = found.quantile_bounds(QUANTILES)
     if as_json:
         ever = found.probability_bounds

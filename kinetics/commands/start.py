@@ -77,6 +77,16 @@ class Start:
         network = self.network if self.rates is None else self.rates.apply(self.network, self.tank)
         return NetworkModel(network, self.state, self.observables)
 
+    def counted(self, name: str, option: str = "--species") -> Mapping[str, float]:
+        """The weights of an observable of the file, or of a species, which comes first."""
+        if name in self.network.species:
+            return {name: 1.0}
+        if name not in self.observables:
+            near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise ValueError(f"{option} {name}: neither a species nor an observable{hint}")
+        return self.observables[name]
+
     def shown(self, names: tuple[str, ...]) -> Observables | None:
         """The species and observables of `--show`; None for all species and no more.
 
@@ -90,11 +100,7 @@ class Start:
             return None
         sums: dict[str, Mapping[str, float]] = {}
         for name in names or (*few, *whole):
-            if name not in self.network.species and name not in self.observables:
-                near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
-                hint = f"; did you mean {' or '.join(near)}?" if near else ""
-                raise ValueError(f"--show {name}: neither a species nor an observable{hint}")
-            sums[name] = self.observables.get(name, {name: 1.0})
+            sums[name] = self.counted(name, "--show")
         if not sums:
             n = len(self.network.species)
             raise ValueError(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
+from kinetics.network.sums import Counted, summed
 from kinetics.passage.arrival import Arrival
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
@@ -182,12 +183,13 @@ def _probabilities(q: ArrayLike) -> Floats:
 def first_passage(
     network: Network,
     initial: Counts,
-    species: str,
+    species: Counted,
     copies: int = 1,
     max_states: int = MAX_STATES,
 ) -> Passage:
     """The first-passage time from `initial` to at least `copies` of a species.
 
+    species : one, or a sum of several, as a mapping from species to weight
     max_states : networks with more states before the target are refused
     ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
 
@@ -203,11 +205,11 @@ def first_passage(
     >>> round(found.mean, 6), round(found.sd, 6)  # 10/3 + 10/2, and the root of the sum of squares
     (8.333333, 6.009252)
     """
-    index = network.index(species)
+    weights, name = summed(network, species)
     wanted = whole_number("copies", copies, 0)
-    space = reached_states(network, initial, max_states, stop=lambda states: states[:, index] >= wanted)
+    space = reached_states(network, initial, max_states, stop=lambda states: states @ weights >= wanted)
     start = np.eye(1, len(space))[0]
-    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {species}", network.time_unit)
+    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {name}", network.time_unit)
 
 
 def passage_to(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.network import Network, Tank
+from kinetics.network.sums import Counted
 from kinetics.passage import Passage, first_passage
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
@@ -59,7 +60,7 @@ def predict_passage(
     network: Network,
     rates: Rates | BookRates | None,
     initial: Counts,
-    species: str,
+    species: Counted,
     copies: int = 1,
     seed: int = 0,
     draws: int = 100,

@@ -6,11 +6,9 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from kinetics.chain.chain import Chain
+from kinetics.chain.observing import observing
 from kinetics.chain.queries import Query, parse
-from kinetics.chain.rewards import observable_rewards
 from kinetics.formats import NetworkModel
 from kinetics.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
 from kinetics.scanning.sampled import sampled_answers
@@ -74,8 +72,7 @@ def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
         chain = Chain.of(model.network, model.initial, max_states=asked.max_states, within=asked.within)
     except TooManyStatesError:
         return None
-    rewards = observable_rewards(model.network, model.observables, np.asarray(chain.counts))
-    chain = chain.with_rewards(rewards)
+    chain = observing(chain, model.network, model.observables)
     listed = (time.process_time() - began) / len(asked.questions)
     found = []
     for _, query in asked.queries:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.chain.observing import whole_sums
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
@@ -125,7 +126,9 @@ class _Visits:
 
 def _judged(visits: _Visits, model: NetworkModel, query: Query) -> Floats:
     """Whether each path fulfils a question (runs,), or the total that it earns."""
-    names = StateNames(len(visits.counts), model.network.species, visits.counts, {})
+    sums = whole_sums(model.network, model.observables, visits.counts)
+    columns = np.column_stack([visits.counts, *sums.values()])
+    names = StateNames(len(columns), (*model.network.species, *sums), columns, {})
     if isinstance(query, RewardQuery):
         held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
         earned = held * (visits.counts.astype(float) @ _weights(model, query))

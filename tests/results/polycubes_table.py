@@ -143,6 +143,7 @@ def run(asked: argparse.Namespace, rows: dict[Key, Row]) -> int:
     sys.stdout.write(cost(wanted, rows.values(), asked.workers) + "\n")
     sys.stdout.flush()
     random.Random(asked.seed).shuffle(wanted)  # so that the time left is told for sizes as they are mixed
+    wanted.sort(key=rows.__contains__)  # shapes without a row first
     began, done = time.monotonic(), 0
     try:
         with progress_line() as progress:

@@ -1,0 +1,45 @@
+"""The observables of a network file as rewards and variables of its chain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinetics.chain.chain import Chain
+from kinetics.network import Network
+from kinetics.network.sums import summed
+from kinetics.support.arrays import Floats, Ints
+
+
+def observing(chain: Chain, network: Network, observables: Mapping[str, Mapping[str, float]]) -> Chain:
+    """The same chain of a network, whose questions may name these sums of counts.
+
+    observables : name -> weight of each species in the sum; those named like a species are left out
+    Sums are rewards unless they may be negative, and variables of conditions where they are whole.
+
+    >>> from kinetics import Chain, Network
+    >>> dimers = Network.from_text("2 A <-> D, 1, 1")
+    >>> observed = observing(Chain.of(dimers, {"A": 6}), dimers, {"bodies": {"A": 1, "D": 1}})
+    >>> observed.states("bodies <= 4").tolist()
+    [False, False, True, True]
+    """
+    counts = np.asarray(chain.counts)
+    sums = {name: (weights, counts @ weights) for name, weights in _weights(network, observables)}
+    rewards = {name: values for name, (weights, values) in sums.items() if (weights >= 0).all()}
+    return chain.with_variables(whole_sums(network, observables, counts)).with_rewards(rewards)
+
+
+def whole_sums(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Ints]:
+    """Those of the sums that are whole numbers, in states (N, S): values (N,) by name."""
+    return {
+        name: counts @ np.rint(weights).astype(np.int64)
+        for name, weights in _weights(network, observables)
+        if np.array_equal(weights, np.rint(weights))
+    }
+
+
+def _weights(network: Network, observables: Mapping[str, Mapping[str, float]]) -> list[tuple[str, Floats]]:
+    return [
+        (name, summed(network, sum_)[0]) for name, sum_ in observables.items() if name not in network.species_places
+    ]

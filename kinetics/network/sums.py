@@ -1,0 +1,31 @@
+"""Sums of counts: one species, or several with weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinetics.network.network import Network
+from kinetics.support.arrays import Floats
+
+Counted = str | Mapping[str, float]  # a species, or species with their weights
+
+
+def summed(network: Network, counted: Counted) -> tuple[Floats, str]:
+    """The weight (S,) of each species in a sum, and the sum in words.
+
+    ValueError: an unknown species, or a weight that is no finite number
+
+    >>> from kinetics import Network
+    >>> weights, name = summed(Network.from_text("2 A -> D, 1"), {"A": 1, "D": 2})
+    >>> weights.tolist(), name
+    ([1.0, 2.0], 'A + 2 D')
+    """
+    parts = {counted: 1.0} if isinstance(counted, str) else dict(counted)
+    weights = np.zeros(len(network.species))
+    for name, weight in parts.items():
+        if not np.isfinite(weight):
+            raise ValueError(f"weight of {name!r} is {weight}; expected a finite number")
+        weights[network.index(name)] = weight
+    return weights, " + ".join(name if weight == 1 else f"{weight:g} {name}" for name, weight in parts.items())
