@@ -35,7 +35,7 @@ def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], un
     """Counts (T, S) that hold from each time to the next; returns `ax`."""
     for i, (name, column) in enumerate(zip(names, np.asarray(counts).T, strict=True)):
         ax.step(times, column, where="post", label=name, **line(i))
-    return _finish(ax, "copies", unit)
+    return _beside(_finish(ax, "copies", unit))
 
 
 def bands(
@@ -52,7 +52,7 @@ def bands(
     for i, (name, curve, bottom, top) in enumerate(columns):
         ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
         ax.plot(times, curve, label=name, **line(i))
-    return _finish(ax, "copies (mean, middle 95 %)", unit)
+    return _beside(_finish(ax, "copies (mean, middle 95 %)", unit))
 
 
 def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:
@@ -128,6 +128,12 @@ def words_as_they_are(figure: Any) -> None:
     }
     for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist not in numbers):
         text.set_parse_math(False)
+
+
+def _beside(ax: Any) -> Any:
+    """Put the legend beside the axes: curves and bands leave no room for it anywhere else that can be relied on."""
+    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
 
 
 def _finish(ax: Any, label: str, unit: str) -> Any:
