@@ -310,8 +310,8 @@ for ax in axes.flat[len(predicted.comparisons) :]:
 # %% [markdown]
 # ### The verdict
 #
-# By the rules of the plan, stated before the runs, from 499 simulated groups of runs (the stored study took up to
-# 49,999):
+# By the rules of the plan, stated before the runs, from 499 simulated groups of runs (`validate` takes up to
+# 49,999 where a p-value stays small):
 
 # %%
 pd.DataFrame([bar.to_dict() for bar in bars(plan.verdict, predicted, control)]).style.set_properties(

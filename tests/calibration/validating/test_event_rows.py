@@ -141,7 +141,10 @@ def test_more_groups_only_where_it_is_doubtful_and_pooled_over_experiments():
     np.testing.assert_array_equal(first.constants(0, 50), second.constants(0, 50))
     assert not np.array_equal(wrong[0].first_totals.seen, wrong[1].first_totals.seen)
     # all groups begin with the first ones
-    np.testing.assert_array_equal(wrong[0].all_totals.seen[:GROUPS], wrong[0].first_totals.seen)
+    np.testing.assert_array_equal(wrong[0].totals(1999).seen[:GROUPS], wrong[0].first_totals.seen)
+    at_once = replace(wrong[0], first=1999)
+    np.testing.assert_array_equal(wrong[0].totals(1999).chi_squared, at_once.first_totals.chi_squared)
+    np.testing.assert_array_equal(wrong[0].totals(GROUPS).seen, wrong[0].first_totals.seen)
     np.testing.assert_array_equal(first.constants(1990, 2010)[10:], first.constants(2000, 2010))
 
 
