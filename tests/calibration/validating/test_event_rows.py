@@ -67,7 +67,7 @@ def check_size(studies, low, high):
     for column in (0, 1):  # joins, breaks
         assert low <= (p[:, column] <= 0.05).mean() <= high
         assert low <= (scatter[:, column] <= 0.05).mean() <= high
-    certain, _ = p_values(studies, taken_as_exact(calibrated()))
+    certain, _ = p_values(studies // 2, taken_as_exact(calibrated()))
     assert ((certain[:, :2] <= 0.05).mean(axis=0) > max(high, 0.06)).all()  # control: the uncertainty left out
 
 
