@@ -31,7 +31,7 @@ from kinetics.support.intervals import student_interval
 
 # The 50th of 1,999 groups from either end bound a 95 % band: one more group falls below it with chance 50 / 2000.
 GROUPS = 1999
-MOST_GROUPS = 49_999  # where the p-value of some events is small: p < 1e-4 can then be told from larger ones
+MOST_GROUPS = 49_999  # where the p-value of some events stays small: p < 1e-4 can then be told from larger ones
 EXACT_STATES = 200_000  # with more reachable states than these the prediction is the mean of SSA runs
 
 
@@ -62,7 +62,8 @@ def crossvalidate(
     exact_states : with more reachable states than this, mean and first times are predicted by SSA, with its error
     number : of this comparison in its study; those of different numbers share draws of the rates, but no other
         random numbers
-    most_groups : number of groups for the events of channels where their first p-value is below 0.05
+    most_groups : for the events of channels at most so many groups, twice as many each time while one of their p-values
+        is small, see `sequential_p`
     ValueError: no paths, or paths that are no held-out runs of this network from one initial state
 
     Rates without evidence are taken as known: the band then holds intrinsic noise alone. At 120 cubes and 20 runs, a

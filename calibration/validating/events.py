@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import islice
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.groups import SimulatedGroups, event_groups
-from calibration.validating.predictive import staged_p
+from calibration.validating.predictive import looks, sequential_p
 from calibration.validating.scores import Counts, central_band
 from kinetics.breaks import base_channel
 from kinetics.network import Network, Tank
@@ -110,6 +110,10 @@ class EventTotals:
             parts[0].freedom,
         )
 
+    def until(self, groups: int) -> EventTotals:
+        """Of the first groups alone."""
+        return EventTotals(self.seen[:groups], self.expected[:groups], self.chi_squared[:groups], self.freedom)
+
     @classmethod
     def pooled(cls, parts: Sequence[EventTotals]) -> EventTotals:
         """The same groups of several experiments, summed; each experiment keeps its own seen / expected."""
@@ -128,7 +132,7 @@ class HeldOutEvents:
     names : of the G groups of channels
     seen : (n, G) events of the held-out runs
     exposures : (n, R) of the simulated network's channels in these runs, tu
-    first, most : numbers of groups simulated at first, and where a p-value is below 0.05
+    first, most : numbers of groups simulated at first, and at most, where a p-value is small
     """
 
     groups: SimulatedGroups
@@ -178,13 +182,20 @@ class HeldOutEvents:
         return EventTotals.of(*self.first_runs)
 
     @cached_property
-    def all_totals(self) -> EventTotals:
-        """Of all groups, the first ones among them."""
-        if self.most <= self.first:
-            return self.first_totals
-        return EventTotals.joined(
-            [self.first_totals, self._totals(self.groups.events(self.first, self.most, self.until))]
-        )
+    def looks(self) -> tuple[int, ...]:
+        """Numbers of groups after which p-values are looked at."""
+        return looks(self.first, self.most)
+
+    def totals(self, groups: int) -> EventTotals:
+        """Of the first groups, as many as one of the `looks`; they are simulated once."""
+        while (known := sum(len(part.seen) for part in self._parts)) < groups:
+            self._parts.append(self._totals(self.groups.events(known, groups, self.until)))
+        return EventTotals.joined(self._parts).until(groups)
+
+    @cached_property
+    def _parts(self) -> list[EventTotals]:
+        """Of the groups simulated so far."""
+        return [self.first_totals]
 
     @property
     def tank(self) -> Tank | None:
@@ -235,20 +246,23 @@ def event_rows(
 ) -> tuple[EventRow, ...]:
     """A row for each group of channels: of one experiment, or of several pooled.
 
-    First some 2,000 groups are simulated, and 49,999 where a p-value is below 0.05, see `staged_p`.
+    First some 2,000 groups are simulated, then twice as many while a p-value has fewer than five groups on its side,
+    to 49,999 at most, see `sequential_p`.
     """
     observed = EventTotals.pooled([each.observed for each in held_out])
-    first = EventTotals.pooled([each.first_totals for each in held_out])
+    numbers = held_out[0].looks
 
-    def everything() -> EventTotals:
-        return EventTotals.pooled([each.all_totals for each in held_out])
+    @cache
+    def totals(groups: int) -> EventTotals:
+        return EventTotals.pooled([each.totals(groups) for each in held_out])
 
+    first = totals(numbers[0])
     rng = np.random.default_rng(np.random.SeedSequence(held_out[0].groups.seed, spawn_key=(5,)))
-    p, least = staged_p(observed.ratio[0], first.ratio, lambda: everything().ratio, rng)
+    p, least = sequential_p(observed.ratio[0], numbers, lambda n: totals(n).ratio, rng)
     low, high = central_band(first.ratio, LEVEL)
     p_scatter = least_scatter = scatter_low = scatter_high = np.full(p.shape, np.nan)
     if observed.freedom:
-        p_scatter, least_scatter = staged_p(observed.scatter[0], first.scatter, lambda: everything().scatter, rng)
+        p_scatter, least_scatter = sequential_p(observed.scatter[0], numbers, lambda n: totals(n).scatter, rng)
         scatter_low, scatter_high = central_band(first.scatter, LEVEL)
     expected = observed.expected[0]
     return tuple(

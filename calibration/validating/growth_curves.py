@@ -13,11 +13,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from calibration.validating.growth_power import KINDS, growth_powers
 from calibration.validating.power import LEVEL, Power
-from calibration.validating.predictive import DOUBTFUL, least_p, predictive_p, shown_p
+from calibration.validating.predictive import clear_p, least_p, looks, predictive_p, shown_p
 from calibration.validating.scores import central_band, mean_misfit
 from calibration.validating.verdict import ConsistencyCheck, Verdict, judged
 from kinetics.networkfree import Growth, Growths, grow
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 GROUPS = 199
-MOST_GROUPS = 1999  # where a p-value is small: with eight checks .00125 is asked for
-SECOND = 1_000_003  # added to the seed where more groups are asked for
+MOST_GROUPS = 1999  # where a p-value stays small: with eight checks .00125 is asked for
+MORE = 1_000_003  # added to the seed each time that more groups are asked for
 POWER, POWER_GROUPS = 2_000_003, 50  # the same for groups at rates that are off; so many for each sign
 
 
@@ -57,7 +57,7 @@ class GrowthComparison(Shown, Tabular):
     low, high : predicted band of the mean of as many runs, from their noise and the uncertainty of the rates
     misfit, p_misfit : (V,) mean squared z of a curve among predicted groups, about 1; share of groups with as much
     coverage : (V,) share of times after 0 at which the observed mean lies inside the band
-    most_groups : how many groups there would have been where a p-value had asked for more
+    groups : as many as the smallest p-value took to be clear; most_groups, how many there would have been at most
     powers : how surely so many runs show joins and breaks that are off, by their number
     """
 
@@ -136,14 +136,15 @@ class GrowthComparison(Shown, Tabular):
     @property
     def is_clear(self) -> bool:
         """Whether no p-value asks for more groups."""
-        return bool(min([*self.p_misfit, *(e.p for e in self.events)]) >= DOUBTFUL)
+        return bool(min([*self.p_misfit, *(e.p for e in self.events)]) >= clear_p(self.groups))
 
-    def with_clear_ones_of(self, first: GrowthComparison) -> GrowthComparison:
-        """The same with the p-values of a first comparison that were clear: valid at every level, see `staged_p`."""
-        known = {e.kind: e for e in first.events if e.p >= DOUBTFUL}
-        places = {name: v for v, name in enumerate(first.curves) if first.p_misfit[v] >= DOUBTFUL}
+    def with_clear_ones_of(self, fewer: GrowthComparison) -> GrowthComparison:
+        """The same with the p-values that were clear among fewer groups: valid at every level, see `sequential_p`."""
+        clear = clear_p(fewer.groups)
+        known = {e.kind: e for e in fewer.events if e.p >= clear}
+        places = {name: v for v, name in enumerate(fewer.curves) if fewer.p_misfit[v] >= clear}
         p = [
-            first.p_misfit[places[name]] if name in places else own
+            fewer.p_misfit[places[name]] if name in places else own
             for name, own in zip(self.curves, self.p_misfit, strict=True)
         ]
         events = tuple(replace(e, p=known[e.kind].p) if e.kind in known else e for e in self.events)
@@ -263,13 +264,14 @@ def compare_growth(
     """Compare held-out growth (one book, one initial state) with network-free runs under draws of class rates.
 
     times : (T,) tu, rising, none after the end of a run
-    groups, most_groups : number of draws of the rates, each with as many runs as there are held-out ones; where a
-        p-value is below 0.05, so many other ones decide
+    groups, most_groups : number of draws of the rates, each with as many runs as there are held-out ones; about twice
+        as many each time, and so many at most, while a p-value is small, see `sequential_p`
     power_groups : groups a sign and kind of event, at rates 20 % off, for the power that is stated; 0 for none
     progress : called with the number of predicted runs finished and the time reached in the current one, tu
 
     Events are those until the last of the times. Rates without evidence are taken as known.
-    Cost: groups x runs network-free runs, or ten times as many; for the power 4 x power_groups x runs.
+    Cost: groups x runs network-free runs, up to ten times as many where the rates are wrong; for the power 4 x
+    power_groups x runs.
     """
     if len(observed) < 2:
         raise ValueError(f"{len(observed)} held-out runs; a mean with a scatter needs at least 2")
@@ -289,24 +291,26 @@ def compare_growth(
         return runs
 
     def totals_off(by: ClassRates, part: int) -> Ints:
-        return _totals(made(by, power_groups, seed + POWER + part), end, power_groups)
+        return _totals([made(by, power_groups, seed + POWER + part)], n, end)
 
-    simulated = made(rates, groups, seed)
-    found = _beside(seen, simulated, grid, label, groups, seed)
+    simulated = [made(rates, groups, seed)]
+    found = _beside(seen, simulated, grid, label, seed)
     checks = len(found.events) + len(found.curves)
-    totals = _totals(simulated, end, groups)
+    totals = _totals(simulated, n, end)
     powers = growth_powers(rates, totals.astype(float), totals_off, checks) if power_groups else ()
-    if not found.is_clear:
-        more = _beside(seen, made(rates, most_groups, seed + SECOND), grid, label, most_groups, seed)
-        found = more.with_clear_ones_of(found)
+    for number in looks(groups, most_groups)[1:]:
+        if found.is_clear:
+            break
+        simulated.append(made(rates, number - found.groups, seed + MORE * len(simulated)))
+        found = _beside(seen, simulated, grid, label, seed).with_clear_ones_of(found)
     return replace(found, most_groups=most_groups, powers=powers)
 
 
-def _beside(seen: Growths, made: Growths, grid: Floats, label: str, groups: int, seed: int) -> GrowthComparison:
-    """The comparison with these predicted runs: run i of group g is number i * groups + g, because draws take turns."""
-    most = max(seen.most, made.most)
-    own, simulated = _curves(seen, grid, most), _curves(made, grid, most)
-    means = simulated.reshape(-1, groups, *simulated.shape[1:]).mean(axis=0)
+def _beside(seen: Growths, made: Sequence[Growths], grid: Floats, label: str, seed: int) -> GrowthComparison:
+    """The comparison with the groups of several simulations."""
+    most = max(part.most for part in (seen, *made))
+    own = _curves(seen, grid, most)
+    means = np.concatenate([_by_group(_curves(part, grid, most), len(seen.runs)).mean(axis=0) for part in made])
     low, high = central_band(means)
     mean = own.mean(axis=0)
     names = tuple(seen.series(grid[:1], most))
@@ -317,7 +321,7 @@ def _beside(seen: Growths, made: Growths, grid: Floats, label: str, groups: int,
         label,
         grid,
         len(seen.runs),
-        groups,
+        len(means),
         names,
         mean,
         means.mean(axis=0),
@@ -326,8 +330,13 @@ def _beside(seen: Growths, made: Growths, grid: Floats, label: str, groups: int,
         np.array([misfit for misfit, _ in fits]),
         np.array([p for _, p in fits]),
         inside[after].mean(axis=0),
-        _events(seen, made, float(grid[-1]), groups, np.random.default_rng(seed)),
+        _events(seen, made, float(grid[-1]), np.random.default_rng(seed)),
     )
+
+
+def _by_group(values: NDArray[Any], runs: int) -> NDArray[Any]:
+    """Values (runs, groups, ...) of simulated runs: run i of group g is number i * groups + g, as draws take turns."""
+    return values.reshape(runs, -1, *values.shape[1:])
 
 
 def _curves(growths: Growths, grid: Floats, most: int) -> Floats:
@@ -344,17 +353,15 @@ def _counted(growths: Growths, end: float) -> Ints:
     return table
 
 
-def _totals(growths: Growths, end: float, groups: int) -> Ints:
+def _totals(made: Sequence[Growths], runs: int, end: float) -> Ints:
     """Joins and breaks (groups, 2) of all runs of each group."""
-    return np.asarray(_counted(growths, end).reshape(-1, groups, 2).sum(axis=0))
+    return np.concatenate([_by_group(_counted(part, end), runs).sum(axis=0) for part in made])
 
 
-def _events(
-    seen: Growths, made: Growths, end: float, groups: int, rng: np.random.Generator
-) -> tuple[GrowthEvents, ...]:
+def _events(seen: Growths, made: Sequence[Growths], end: float, rng: np.random.Generator) -> tuple[GrowthEvents, ...]:
     """Joins and breaks of all runs among those of the groups."""
     own = _counted(seen, end).sum(axis=0)
-    others = _totals(made, end, groups).astype(float)
+    others = _totals(made, len(seen.runs), end).astype(float)
     low, high = central_band(others)
     p = predictive_p(own.astype(float), others, rng)
     return tuple(

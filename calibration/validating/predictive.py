@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from kinetics.support.arrays import Floats
 
-DOUBTFUL = 0.05  # below this p-value more groups are simulated
+ENOUGH = 5  # groups on the nearer side, with the one seen, after which a p-value is known well enough
 
 
 def predictive_p(seen: Floats, simulated: Floats, rng: np.random.Generator) -> Floats:
@@ -28,21 +28,46 @@ def least_p(groups: int) -> float:
     return 2 / (groups + 1)
 
 
-def staged_p(
-    seen: Floats, first: Floats, all_of_them: Callable[[], Floats], rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """`predictive_p` (K,) among the `first` groups, or among all where that is below 0.05; the least possible (K,).
+def looks(first: int, most: int) -> tuple[int, ...]:
+    """Numbers of groups after which p-values are looked at: the first, about twice as many each time, and all.
 
-    Valid at every level a: with a < 0.05 the result is at most a only where the second p-value is, and with
-    a >= 0.05 only where the first one is, and either has probability at most a.
+    >>> looks(1999, 49_999)
+    (1999, 3999, 7999, 15999, 31999, 49999)
     """
-    p = predictive_p(seen, first, rng)
-    least = np.full(p.shape, least_p(len(first)))
-    doubtful = p < DOUBTFUL
-    if doubtful.any():
-        everything = all_of_them()
-        p[doubtful] = predictive_p(seen[doubtful], everything[:, doubtful], rng)
-        least[doubtful] = least_p(len(everything))
+    numbers = [first]
+    while 2 * numbers[-1] + 1 < most:
+        numbers.append(2 * numbers[-1] + 1)
+    return (*numbers, most) if first < most else (first,)
+
+
+def clear_p(groups: int) -> float:
+    """The p-value among so many groups from which on no more are simulated: the rank is ENOUGH from the nearer end."""
+    return ENOUGH * least_p(groups)
+
+
+def sequential_p(
+    seen: Floats, numbers: Sequence[int], groups: Callable[[int], Floats], rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """`predictive_p` (K,) among as many groups as each takes to be clear; the least possible (K,).
+
+    numbers : of groups, rising, as `looks` gives them; `groups(n)` returns values (n, K) of the first n, and is asked
+        for more of them only where some p-value is not clear yet
+
+    Besag & Clifford (1991), Biometrika 78:301, doi 10.1093/biomet/78.2.301, looked at after given numbers of groups:
+    what is clearly above 2 ENOUGH / n stops at n groups with a relative error of about 1 / sqrt(ENOUGH), what may be
+    below the level that is asked for gets all of them. Valid at every level a: let n be the first number with
+    `clear_p(n)` <= a. A p-value that stopped earlier was at least the `clear_p` of its number, so above a; one that did
+    not is at most a only where the p-value among n groups is (what goes on beyond n was below `clear_p(n)`), and that
+    has probability at most a. With a below all of them the last number decides alike.
+    """
+    p, least = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
+    is_open = np.ones(seen.shape, dtype=bool)
+    for n in numbers:
+        p[is_open] = predictive_p(seen[is_open], groups(n)[:, is_open], rng)
+        least[is_open] = least_p(n)
+        is_open &= p < clear_p(n)
+        if not is_open.any():
+            break
     return p, least
 
 

@@ -8,12 +8,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 COPIED = ("kinetics", "mechsim", "calibration", "tests/helpers", "tests/contracts")
+QUIETLY = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")  # which would import hypothesis; no contract uses it
 
 
 def scratch_copy(folder: Path) -> Path:
-    """The packages, the contracts and what they share, copied into a folder of their own."""
+    """The packages, the contracts and what they share, copied into a folder of their own.
+
+    Their byte code comes along, compiled kernels do not.
+    """
     for name in COPIED:
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("kernels-*"))
     for name in ("pyproject.toml", "wellmixed.py", "tests/conftest.py"):
         shutil.copy(ROOT / name, folder / name)
     return folder
@@ -31,6 +35,6 @@ def run_contract(copy: Path, contract: str, *arguments: str) -> subprocess.Compl
     """Run one contract of the copy in a process of its own, which imports the copy and nothing of the original."""
     where = [copy / "tests" / "contracts" / contract, f"--rootdir={copy}", "-c", copy / "pyproject.toml"]
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, where), *arguments],
+        [sys.executable, "-m", "pytest", "-q", *QUIETLY, *map(str, where), *arguments],
         cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, capture_output=True, text=True, check=False,
     )  # fmt: skip

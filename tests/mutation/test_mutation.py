@@ -1,6 +1,8 @@
 """Mutants are what they claim to be, and a test that cannot fail lets them live."""
 
 import ast
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -75,9 +77,18 @@ ROOM = Room(
 )
 
 
-def test_what_is_tested_is_killed_and_what_is_not_lives(tmp_path):
-    root = small_project(tmp_path, "assert least(1, 2) == 1 and least(4, 3) == 3")
-    score = judged(ROOM, 60, 1, tmp_path / "stored", root)
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory):
+    """The project, its scores after three mutants and after all, and what the second run printed; judged but once."""
+    root = small_project(tmp_path_factory.mktemp("small"), "assert least(1, 2) == 1 and least(4, 3) == 3")
+    first = judged(ROOM, 3, 1, root / "stored", root)
+    with redirect_stdout(StringIO()) as said:
+        whole = judged(ROOM, 60, 1, root / "stored", root)
+    return root, first, whole, said.getvalue()
+
+
+def test_what_is_tested_is_killed_and_what_is_not_lives(twice):
+    root, _, score, _ = twice
     assert {verdict.change: verdict.fate for verdict in score.verdicts} == {
         "a < b -> a <= b": "lives",  # the same numbers where they are equal
         "b + 0 * 7 -> b - 0 * 7": "lives",
@@ -86,17 +97,14 @@ def test_what_is_tested_is_killed_and_what_is_not_lives(tmp_path):
         "7 -> 8": "accepted",
     }
     assert score.share == pytest.approx(1 / 4)
-    assert stored("small", tmp_path / "stored") == score
+    assert stored("small", root / "stored") == score
 
 
-def test_a_second_run_judges_what_is_left(tmp_path, capsys):
+def test_a_second_run_judges_what_is_left(twice):
     """Those not yet judged, and those that lived; all of them where the code is another."""
-    root = small_project(tmp_path, "assert least(1, 2) == 1 and least(4, 3) == 3")
-    first = judged(ROOM, 3, 1, tmp_path / "stored", root)
-    capsys.readouterr()
-    whole = judged(ROOM, 60, 1, tmp_path / "stored", root)
+    root, first, whole, said = twice
     assert whole.verdicts[:3] == first.verdicts
-    told = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
+    told = [line.split()[0] for line in said.splitlines()[1:]]
     assert len(told) == 5 - first.of("killed")
     source = root / "kinetics/least.py"
     source.write_text('"""A docstring."""\n\n' + source.read_text())

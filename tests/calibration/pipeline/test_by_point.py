@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import run
 from matplotlib.figure import Figure
 from synthetic_runs import line_network
 
@@ -143,19 +142,19 @@ levels = [8.0, 12.0]
 """
 
 
-def test_the_command_reads_what_the_study_made(tmp_path):
+def test_the_command_reads_what_the_study_made(wellmixed_here, tmp_path):
     (tmp_path / "own.toml").write_text(STUDY)
     common = ["own.toml", "--runs-folder", "runs", "--json"]
-    assert run("study", *common, "--seed", 4, cwd=tmp_path).code == 0
-    done = run("rates", *common, "--seed", 4, "--out", "told", cwd=tmp_path)
+    assert wellmixed_here("study", *common, "--seed", 4, cwd=tmp_path).code == 0
+    done = wellmixed_here("rates", *common, "--seed", 4, "--out", "told", cwd=tmp_path)
     told = done.json
     assert {row["point"] for row in told["rates"]} == {"number=8", "number=12"}
     assert [row["runs"] for row in told["first_times"]] == [2, 2]
     assert all((tmp_path / path).stat().st_size > 0 for path in told["written"])
     (tmp_path / "mine").mkdir()
-    other = run("rates", "own.toml", "--runs-folder", "mine", cwd=tmp_path)
+    other = wellmixed_here("rates", "own.toml", "--runs-folder", "mine", cwd=tmp_path)
     assert (other.code, list((tmp_path / "mine").iterdir())) == (2, [])
     assert "mine holds no runs" in other.err
-    none = run("rates", *common, "--seed", 5, cwd=tmp_path)
+    none = wellmixed_here("rates", *common, "--seed", 5, cwd=tmp_path)
     assert none.code == 2
     assert "holds no run of own.toml at number=8 with seed 5; make them by: wellmixed study" in none.err

@@ -67,7 +67,7 @@ def check_size(studies, low, high):
     for column in (0, 1):  # joins, breaks
         assert low <= (p[:, column] <= 0.05).mean() <= high
         assert low <= (scatter[:, column] <= 0.05).mean() <= high
-    certain, _ = p_values(studies, taken_as_exact(calibrated()))
+    certain, _ = p_values(studies // 2, taken_as_exact(calibrated()))
     assert ((certain[:, :2] <= 0.05).mean(axis=0) > max(high, 0.06)).all()  # control: the uncertainty left out
 
 
@@ -141,7 +141,10 @@ def test_more_groups_only_where_it_is_doubtful_and_pooled_over_experiments():
     np.testing.assert_array_equal(first.constants(0, 50), second.constants(0, 50))
     assert not np.array_equal(wrong[0].first_totals.seen, wrong[1].first_totals.seen)
     # all groups begin with the first ones
-    np.testing.assert_array_equal(wrong[0].all_totals.seen[:GROUPS], wrong[0].first_totals.seen)
+    np.testing.assert_array_equal(wrong[0].totals(1999).seen[:GROUPS], wrong[0].first_totals.seen)
+    at_once = replace(wrong[0], first=1999)
+    np.testing.assert_array_equal(wrong[0].totals(1999).chi_squared, at_once.first_totals.chi_squared)
+    np.testing.assert_array_equal(wrong[0].totals(GROUPS).seen, wrong[0].first_totals.seen)
     np.testing.assert_array_equal(first.constants(1990, 2010)[10:], first.constants(2000, 2010))
 
 

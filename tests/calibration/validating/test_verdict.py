@@ -4,10 +4,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.stats import combine_pvalues, kstest
+from scipy.stats import binom, combine_pvalues, kstest
 
 from calibration.validating.power import Power
-from calibration.validating.predictive import least_p, predictive_p, shown_p, staged_p, upper_p
+from calibration.validating.predictive import ENOUGH, least_p, looks, predictive_p, sequential_p, shown_p, upper_p
 from calibration.validating.scores import share_inside
 from calibration.validating.single_runs import judge_single_runs, pooled_p
 from calibration.validating.verdict import ConsistencyCheck, judged
@@ -29,24 +29,58 @@ def test_predictive_p_is_uniform_with_many_ties():
     assert kstest(off, "uniform").pvalue < FALSE_ALARM
 
 
-def test_two_stages_keep_the_level():
-    """At each level at most that share, 5 standard errors allowed; and the small p-values are those of all groups."""
+@pytest.fixture(scope="module")
+def stopped():
+    """p-values of 20,000 counts (Poisson, mean 20) among 39, 79, ..., 999 groups like them, and the least possible."""
     rng = np.random.default_rng(2)
-    values = rng.normal(size=(1000, 20_000))
-    p, least = staged_p(values[0], values[1:100], lambda: values[1:], rng)
-    for level in (0.004, 0.01, 0.05, 0.2, 0.5):
-        assert (p <= level).mean() < level + 5 * np.sqrt(level * (1 - level) / 20_000)
-    assert p.min() < 0.01
-    np.testing.assert_allclose(least[p < 0.02], 2 / 1000)
-    np.testing.assert_allclose(least[p > 0.2], 2 / 100)
+    values = rng.poisson(20.0, size=(1000, 20_000)).astype(float)
+    return sequential_p(values[0], looks(39, 999), lambda n: values[1 : n + 1], rng)
 
 
-def test_nothing_is_made_where_nothing_is_doubtful():
-    def never():
-        raise AssertionError("more groups were asked for")
+def over(p, level):
+    """Whether more p-values are at most this level than its share allows, at a false-alarm rate of 1e-6."""
+    return binom.sf(np.count_nonzero(p <= level) - 1, p.size, level) < FALSE_ALARM
 
-    p, _ = staged_p(np.array([0.0]), np.linspace(-1, 1, 99)[:, None], never, np.random.default_rng(0))
+
+LEVELS = (0.002, 0.004, 0.01, 0.011, 0.02, 0.03, 0.05, 0.1, 0.2, 0.249, 0.25, 0.5)
+
+
+def test_stopping_keeps_the_level(stopped):
+    """At no level more than its share; below the least that stops, just its share. The control: the smallest ever.
+
+    Looked at as often, but with the smallest p-value on the way instead of the last, the level is lost.
+    """
+    p, _ = stopped
+    assert not any(over(p, level) for level in LEVELS)
+    assert binom.cdf(np.count_nonzero(p <= 0.008), p.size, 0.008) > FALSE_ALARM
+    rng = np.random.default_rng(3)
+    values = rng.poisson(20.0, size=(1000, 20_000)).astype(float)
+    ways = [predictive_p(values[0], values[1 : n + 1], rng) for n in looks(39, 999)]
+    assert any(over(np.min(ways, axis=0), level) for level in LEVELS)
+
+
+def test_small_p_values_have_all_groups_and_large_ones_the_first(stopped):
+    p, least = stopped
+    assert p.min() == 0.002
+    np.testing.assert_allclose(least[p < 0.01], 2 / 1000)
+    assert np.mean(least == 2 / 40) > 0.7  # 3 in 4 are clear at once
+    assert (p >= ENOUGH * least)[least > 2 / 1000].all()  # each stopped with as many groups on its side
+    groups = 2 / least - 1
+    assert groups.mean() < 200  # of 999
+
+
+def test_nothing_is_made_where_all_is_clear():
+    asked = []
+
+    def groups(n):
+        asked.append(n)
+        return np.linspace(-1, 1, n)[:, None]
+
+    p, _ = sequential_p(np.array([0.0]), looks(99, 9999), groups, np.random.default_rng(0))
     assert p[0] > 0.9
+    assert asked == [99]
+    sequential_p(np.array([2.0]), looks(99, 9999), groups, np.random.default_rng(0))  # control
+    assert asked[1:] == [99, 199, 399, 799, 1599, 3199, 6399, 9999]
 
 
 def test_p_values_in_words():

@@ -190,7 +190,7 @@ def eager_t5():
     scene = Scene.load("t5").changed("bonding", latch={"kind": "encounter", "probability": 1.0})
     scene = scene.changed("breaking", threshold=0.003)
     start = {"monomer": 21, "dimer.a": 6, "trimer.a": 3, "quadmer.b": 2, "pentamer": 2}
-    return execute(RunSpec(scene, start, 40.0, seed=3, run=0, poses=5.0))
+    return execute(RunSpec(scene, start, 20.0, seed=3, run=0, poses=2.5))
 
 
 def test_the_poses_show_the_shapes_that_the_events_tell_of(eager_t5):
