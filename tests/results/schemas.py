@@ -45,6 +45,7 @@ CALLS = (
     ["rules", "check", "t5_as_printed"],
     ["rules", "check", "pyramid45"],
     ["rules", "rank", "t5", "t5_bar", "--join", 7e-5, "--cubes", 10, "--runs", 20],
+    ["scan", "pair.rxn", "--over", "k1=0.01,0.02", "--ask", "E[AB] @ 10", "--ask", "P=? [ F<=60 AB >= 8 ]"],
     ["verify", "pair.rxn", "--times", 1, "--runs", 1000, "--method", "ssa"],
 )
 
