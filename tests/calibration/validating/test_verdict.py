@@ -31,9 +31,9 @@ def test_predictive_p_is_uniform_with_many_ties():
 
 @pytest.fixture(scope="module")
 def stopped():
-    """p-values of 20,000 counts (Poisson, mean 20) among 39, 79, ..., 999 groups like them, and the least possible."""
+    """p-values of 8,000 counts (Poisson, mean 20) among 39, 79, ..., 999 groups like them, and the least possible."""
     rng = np.random.default_rng(2)
-    values = rng.poisson(20.0, size=(1000, 20_000)).astype(float)
+    values = rng.poisson(20.0, size=(1000, 8000)).astype(float)
     return sequential_p(values[0], looks(39, 999), lambda n: values[1 : n + 1], rng)
 
 
@@ -54,7 +54,7 @@ def test_stopping_keeps_the_level(stopped):
     assert not any(over(p, level) for level in LEVELS)
     assert binom.cdf(np.count_nonzero(p <= 0.008), p.size, 0.008) > FALSE_ALARM
     rng = np.random.default_rng(3)
-    values = rng.poisson(20.0, size=(1000, 20_000)).astype(float)
+    values = rng.poisson(20.0, size=(1000, 8000)).astype(float)
     ways = [predictive_p(values[0], values[1 : n + 1], rng) for n in looks(39, 999)]
     assert any(over(np.min(ways, axis=0), level) for level in LEVELS)
 

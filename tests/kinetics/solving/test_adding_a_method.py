@@ -46,7 +46,7 @@ class ExponentialAction(SolvingMethod):
             gap = max(gap, abs(one - two).sum())
             rows.append(np.maximum(one, 0.0))
         error = 4.0 * gap + 1e-13 * (1.0 + events)
-        return Distribution(space, grid, np.array(rows), error, is_bound=False)
+        return Distribution(space, grid, np.array(rows), float(error), is_bound=False)
 '''
 
 
