@@ -81,7 +81,7 @@ draw_tank(record, ax)
 
 # %%
 poses = Poses.of(record)
-draw_strip(poses, plt.figure(figsize=(10, 3)), poses.spread(5))
+_ = draw_strip(poses, plt.figure(figsize=(10, 3)), poses.spread(5))
 
 # %% [markdown]
 # ## 3. Effects

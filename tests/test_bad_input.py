@@ -166,7 +166,10 @@ def test_initial_species_of_simulate(refused, initial, said):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ([*PREDICT, "--initial", "quad=3"], "unknown species 'quad'; the network has monomer, dimer, trimer, quadmer"),
+        (
+            [*PREDICT, "--initial", "quad=3"],
+            "unknown species 'quad'; the network has monomer, dimer, trimer, quadmer",
+        ),
         ([*PREDICT, "--initial", "monomer=inf"], "--initial has 'monomer=inf'; expected species=count"),
         ([*PREDICT], "either --cubes 60 or --initial monomer=20,dimer=20"),
         ([*PREDICT, "--cubes", "0"], "0 is not in the range x>=1"),
@@ -176,7 +179,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*PREDICT, "--cubes", "6", "--times", "-5"], "times holds -5.0; expected at least 0"),
         ([*PREDICT, "--cubes", "6", "--method", "magic"], "'magic' is not one of 'ssa', "),
         ([*PREDICT, "--cubes", "6", "--csv", "no/table.csv"], "the folder of no/table.csv does not exist"),
-        ([*PASSAGE, "--species", "quad"], "unknown species 'quad'; the network has monomer, dimer, trimer, quadmer"),
+        ([*PASSAGE, "--species", "quad"], "--species quad: neither a species nor an observable; did you mean quadmer?"),
         ([*PASSAGE], "Missing option '--species'"),
         (
             ["passage", "nobook", *PASSAGE[2:], "--species", "dimer"],
@@ -228,7 +231,11 @@ def test_the_other_commands(refused, command, said):
         (RATES[: RATES.index("[channels]")], "", "'convention' is missing"),
         ('combinations = "distinct"', "", "'convention.combinations' is missing"),
         ('combinations = "distinct"', 'combinations = "pairs"', "should be 'distinct', 'ordered' or 'product'"),
-        ('time_unit = "tu"', 'time_unit = "s"', "convention.time_unit = 's': should be 'tu'"),
+        (
+            'time_unit = "tu"',
+            'time_unit = "s"',
+            "these rates are per s, and the network's time unit is tu",
+        ),
         ('"1+1->2"', '"A+A->B"', "for another network (missing 1+1->2; not in the network: A+A->B)"),
         (
             "[convention]",

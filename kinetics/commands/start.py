@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinetics.network import Network, Tank
+from kinetics.network.laws.expression import some_names
 from kinetics.support.arrays import Ints
 from kinetics.support.cli.options import counts_of
 
@@ -67,7 +68,9 @@ class Start:
 
         if self.rates is not None:
             return self.rates.convention.model_dump()
-        return Convention.model_validate({"combinations": self.network.combinations}).model_dump()
+        return Convention.model_validate(
+            {"combinations": self.network.combinations, "time_unit": self.network.time_unit}
+        ).model_dump()
 
     @property
     def model(self) -> NetworkModel:
@@ -83,7 +86,8 @@ class Start:
             return {name: 1.0}
         if name not in self.observables:
             near = difflib.get_close_matches(name, [*self.observables, *self.network.species], n=3, cutoff=0.4)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            known = f"; there are {some_names([*self.network.species, *self.observables])}"
+            hint = f"; did you mean {' or '.join(near)}?" if near else known
             raise ValueError(f"{option} {name}: neither a species nor an observable{hint}")
         return self.observables[name]
 

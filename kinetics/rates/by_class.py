@@ -28,7 +28,7 @@ from kinetics.support.intervals import exact_limits, posterior_draws
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
 
-DISTINCT = Convention(combinations="distinct")
+DISTINCT = Convention(combinations="distinct", time_unit="tu")
 UNTOLD = 2.0  # events: what all evidence of places where as many faces meet says of places where it is another number
 
 

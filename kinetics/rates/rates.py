@@ -34,7 +34,7 @@ class Convention(Settings):
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
-    time_unit: str = Field(default="tu", max_length=40)
+    time_unit: str = Field(default="", max_length=40)
 
 
 class MeasuredRate(Settings):

@@ -19,6 +19,11 @@ class ScanAnswer:
     answered : `proven` or `estimated`, of the limits of an exact answer, or `sampled`
     standard_error : of a sampled value; nan where it is exact
     states, runs : of the chain, or of the sample; the other is None
+
+    >>> from kinetics import Network, scan
+    >>> (point,) = scan(Network.from_text("A -> B, 1"), {"A": [3]}, ["P=? [ F<=1 B >= 1 ]"]).answers
+    >>> round(point[0].value, 6), point[0].answered, point[0].states
+    (0.950213, 'proven', 4)
     """
 
     value: float

@@ -32,6 +32,11 @@ class Scan(Shown, Tabular):
     answers : (P,) of the points, each with Q answers, or None where Ctrl-C came before it was made
     labels : name -> title of its axis
     time_unit : of all times in the questions, "" where none is stated
+
+    >>> from kinetics import Network, scan
+    >>> found = scan(Network.from_text("A -> B, k", k=1), {"k": [1, 2], "A": [3, 4]}, ["E[A] @ 1"])
+    >>> found.shape, found.numbers("value")[:, :, 0].round(4).tolist()
+    ((2, 2), [[1.1036, 1.4715], [0.406, 0.5413]])
     """
 
     over: Mapping[str, Floats]

@@ -28,6 +28,12 @@ class ScannedModel:
 
     model : the network, its counts and its observables
     cube : species that `cubes` counts; "" where there is none
+
+    >>> from kinetics import Network
+    >>> from kinetics.scanning import ScannedModel
+    >>> model = ScannedModel.of(Network.from_text("decay: A -> B, k", k=1), {"A": 3})
+    >>> model.kind("k"), model.kind("A")
+    ('parameter', 'species')
     """
 
     model: NetworkModel

@@ -160,7 +160,7 @@ def test_conditions_that_touch_or_cross_their_limit():
 @pytest.mark.parametrize(
     ("event", "message"),
     [
-        (Event("half", "t >= 1", {"A": "A / 2"}), r"event 'half' sets 'A' to A / 2 = 1.5 at A = 3, B = 0, t = 1 tu"),
+        (Event("half", "t >= 1", {"A": "A / 2"}), r"event 'half' sets 'A' to A / 2 = 1.5 at A = 3, B = 0, t = 1"),
         (Event("debt", "t >= 1", {"A": "A - 4"}), "= -1 at A = 3.*a whole number from 0 to 2"),
         (Event("lost", "t >= 1", {"A": "A / B"}), "= inf at"),
         (Event("much", "t >= 1", {"A": "2 ** 60"}), "= 1.15292e"),

@@ -94,7 +94,7 @@ def test_rates_for_another_network():
         ('combinations = "distinct"', "", "'convention.combinations' is missing"),
         ('combinations = "distinct"', 'combinations = "unlike"', "convention.combinations = 'unlike'"),
         ('"rate * ways * combinations"', '"rate * combinations"', "convention.propensity"),
-        ('time_unit = "tu"', 'time_unit = "s"', "convention.time_unit = 's'"),
+        ('time_unit = "tu"', "time_unit = 3", "convention.time_unit = 3"),
         ("rate = 7.88e-5", "rate = nan", "rate = nan"),
         ("rate = 7.88e-5", "rate = inf", "rate = inf"),
         ("rate = 7.88e-5", "rate = -1.0", r"rate = -1\.0"),

@@ -172,13 +172,11 @@ def test_a_chain_in_circles_takes_many_steps_and_is_ended_when_it_takes_too_long
 
 
 def test_what_takes_too_long_is_refused_before_it_starts(factorised):
-    with pytest.raises(
-        ValueError, match=r"41 states would take about \d+ steps until 1e\+06 tu, up to 0\.\d+ s; max_s"
-    ):
+    with pytest.raises(ValueError, match=r"41 states would take about \d+ steps until 1e\+06, up to 0\.\d+ s; max_s"):
         Collocation(max_seconds=0.02).solve(switch(), [40, 0], [1e6])
     with pytest.raises(ValueError, match=r"up to 1 apart, may take .* s to factorise once"):
         Collocation(max_seconds=1e-7).solve(switch(), [100, 0], [1.0])
-    with pytest.raises(ValueError, match=r"too stiff for collocation: its fastest rate times 1e\+10 tu is 8e\+20"):
+    with pytest.raises(ValueError, match=r"too stiff for collocation: its fastest rate times 1e\+10 is 8e\+20"):
         Collocation().solve(switch(1e9, 2e9), [40, 0], [1e10])
     assert not factorised
 
@@ -234,5 +232,5 @@ def test_rates_and_times_far_from_one(rate, time):
 
 
 def test_a_time_beyond_all_numbers_is_refused():
-    with pytest.raises(ValueError, match=r"too stiff for collocation: .* until 1e\+100 tu"):
+    with pytest.raises(ValueError, match=r"too stiff for collocation: .* until 1e\+100"):
         Collocation().solve(switch(1e-300), [1, 0], [1e300])

@@ -112,8 +112,8 @@ def test_a_limit_of_the_system_leaves_the_older_file(tmp_path):
 def test_a_link_planted_at_the_temporary_name_is_not_followed(tmp_path, monkeypatch):
     victim, file = tmp_path / "victim", tmp_path / "rates.toml"
     victim.write_bytes(OLD)
-    monkeypatch.setattr(output.secrets, "token_hex", lambda _: "guessed")
-    planted = tmp_path / ".wellmixed-guessed.part"
+    monkeypatch.setattr(output.os, "urandom", lambda n: b"\x07" * n)
+    planted = tmp_path / ".wellmixed-0707070707070707.part"
     for plant in (planted.symlink_to, planted.hardlink_to):
         plant(victim)
         with pytest.raises(FileExistsError, match=r"rates\.toml"):

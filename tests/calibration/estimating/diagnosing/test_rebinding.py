@@ -11,7 +11,7 @@ from kinetics.network import Network
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.intervals import exact_limits
 
-NETWORK = Network(("A", "B"), ("join", "break"), [[2, 0], [0, 1]], [[-2, 1], [2, -1]], [1, 1])
+NETWORK = Network(("A", "B"), ("join", "break"), [[2, 0], [0, 1]], [[-2, 1], [2, -1]], [1, 1], time_unit="tu")
 JOIN, BREAK = 0, 1
 
 
@@ -46,7 +46,7 @@ def test_why_it_is_not_testable():
     assert {each.reason for each in by_title([idle]).values()} == {"no breaks"}
     apart = JumpPath(NETWORK, [2, 2], [10.0], [BREAK], 30.0)
     assert {each.reason for each in by_title([apart]).values()} == {"no joins to compare with"}
-    joins = Network(("A", "B"), ("join",), [[2, 0]], [[-2, 1]], [1])
+    joins = Network(("A", "B"), ("join",), [[2, 0]], [[-2, 1]], [1], time_unit="tu")
     found = by_title([JumpPath(joins, [4, 0], [1.0], [0], 3.0)])
     assert found["all breaks: rebinding within 2 tu"].reason == "no pair of inverse channels"
 
