@@ -30,7 +30,7 @@ def named_reward(
         return Reward(np.asarray(counts)[:, list(variables).index(str(name))].astype(float))
     if name == TIME:
         return Reward(np.ones(n_states), most=1.0)
-    there = ", ".join([*rewards, *variables]) or "none"
+    there = ", ".join(dict.fromkeys([*rewards, *variables])) or "none"
     came = "no reward was named" if name is None else f"unknown reward {name!r}"
     raise ValueError(f"{came}; there are {there}")
 

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from kinetics.commands.start import Start, start
-from kinetics.network.sums import Counted, summed
+from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.cli.options import (
     AskedStart,
     echo_json,
@@ -205,7 +205,7 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     chain = Chain.of(
         model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
     )
-    found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, f"{copies} {name}")
+    found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
     low, high = found.quantile_bounds(QUANTILES)
     if as_json:
         ever = found.probability_bounds

@@ -29,3 +29,12 @@ def summed(network: Network, counted: Counted) -> tuple[Floats, str]:
             raise ValueError(f"weight of {name!r} is {weight}; expected a finite number")
         weights[network.index(name)] = weight
     return weights, " + ".join(name if weight == 1 else f"{weight:g} {name}" for name, weight in parts.items())
+
+
+def in_words(name: str, least: int) -> str:
+    """A count or a sum of counts that is to be reached.
+
+    >>> in_words("B", 3), in_words("A + 2 B", 3)
+    ('3 B', 'A + 2 B >= 3')
+    """
+    return f"{name} >= {least}" if " " in name else f"{least} {name}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.network.sums import Counted, summed
+from kinetics.network.sums import Counted, in_words, summed
 from kinetics.passage.arrival import Arrival
 from kinetics.passage.backward import LimitedValue
 from kinetics.passage.certified import BoundedSolution, Equations, leaving_rates
@@ -209,7 +209,7 @@ def first_passage(
     wanted = whole_number("copies", copies, 0)
     space = reached_states(network, initial, max_states, stop=lambda states: states @ weights >= wanted)
     start = np.eye(1, len(space))[0]
-    return passage_to(space.transitions(), start, space.is_stopped, f"{wanted} {name}", network.time_unit)
+    return passage_to(space.transitions(), start, space.is_stopped, in_words(name, wanted), network.time_unit)
 
 
 def passage_to(
