@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import click
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from kinetics.support.cli.lazy_commands import LazyCommand
+from kinetics.support.cli.lazy_commands import below
 from wellmixed import main
 
 ROOT = Path(__file__).parents[2]
@@ -69,21 +68,10 @@ def reference(package: str, text: str) -> str:
 def command_page() -> str:
     """What every command says of itself."""
     parts = ["# Commands\n\n`wellmixed COMMAND --help` says the same."]
-    for words, command in commands():
+    for words, command in below(main):
         context = click.Context(command, info_name=f"wellmixed {words}".strip(), max_content_width=100)
         parts.append(f"## {context.info_name}\n\n```text\n{command.get_help(context)}\n```")
     return "\n\n".join(parts) + "\n"
-
-
-def commands(command: click.Command | None = None, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
-    """The words and the command, of `wellmixed` and all below it."""
-    command = main if command is None else command
-    if isinstance(command, LazyCommand):
-        command = command.load()
-    yield " ".join(words), command
-    if isinstance(command, click.Group):
-        for name, below in command.commands.items():
-            yield from commands(below, (*words, name))
 
 
 def schema_page() -> str:

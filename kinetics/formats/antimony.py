@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar
 
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.outside import Program
 from kinetics.formats.sbml import model_in
+from kinetics.support.extras import require
 from kinetics.support.limits import text_in
 
 MAX_BYTES = 4 * 2**20
@@ -50,8 +50,7 @@ class Antimony(Format):
         text = text_in(path, MAX_BYTES)
         if IMPORT.search(text):
             raise ValueError(f"{path} imports another file, which is not read; put both into one")
-        if find_spec("antimony") is None:
-            raise ModuleNotFoundError("No module named 'antimony'", name="antimony")
+        require("antimony")
         library = Program(
             "Antimony", (sys.executable, "-P", "-c", LIBRARY), 20, 2**30, "a smaller model, or SBML, can be read"
         )

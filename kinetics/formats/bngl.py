@@ -11,13 +11,13 @@ import re
 import shutil
 import sys
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar
 
 from kinetics.formats.bionetgen import model_in
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.outside import Program
+from kinetics.support.extras import require
 from kinetics.support.limits import text_in
 
 MAX_BYTES = 4 * 2**20
@@ -93,10 +93,7 @@ def _program() -> Path:
         if not program.is_file():
             raise ValueError(f"BNGPATH is {stated}, where there is no BNG2.pl; expected the folder of BioNetGen")
         return program
-    found = find_spec("bionetgen")
-    if found is None or found.origin is None:
-        raise ModuleNotFoundError("No module named 'bionetgen'", name="bionetgen")
-    return Path(found.origin).resolve().parent / FOLDERS.get(sys.platform, "bng-linux") / "BNG2.pl"
+    return Path(require("bionetgen")).resolve().parent / FOLDERS.get(sys.platform, "bng-linux") / "BNG2.pl"
 
 
 def _perl(path: Path) -> str:

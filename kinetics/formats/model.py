@@ -87,4 +87,5 @@ class Format(ABC):
 
     def text(self, model: NetworkModel) -> str:
         """The text of a file for a model; a ValueError where the format cannot hold all of it."""
-        raise NotImplementedError(f"{self.name} is read only")
+        sizes = f"{len(model.network.species)} species and {len(model.network.channels)} channels"
+        raise ValueError(f"files of the format {self.name!r} are read, not written; write the {sizes} in another one")

@@ -13,6 +13,7 @@ from kinetics.chain.observing import whole_sums
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
+from kinetics.network.sums import summed
 from kinetics.runs import JumpPath
 from kinetics.sampling import Auto
 from kinetics.sampling.methods import path_method
@@ -78,8 +79,11 @@ def _on_paths(model: NetworkModel, queries: Sequence[Query], runs: int, seed: in
     samples: list[list[Floats]] = [[] for _ in queries]
     for many in _blocks(paths, runs):
         table = _Visits.of(many)
+        sums = whole_sums(model.network, model.observables, table.counts)
+        columns = np.column_stack([table.counts, *sums.values()])
+        names = StateNames(len(columns), (*model.network.species, *sums), columns, {})
         for values, query in zip(samples, queries, strict=True):
-            values.append(_judged(table, model, query))
+            values.append(_judged(table, names, model, query))
     return [np.concatenate(values) for values in samples], method.name
 
 
@@ -124,11 +128,8 @@ class _Visits:
         return rows
 
 
-def _judged(visits: _Visits, model: NetworkModel, query: Query) -> Floats:
+def _judged(visits: _Visits, names: StateNames, model: NetworkModel, query: Query) -> Floats:
     """Whether each path fulfils a question (runs,), or the total that it earns."""
-    sums = whole_sums(model.network, model.observables, visits.counts)
-    columns = np.column_stack([visits.counts, *sums.values()])
-    names = StateNames(len(columns), (*model.network.species, *sums), columns, {})
     if isinstance(query, RewardQuery):
         held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
         earned = held * (visits.counts.astype(float) @ _weights(model, query))
@@ -146,17 +147,14 @@ def _judged(visits: _Visits, model: NetworkModel, query: Query) -> Floats:
 
 
 def _weights(model: NetworkModel, query: RewardQuery) -> Floats:
-    """Weight (S,) of each species in a reward: an observable, or a species."""
+    """Weight (S,) of each species in a reward: a species, or an observable."""
     species, name = model.network.species, query.name
     if name is None and len(model.observables) == 1:
         name = next(iter(model.observables))
-    weights = model.observables.get(name or "", {name: 1.0} if name in species else {})
-    if name in species:
-        weights = {str(name): 1.0}
-    if not weights:
+    if name is None or (name not in species and name not in model.observables):
         there = ", ".join([*model.observables, *species][:12])
         raise ValueError(f"unknown reward {name!r}; there are {there}")
-    return np.array([weights.get(each, 0.0) for each in species])
+    return summed(model.network, name if name in species else model.observables[name])[0]
 
 
 def _end(query: Query) -> float | None:

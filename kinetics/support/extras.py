@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 # package that may be lacking -> the extra that brings it
@@ -25,6 +26,14 @@ EXTRAS = {
 def how_to_install(name: str) -> str:
     """What a user without this package does."""
     return f"this needs {name}; install it by: pip install 'wellmixed[{EXTRAS[name]}]'"
+
+
+def require(name: str) -> str:
+    """The file of a package that another process will import; the same error as `extra` where there is none."""
+    found = find_spec(name)
+    if found is None or found.origin is None:
+        raise ModuleNotFoundError(how_to_install(name), name=name)
+    return found.origin
 
 
 def extra(name: str) -> Any:

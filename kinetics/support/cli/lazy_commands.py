@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import click
 
@@ -30,6 +30,16 @@ class LazyCommand(click.Command):
         if parent is not None and parent.default_map:
             extra["default_map"] = defaults_of(parent, real, self.name or "")
         return real.make_context(info_name, args, parent=parent, **extra)
+
+
+def below(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    """This command and all below it, imported, each with the words that a user types; "" are those of this one."""
+    if isinstance(command, LazyCommand):
+        command = command.load()
+    yield " ".join(words), command
+    if isinstance(command, click.Group):
+        for name, each in command.commands.items():
+            yield from below(each, (*words, name))
 
 
 def mount(group: click.Group, commands: Commands) -> None:
