@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.network.checks import some_names
 from kinetics.network.laws.enclosure import enclosed
-from kinetics.network.laws.expression import Expression, some_names
+from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
 from kinetics.network.laws.reading import OURS, Dialect, node_of, shortened

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinetics.network import Network, Tank
-from kinetics.network.laws.expression import some_names
+from kinetics.network.checks import some_names
 from kinetics.support.arrays import Ints
 from kinetics.support.cli.options import counts_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,3 +77,9 @@ def checked_conserved(
                 f"correct the channel or the weights"
             )
     return amounts
+
+
+def some_names(names: Collection[str]) -> str:
+    """The first dozen of the names, and how many more there are."""
+    shown = list(names)[:12]
+    return ", ".join(shown) + (f" and {len(names) - 12} more" if len(names) > 12 else "")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from kinetics.network.laws.events import Event
-from kinetics.network.laws.expression import Expression
 from kinetics.network.sparse_tables import SparseTable
+
+if TYPE_CHECKING:
+    from kinetics.network.laws.events import Event
+    from kinetics.network.laws.expression import Expression
 
 MAX_DENSE = 10**6  # entries of a table that is read in full; of a larger one, those other than 0
 

@@ -23,26 +23,21 @@ from kinetics.network.checks import (
     checked_conserved,
     checked_names,
     checked_table,
+    some_names,
 )
 from kinetics.network.fingerprint import fingerprint
-from kinetics.network.laws.events import Event, checked_events
-from kinetics.network.laws.expression import Expression, some_names
+from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
-from kinetics.network.propensity import (
-    AT_ZERO,
-    COMBINATIONS,
-    ChannelLaw,
-    check_homogeneous,
-    checked_laws,
-    mass_action,
-    split_rates,
-)
+from kinetics.network.propensity import AT_ZERO, COMBINATIONS, check_homogeneous, mass_action
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
 from kinetics.support.shown import ResultTable, Shown
 
 if TYPE_CHECKING:
+    from kinetics.network.laws.events import Event
+    from kinetics.network.laws.expression import Expression
+    from kinetics.network.laws.of_channels import ChannelLaw
     from kinetics.network.reaction_text import ReactionText
 
 SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
@@ -323,11 +318,7 @@ class Network(Shown):
     @cached_property
     def channel_laws(self) -> dict[str, ChannelLaw]:
         """Channel -> its rate law with the reactants without which it is blocked or refused."""
-        rows = {name: self.sparse_reactants.row(self.channel_places[name]) for name in self.laws}
-        return {
-            name: ChannelLaw(name, law, self.species_places, rows[name], self.at_zero)
-            for name, law in self.laws.items()
-        }
+        return channel_laws(self.laws, self.channel_places, self.species_places, self.sparse_reactants, self.at_zero)
 
     def check_homogeneous(self) -> None:
         """A ValueError where rates depend on time or events set counts: the generator is then not constant."""

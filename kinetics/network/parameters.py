@@ -7,12 +7,16 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network.laws.expression import Expression, some_names
-from kinetics.network.laws.program import known_numbers
+from kinetics.network.checks import some_names
+from kinetics.network.laws.on_demand import is_formula
+
+if TYPE_CHECKING:
+    from kinetics.network.laws.expression import Expression
 
 CLOSE = 1e-9  # a count this near, relatively, to a whole number is meant to be it
 
@@ -91,7 +95,7 @@ class Parameters:
     def count(self, name: str) -> int:
         """The count of a species at time 0; a ValueError where it is no whole number of at least 0."""
         given = self.initial[name]
-        if not isinstance(given, Expression):
+        if not is_formula(given):
             return given
         value = number_of(f"count of {name!r}", given, self.values)
         if not 0 <= value < 2.0**63 or abs(value - round(value)) > CLOSE * value:
@@ -104,7 +108,9 @@ class Parameters:
 
 def number_of(what: str, given: float | Expression, values: Mapping[str, float]) -> float:
     """The number that a formula of parameters comes to; a ValueError that says of what, where it is none."""
-    if isinstance(given, Expression):
+    if is_formula(given):
+        from kinetics.network.laws.program import known_numbers
+
         found = known_numbers(given.with_parameters(values))[-1]
         if found is None:
             raise ValueError(f"{what}, {given.text}, comes to no finite number")

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kinetics.network.checks import checked_names
-from kinetics.network.laws.expression import some_names
+from kinetics.network.checks import checked_names, some_names
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import integers
 

@@ -45,9 +45,10 @@ class SparseTable:
             if place.size and place.max() >= length:
                 raise ValueError(f"{name} holds {place.max()}; the table has only {length}")
             places.append(place)
-        keys, again = np.unique(places[0] * shape[1] + places[1], return_inverse=True)
-        total = np.zeros(keys.size, dtype=np.int64)
-        np.add.at(total, again, given)
+        keys: Ints = places[0] * shape[1] + places[1]
+        order = np.argsort(keys, kind="stable")
+        firsts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+        keys, total = keys[order][firsts], np.add.reduceat(given[order], firsts)
         keys, total = keys[total != 0], total[total != 0]
         return cls._sorted(shape, *np.divmod(keys, shape[1]), total)
 

@@ -36,7 +36,7 @@ class NetworkSize:
         readers = np.bincount(needed.columns, minlength=n_species)
         order = int(cls.orders(network).max(initial=0))
         updated = readers[change.columns].sum() / max(1, n_channels)
-        return cls(n_channels, n_species, order, updated, np.unique(leaders(network)).size)
+        return cls(n_channels, n_species, order, updated, int((leaders(network) == np.arange(n_channels)).sum()))
 
     @staticmethod
     def orders(network: Network) -> Ints:

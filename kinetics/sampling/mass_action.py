@@ -56,7 +56,7 @@ def order_refusal(network: Network) -> str:
         np.divide.at(shares, needed.rows[like], FACTORIALS[np.minimum(needed.copies[like], 170)])
     is_beyond = np.bincount(needed.rows[like], needed.copies[like] > 170, len(network.channels)) > 0
     small = (shares < 2 * np.finfo(np.float64).tiny) | is_beyond
-    for r in np.unique(needed.rows[like & small[needed.rows]]):
+    for r in np.flatnonzero(np.bincount(needed.rows[like & small[needed.rows]])).tolist():
         try:
             _coefficient(network, r)
         except ValueError as error:
@@ -78,7 +78,7 @@ def mass_action(network: Network) -> MassAction:
     needed = network.sparse_reactants
     n_channels = len(network.channels)
     if network.combinations == "distinct":
-        for r in np.unique(needed.rows[needed.copies > 1]):
+        for r in np.flatnonzero(np.bincount(needed.rows[needed.copies > 1])).tolist():
             coefficients[r] = _coefficient(network, r)
     order = int(np.bincount(needed.rows, needed.copies, minlength=n_channels).max(initial=2))
     factors = np.zeros((n_channels, order, 3), dtype=np.int32)

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinetics.formats import NetworkModel
 from kinetics.network import Network
-from kinetics.network.laws.expression import some_names
+from kinetics.network.checks import some_names
 from kinetics.scanning.values import checked_values
 from kinetics.support.arrays import Floats, integers
 from kinetics.support.tables import of_unit

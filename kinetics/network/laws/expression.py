@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from kinetics.network.checks import some_names
 from kinetics.network.laws.graph import TRUTHS, Code, Graph, Node
 from kinetics.network.laws.reading import RESERVED, TIME, check_length, node_of, shortened
 from kinetics.network.laws.writing import quoted, text_of
@@ -130,9 +131,3 @@ class Expression:
 
 def _meaning(name: str) -> str:
     return "the time" if name == TIME else "3.14159..."
-
-
-def some_names(names: Collection[str]) -> str:
-    """The first dozen of the names, and how many more there are."""
-    shown = list(names)[:12]
-    return ", ".join(shown) + (f" and {len(names) - 12} more" if len(names) > 12 else "")

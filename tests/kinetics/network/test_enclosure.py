@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from kinetics.network import Network
 from kinetics.network.laws import Expression, enclosure, hill, hill_repression, michaelis_menten
 from kinetics.network.laws.graph import Code
+from kinetics.network.laws.of_channels import ROUNDING
 from kinetics.network.laws.program import evaluate, steps_of
-from kinetics.network.propensity import ROUNDING
 from kinetics.solving import StateSpace
 
 PLACES = {"A": 0, "B": 1}
