@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
-from kinetics.rates import RatesPosterior
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
 from kinetics.sampling.streamed import unbroken
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
+
+if TYPE_CHECKING:
+    from kinetics.rates import RatesPosterior
 
 RUNS_PER_DRAW = 100
 LIMITS = (0.025, 0.975)

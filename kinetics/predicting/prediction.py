@@ -14,7 +14,6 @@ from kinetics.network import Network, Tank
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
-from kinetics.rates import BookRates, Rates
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
 from kinetics.support.arrays import Counts, Floats
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from kinetics.rates import BookRates, Rates
     from kinetics.solving import Distribution, SolvingMethod
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinetics.rates.class_keys import class_keys, more_general  # at once: a module and a function have this name
+from kinetics.rates.class_keys import (  # at once: a module and a function have one name
+    are_by_class,
+    class_keys,
+    more_general,
+)
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -12,7 +16,6 @@ if TYPE_CHECKING:
     from kinetics.rates.by_class import (
         ClassRate,
         ClassRates,
-        are_by_class,
         general_entries,
         measured_class,
         with_prior,
@@ -25,7 +28,7 @@ _HOMES = {
     "kinetics.rates.break_terms": ("BreakTerms", "ShapePosterior"),
     "kinetics.rates.by_class": (
         *("ClassRate", "ClassRates"),
-        *("are_by_class", "general_entries", "measured_class", "with_prior"),
+        *("general_entries", "measured_class", "with_prior"),
     ),
     "kinetics.rates.of_book": ("BookRates",),
     "kinetics.rates.posterior": ("RatesPosterior",),

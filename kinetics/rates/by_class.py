@@ -19,7 +19,7 @@ from pydantic import Field, field_validator
 from kinetics.breaks import Expansion
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
-from kinetics.rates.class_keys import class_keys, more_general, number_touched, plain_key
+from kinetics.rates.class_keys import are_by_class, class_keys, more_general, number_touched, plain_key
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
 from kinetics.support.arrays import Floats
 from kinetics.support.config import Settings, read_toml, validated, write_toml
@@ -230,20 +230,6 @@ class ClassRates(Settings):
         """The keys used by these classes whose rates have no events and exposure."""
         used = dict.fromkeys(map(self.key, classes))
         return [key for key in used if self.classes[key].exposure is None]
-
-
-def are_by_class(name_or_path: str | Path) -> bool:
-    """Whether this is a file of rates by class.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from kinetics.rates import ClassRates, are_by_class
-    >>> with TemporaryDirectory() as folder:
-    ...     ClassRates.uniform(join=1e-4).save(f"{folder}/classes.toml")
-    ...     print(are_by_class(f"{folder}/classes.toml"), are_by_class("table3"))
-    True False
-    """
-    path = Path(name_or_path)
-    return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)
 
 
 class _Share(NamedTuple):

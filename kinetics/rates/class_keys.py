@@ -1,4 +1,4 @@
-"""Keys of a class rates file, which name classes from the particular to the general.
+"""Class rates files told from others, and their keys, which name classes from the particular to the general.
 
     "join 1 f1 + 2 f1 touching 2"   event, sizes, faces, and how many faces meet
     "join f1 + f1 touching 2"       whatever the sizes
@@ -12,6 +12,7 @@ Of a break the two last are one, because a bond that breaks is the only one betw
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -74,3 +75,19 @@ def number_touched(key: str) -> int | None:
     """The number of faces that meet, where a key says it."""
     match = _KEY.fullmatch(key)
     return None if match is None or match[6] is None else int(match[6])
+
+
+def are_by_class(name_or_path: str | Path) -> bool:
+    """Whether this is a file of rates by class.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from kinetics.rates import ClassRates, are_by_class
+    >>> with TemporaryDirectory() as folder:
+    ...     ClassRates.uniform(join=1e-4).save(f"{folder}/classes.toml")
+    ...     print(are_by_class(f"{folder}/classes.toml"), are_by_class("table3"))
+    True False
+    """
+    from kinetics.support.config import read_toml
+
+    path = Path(name_or_path)
+    return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)

@@ -6,7 +6,6 @@ import os
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from itertools import count, pairwise
 from math import inf
 from typing import ClassVar, Protocol
@@ -172,6 +171,8 @@ class SamplingMethod(ABC):
         if workers == 1 or len(cuts) == 2:
             outcomes = [piece(begin, end) for begin, end in pairwise(cuts)]
         else:
+            from concurrent.futures import ThreadPoolExecutor
+
             with ThreadPoolExecutor(workers) as pool:
                 try:
                     outcomes = list(pool.map(piece, cuts[:-1], cuts[1:]))

@@ -7,7 +7,6 @@ first_run + d * runs + i of its stream, so all runs are independent, and draws m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,6 +77,8 @@ def simulate_draws(
     if threads == 1:
         yield from map(draw, range(len(table)))
         return
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(threads) as pool:
         for begin in range(0, len(table), BATCH * threads):
             yield from list(pool.map(draw, range(begin, min(begin + BATCH * threads, len(table)))))
