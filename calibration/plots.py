@@ -296,7 +296,7 @@ def pit_histogram(ax: Axes, pit: Floats, low: Floats, high: Floats, p_value: flo
     ax.set_ylim(bottom=0)
     ax.set_xlabel("predicted share below the run (PIT)")
     ax.set_ylabel("values of single runs")
-    ax.yaxis.get_major_locator().set_params(integer=True)
+    ax.locator_params(axis="y", integer=True)
     ax.set_title(f"p = {p_value:.2g}")
     ax.legend(frameon=False, fontsize="small")
     return ax

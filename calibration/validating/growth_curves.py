@@ -294,7 +294,7 @@ def compare_growth(
         return _totals([made(by, power_groups, seed + POWER + part)], n, end)
 
     simulated = [made(rates, groups, seed)]
-    found = _beside(seen, simulated, grid, label, seed)
+    found = _beside(seen, simulated, grid, label)
     checks = len(found.events) + len(found.curves)
     totals = _totals(simulated, n, end)
     powers = growth_powers(rates, totals.astype(float), totals_off, checks) if power_groups else ()
@@ -302,11 +302,11 @@ def compare_growth(
         if found.is_clear:
             break
         simulated.append(made(rates, number - found.groups, seed + MORE * len(simulated)))
-        found = _beside(seen, simulated, grid, label, seed).with_clear_ones_of(found)
+        found = _beside(seen, simulated, grid, label).with_clear_ones_of(found)
     return replace(found, most_groups=most_groups, powers=powers)
 
 
-def _beside(seen: Growths, made: Sequence[Growths], grid: Floats, label: str, seed: int) -> GrowthComparison:
+def _beside(seen: Growths, made: Sequence[Growths], grid: Floats, label: str) -> GrowthComparison:
     """The comparison with the groups of several simulations."""
     most = max(part.most for part in (seen, *made))
     own = _curves(seen, grid, most)
@@ -330,7 +330,7 @@ def _beside(seen: Growths, made: Sequence[Growths], grid: Floats, label: str, se
         np.array([misfit for misfit, _ in fits]),
         np.array([p for _, p in fits]),
         inside[after].mean(axis=0),
-        _events(seen, made, float(grid[-1]), np.random.default_rng(seed)),
+        _events(seen, made, float(grid[-1])),
     )
 
 
@@ -358,12 +358,12 @@ def _totals(made: Sequence[Growths], runs: int, end: float) -> Ints:
     return np.concatenate([_by_group(_counted(part, end), runs).sum(axis=0) for part in made])
 
 
-def _events(seen: Growths, made: Sequence[Growths], end: float, rng: np.random.Generator) -> tuple[GrowthEvents, ...]:
+def _events(seen: Growths, made: Sequence[Growths], end: float) -> tuple[GrowthEvents, ...]:
     """Joins and breaks of all runs among those of the groups."""
     own = _counted(seen, end).sum(axis=0)
     others = _totals(made, len(seen.runs), end).astype(float)
     low, high = central_band(others)
-    p = predictive_p(own.astype(float), others, rng)
+    p = predictive_p(own.astype(float), others)
     return tuple(
         GrowthEvents(kind, int(own[k]), float(others[:, k].mean()), float(low[k]), float(high[k]), float(p[k]))
         for k, kind in enumerate(KINDS)

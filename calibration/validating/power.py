@@ -29,9 +29,9 @@ def power(events: float, factor: float, rates_sd: float, level: float = LEVEL) -
     rates_sd : relative standard deviation that the posterior of the rates leaves to the events expected
 
     Events at given exposure are taken as Poisson and what is expected as Gamma about its mean, so that their number is
-    negative binomial: of mean events / factor in the test, and of mean `events` in truth. Ties are broken at random, as
-    in the test. Approximate, because exposures depend on events and rates: where the calibration leaves 12 % or less,
-    within 0.1 of brute force, and too high rather than too low.
+    negative binomial: of mean events / factor in the test, and of mean `events` in truth. Equal numbers are told apart
+    by what was expected, as in the test, but for those of no events. Approximate, because exposures depend on events
+    and rates: where the calibration leaves 12 % or less, within 0.1 of brute force, and too high rather than too low.
     """
     from scipy.stats import gamma
 
@@ -40,7 +40,7 @@ def power(events: float, factor: float, rates_sd: float, level: float = LEVEL) -
     if events < math.inf:
         supposed, true = _counts(events / factor, rates_sd), _counts(events, rates_sd)
         low, high = supposed.ppf(level / 2), supposed.isf(level / 2)
-        tie_low = (level / 2 - supposed.cdf(low - 1)) / supposed.pmf(low)
+        tie_low = (level / 2 - supposed.cdf(low - 1)) / supposed.pmf(low) if low > 0 else 0.0
         tie_high = (level / 2 - supposed.sf(high)) / supposed.pmf(high)
         below = true.cdf(low - 1) + tie_low * true.pmf(low)
         return float(below + true.sf(high) + tie_high * true.pmf(high))

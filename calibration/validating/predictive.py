@@ -11,16 +11,19 @@ from kinetics.support.arrays import Floats
 ENOUGH = 5  # groups on the nearer side, with the one seen, after which a p-value is known well enough
 
 
-def predictive_p(seen: Floats, simulated: Floats, rng: np.random.Generator) -> Floats:
-    """Two-sided p-values (K,) of `seen` (K,) by its rank among `simulated` (D, K), ties broken at random.
+def predictive_p(seen: Floats, simulated: Floats) -> Floats:
+    """Two-sided p-values (K,) of `seen` (K,) by its rank among `simulated` (D, K).
 
-    Where what was seen is one more group like the others, its rank r is uniform on 1, ..., D + 1, so that
-    p = 2 min(r, D + 2 - r) / (D + 1) is at most a with probability a, for each a that it can be: exact.
+    Where what was seen is one more group like the others, its rank is uniform on 1, ..., D + 1, so that p, twice the
+    share of groups, itself included, on the nearer side, is at most a with probability a for each a that it can be:
+    exact. Groups equal to what was seen count on both sides: p is then larger, and small with probability below a.
+
+    >>> import numpy as np
+    >>> predictive_p(np.array([0.0, 0.0]), np.array([[0.0, 1.0], [0.0, 2.0], [1.0, 3.0]])).tolist()
+    [1.0, 0.5]
     """
-    n = len(simulated)
-    ties = (simulated == seen).sum(axis=0)
-    rank = 1 + (simulated < seen).sum(axis=0) + rng.integers(0, ties + 1)
-    return np.minimum(2 * np.minimum(rank, n + 2 - rank) / (n + 1), 1.0)
+    at_most, at_least = (simulated <= seen).sum(axis=0), (simulated >= seen).sum(axis=0)
+    return np.minimum(2 * (1 + np.minimum(at_most, at_least)) / (len(simulated) + 1), 1.0)
 
 
 def least_p(groups: int) -> float:
@@ -45,9 +48,7 @@ def clear_p(groups: int) -> float:
     return ENOUGH * least_p(groups)
 
 
-def sequential_p(
-    seen: Floats, numbers: Sequence[int], groups: Callable[[int], Floats], rng: np.random.Generator
-) -> tuple[Floats, Floats]:
+def sequential_p(seen: Floats, numbers: Sequence[int], groups: Callable[[int], Floats]) -> tuple[Floats, Floats]:
     """`predictive_p` (K,) among as many groups as each takes to be clear; the least possible (K,).
 
     numbers : of groups, rising, as `looks` gives them; `groups(n)` returns values (n, K) of the first n, and is asked
@@ -63,7 +64,7 @@ def sequential_p(
     p, least = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
     is_open = np.ones(seen.shape, dtype=bool)
     for n in numbers:
-        p[is_open] = predictive_p(seen[is_open], groups(n)[:, is_open], rng)
+        p[is_open] = predictive_p(seen[is_open], groups(n)[:, is_open])
         least[is_open] = least_p(n)
         is_open &= p < clear_p(n)
         if not is_open.any():

@@ -61,9 +61,11 @@ def p_values(studies, rates):
 
 def check_size(studies, low, high):
     p, scatter = p_values(studies, calibrated())
-    for column in range(p.shape[1]):
-        assert kstest(p[:, column], "uniform").pvalue > 1e-6
-        assert kstest(scatter[:, column], "uniform").pvalue > 1e-6
+    for column in range(p.shape[1]):  # none too small; where no event came in many groups, some are larger
+        assert kstest(p[:, column], "uniform", alternative="greater").pvalue > 1e-6
+        assert kstest(scatter[:, column], "uniform", alternative="greater").pvalue > 1e-6
+    assert kstest(p[:, 0], "uniform").pvalue > 1e-6
+    assert kstest(scatter[:, 0], "uniform").pvalue > 1e-6
     for column in (0, 1):  # joins, breaks
         assert low <= (p[:, column] <= 0.05).mean() <= high
         assert low <= (scatter[:, column] <= 0.05).mean() <= high

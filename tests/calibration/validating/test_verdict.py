@@ -15,26 +15,44 @@ from calibration.validating.verdict import ConsistencyCheck, judged
 FALSE_ALARM = 1e-6
 
 
-def test_predictive_p_is_uniform_with_many_ties():
-    """20,000 counts of a Poisson variable of mean 0.3 among 199: nearly all are ties, broken at random."""
+def test_predictive_p_is_uniform_without_ties():
+    """20,000 numbers among 199 like them."""
     rng = np.random.default_rng(1)
-    counts = rng.poisson(0.3, size=(200, 20_000)).astype(float)
-    p = predictive_p(counts[0], counts[1:], rng)
+    counts = rng.gamma(0.3, size=(200, 20_000))
+    p = predictive_p(counts[0], counts[1:])
     values, tally = np.unique(np.rint(p * 100).astype(int), return_counts=True)
     np.testing.assert_array_equal(values, np.arange(1, 101))
     assert p.min() == least_p(199) == 0.01
     chi_squared = ((tally - 200) ** 2 / 200).sum()
     assert chi_squared < 99 + 6 * np.sqrt(2 * 99)
-    off = predictive_p(rng.poisson(0.4, 20_000).astype(float), counts[1:], rng)  # control
+    off = predictive_p(rng.gamma(0.4, size=20_000), counts[1:])  # control
     assert kstest(off, "uniform").pvalue < FALSE_ALARM
+
+
+def test_ties_never_make_a_p_value_small():
+    """Counts of mean 0.3, nearly all equal: at no level more than its share, and none of the commonest count below 1.
+
+    A control breaks ties at random: its p-values keep the level as well, and call some runs without events rare.
+    """
+    rng = np.random.default_rng(1)
+    counts = rng.poisson(0.3, size=(200, 20_000)).astype(float)
+    p = predictive_p(counts[0], counts[1:])
+    assert not any(over(p, level) for level in LEVELS)
+    assert (p[counts[0] == 0] == 1.0).all()
+    assert p[counts[0] == 3].max() < 0.2  # three are seldom
+    ties = (counts[1:] == counts[0]).sum(axis=0)
+    rank = 1 + (counts[1:] < counts[0]).sum(axis=0) + rng.integers(0, ties + 1)
+    broken = 2 * np.minimum(rank, 201 - rank) / 200
+    assert not any(over(broken, level) for level in LEVELS)
+    assert broken[counts[0] == 0].min() < 0.02
 
 
 @pytest.fixture(scope="module")
 def stopped():
-    """p-values of 8,000 counts (Poisson, mean 20) among 39, 79, ..., 999 groups like them, and the least possible."""
+    """p-values of 8,000 numbers (Gamma, mean 20) among 39, 79, ..., 999 groups like them, and the least possible."""
     rng = np.random.default_rng(2)
-    values = rng.poisson(20.0, size=(1000, 8000)).astype(float)
-    return sequential_p(values[0], looks(39, 999), lambda n: values[1 : n + 1], rng)
+    values = rng.gamma(20.0, size=(1000, 8000))
+    return sequential_p(values[0], looks(39, 999), lambda n: values[1 : n + 1])
 
 
 def over(p, level):
@@ -54,8 +72,8 @@ def test_stopping_keeps_the_level(stopped):
     assert not any(over(p, level) for level in LEVELS)
     assert binom.cdf(np.count_nonzero(p <= 0.008), p.size, 0.008) > FALSE_ALARM
     rng = np.random.default_rng(3)
-    values = rng.poisson(20.0, size=(1000, 8000)).astype(float)
-    ways = [predictive_p(values[0], values[1 : n + 1], rng) for n in looks(39, 999)]
+    values = rng.gamma(20.0, size=(1000, 8000))
+    ways = [predictive_p(values[0], values[1 : n + 1]) for n in looks(39, 999)]
     assert any(over(np.min(ways, axis=0), level) for level in LEVELS)
 
 
@@ -76,10 +94,10 @@ def test_nothing_is_made_where_all_is_clear():
         asked.append(n)
         return np.linspace(-1, 1, n)[:, None]
 
-    p, _ = sequential_p(np.array([0.0]), looks(99, 9999), groups, np.random.default_rng(0))
+    p, _ = sequential_p(np.array([0.0]), looks(99, 9999), groups)
     assert p[0] > 0.9
     assert asked == [99]
-    sequential_p(np.array([2.0]), looks(99, 9999), groups, np.random.default_rng(0))  # control
+    sequential_p(np.array([2.0]), looks(99, 9999), groups)  # control
     assert asked[1:] == [99, 199, 399, 799, 1599, 3199, 6399, 9999]
 
 
