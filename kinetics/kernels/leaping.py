@@ -28,7 +28,7 @@ from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFI
 from kinetics.kernels.streams import start_stream
 from kinetics.kernels.variates import binomial, draw_uniform, halved, poisson
 
-STRETCH = 256  # events of the direct method, after which a leap is considered again
+STRETCH = 1024  # events of the direct method, after which a leap is considered again
 MOST_EVENTS = 2.0**40  # of a leap
 LARGEST_COUNT = 2.0**53  # up to which doubles are whole numbers
 WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
