@@ -31,7 +31,7 @@ class Leaping(SamplingMethod):
     """Exact leaping, an exact sampling method whose cost an event falls as 1 / sqrt(copies).
 
     fewest : events that a leap should be expected to hold; where it would hold fewer, single events are drawn. By
-        default 1.5 times as many as cost what a leap costs, and never in the first 1,024 events of a run; 0: leaps alone
+        default 1.5 times as many as cost what a leap costs, and at the start of a run 1,024 single ones; 0: leaps alone
 
     Numbers of events are drawn from a bounded Poisson process, whose candidates are thinned (Lewis & Shedler 1979,
     doi:10.1002/nav.3800260304); where their order could matter, it is followed by bisection, down to single events if

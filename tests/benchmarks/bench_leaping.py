@@ -5,7 +5,7 @@
 
 Processor time, median of interleaved repeats; kernels are loaded before. In the first table, a run to 2,000 tu at
 constant density, with its counts then; a peer that is not installed is left out, and one whose final counts are not
-ours but for chance is told. In the second, networks with 1e2 to 1e9 copies, some that fall low early and some that grow:
+ours but for chance is told. In the second, networks with 1e2 to 1e9 copies, some that fall low early, some that grow:
 where `auto` chooses leaping for a single run, it should cost no more than `ssa`.
 """
 
@@ -56,9 +56,7 @@ def line_table() -> None:
         ways = {name: way for name, way in ways.items() if cubes <= MOST_CUBES.get(name, np.inf)}
         costs = race(ways, REPEATS)
         cells = [f"{np.median(costs[name]):9.2g}" if name in costs else f"{'':>9}" for name in names]
-        quicker = [
-            f"{name} {np.median(costs[name] / costs['leaping']):.1f}" for name in names[2:] if name in costs
-        ]
+        quicker = [f"{name} {np.median(costs[name] / costs['leaping']):.1f}" for name in names[2:] if name in costs]
         click.echo(f"{cubes:14,}" + "".join(f"  {cell}" for cell in cells) + f"  {', '.join(quicker)}")
         for name in quicker and [each for each in ways if each != "leaping"]:
             if np.abs(ways[name](REPEATS) - ways["leaping"](REPEATS)).max() > ALIKE * np.sqrt(cubes):
@@ -72,9 +70,7 @@ def choice_table() -> None:
     click.echo(f"\n{'':28}  {'largest count':>13}  {'auto, one run':>13}  {'many runs':>9}  {'leaping / ssa':>13}")
     worst = 0.0
     for name, network, start, end in spread():
-        ways = {
-            method.name: partial(final, method.sampler(network), start, end) for method in (Direct(), Leaping())
-        }
+        ways = {method.name: partial(final, method.sampler(network), start, end) for method in (Direct(), Leaping())}
         costs = race(ways, REPEATS)
         ratio = float(np.median(costs["leaping"] / costs["ssa"]))
         single, many = (Auto(each).choose(network, start).name for each in (False, True))
@@ -96,8 +92,9 @@ def spread() -> Iterator[tuple[str, Network, np.ndarray, float]]:
         yield "ring of 4", *_walk(4, n, pace)
         yield "ring of 40", *_walk(40, n // 40 + 1, pace)
         yield "falls to 100, stays", *_text("2 A -> A, 0.01\n0 -> A, 50", {"A": n}, 1e4 if n < MOST_EVENTS else 1.0)
-        yield "few copies among many", *_text(
-            f"E + S <-> ES, {100 / n}, 1e2\nES -> E + P, 1e2", {"E": 5, "S": n}, 100.0
+        yield (
+            "few copies among many",
+            *_text(f"E + S <-> ES, {100 / n}, 1e2\nES -> E + P, 1e2", {"E": 5, "S": n}, 100.0),
         )
         yield "hardly anything happens", *_text(f"A -> B, {20 / n}", {"A": n}, 1.0)
     for end in (5.0, 10.0, 14.0):
