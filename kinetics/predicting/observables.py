@@ -101,8 +101,8 @@ class ObservedSampling(SamplingMethod):
             many = min(block, runs - begin)
             part = self.method.simulate(self.model, initial, grid, many, seed, threads, first_run=first_run + begin)
             parts.append(part.counts @ self.observables.weights)
-        return Ensemble(network, grid, np.concatenate(parts), self.name_for(network))
+        return Ensemble(network, grid, np.concatenate(parts), self.name_for(network, initial))
 
-    def name_for(self, network: Network) -> str:  # noqa: ARG002
+    def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
         """That of the method that makes the runs."""
-        return self.method.name_for(self.model)
+        return self.method.name_for(self.model, initial)

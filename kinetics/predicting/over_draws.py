@@ -129,7 +129,7 @@ def runs_over_draws(
     if len(means) > 1:
         kept = DrawMeans(posterior, np.array(parameters), np.array(means), np.array(noise))
     return RunsOverDraws(
-        tally.statistics(asked, method.name_for(posterior.expected)), np.sqrt(variance / done), kept, done
+        tally.statistics(asked, method.name_for(posterior.expected, initial)), np.sqrt(variance / done), kept, done
     )
 
 

@@ -223,7 +223,7 @@ def predict(
         error,
         (*notes, *filter(None, [_rounding(result)])),
         result,
-        method.name_for(model) if isinstance(method, SamplingMethod) else method.name,
+        method.name_for(model, initial) if isinstance(method, SamplingMethod) else method.name,
         time.process_time() - began,
         is_complete,
         drawn,

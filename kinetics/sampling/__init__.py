@@ -6,6 +6,7 @@ from kinetics.sampling.direct import Direct
 from kinetics.sampling.draws import exposures_of_draws, simulate_draws
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.general import General
+from kinetics.sampling.leaping import Leaping
 from kinetics.sampling.lockstep import Lockstep
 from kinetics.sampling.methods import SAMPLING_METHODS, sample_path, simulate
 from kinetics.sampling.partial import PartialPropensities
@@ -19,6 +20,7 @@ __all__ = [
     "CompositionRejection",
     "Direct",
     "General",
+    "Leaping",
     "Lockstep",
     "PartialPropensities",
     "SamplingMethod",

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.exact_methods import EXACT_METHODS
-from kinetics.support.arrays import Floats
+from kinetics.sampling.leap_length import FEWEST_COPIES
+from kinetics.support.arrays import Counts, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,16 @@ class Auto(SamplingMethod):
     many : expect ensembles, whose runs can be made side by side; False for a few long runs
 
     Choose it unless you know better: it cost at most 1.2 times as much as the best method on a range of networks (see
-    `tests/benchmarks/bench_auto_ssa.py`). The choice depends on the network and on `many` alone, so the same seed gives
-    the same runs for any number of runs and any grid of times; they are those of the chosen method, to the last bit.
+    `tests/benchmarks/bench_auto_ssa.py`). The choice depends on the network, its initial counts and `many` alone, so
+    the same seed gives the same runs for any number of runs and any grid of times; they are those of the chosen method,
+    to the last bit. Initial counts matter where some are above 10,000: `Leaping` may then be cheaper.
 
     >>> from kinetics import Auto, Network
     >>> decay = Network.from_text("A -> 0, 0.1")
     >>> Auto().choose(decay).name, Auto(many=False).choose(decay).name
     ('lockstep', 'ssa')
+    >>> Auto().choose(decay, {"A": 10**8}).name
+    'leaping'
     """
 
     many: bool = True
@@ -38,9 +44,9 @@ class Auto(SamplingMethod):
     takes_events: ClassVar[bool] = True
     most_factors: ClassVar[float] = inf
 
-    def choose(self, network: Network) -> SamplingMethod:
-        """The method chosen for this network; a ValueError where none takes it."""
-        size = NetworkSize.of(network)
+    def choose(self, network: Network, initial: Counts | None = None) -> SamplingMethod:
+        """The method chosen for this network, from these counts if given; a ValueError where none takes it."""
+        size = NetworkSize.of(network, None if initial is None else network.state(initial))
         methods = [kind() for kind in EXACT_METHODS if self.many or not kind.is_for_ensembles]
         refusals = [method.refusal(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
@@ -48,14 +54,51 @@ class Auto(SamplingMethod):
             raise ValueError(f"no exact method takes this network: {'; '.join(refusals)}")
         return min(candidates, key=lambda method: method.cost(size))
 
-    def name_for(self, network: Network) -> str:
+    def name_for(self, network: Network, initial: Counts) -> str:
         """Its name, and that of the chosen method."""
-        return f"{self.name} ({self.choose(network).name})"
+        return f"{self.name} ({self.choose(network, initial).name})"
 
     def prepared(self, network: Network) -> Sampler:
-        """The network made ready for the chosen method."""
-        return self.choose(network).prepared(network)
+        """The network made ready for the method that the initial counts of its runs will choose."""
+        return ChoosingSampler(
+            self.choose(network).prepared(network), lambda initial: self.choose(network, initial).prepared(network)
+        )
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
-        """That of the chosen method, which does not depend on the rate constants."""
-        return self.choose(network.with_rates(np.ones(len(network.channels)))).sampler_of_rates(network)
+        """That of the method chosen without counts, for all rate constants; where counts are large, these matter."""
+        of_rates = self.choose(network.with_rates(np.ones(len(network.channels)))).sampler_of_rates(network)
+
+        def chosen(constants: Floats, initial: Ints) -> Sampler:
+            model = network.with_rates(constants)
+            return self.choose(model, initial).prepared(model)
+
+        return lambda constants: ChoosingSampler(of_rates(constants), partial(chosen, constants))
+
+
+class ChoosingSampler:
+    """Runs of the method that is chosen by their initial counts, which come with the runs.
+
+    usual : that of counts among which no leap pays; of_large gives that of others
+    """
+
+    def __init__(self, usual: Sampler, of_large: Callable[[Ints], Sampler]):
+        self.usual, self.of_large = usual, of_large
+        self.chosen: dict[bytes, Sampler] = {}
+
+    def ensemble(
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
+    ) -> tuple[int, int]:
+        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
+        return self._from(initial).ensemble(initial, grid, key, first_run, out)
+
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
+        """The outcome, and times and channels of all events until `end`."""
+        return self._from(initial).path(initial, end, key, run)
+
+    def _from(self, initial: Ints) -> Sampler:
+        if initial.max(initial=0) < FEWEST_COPIES:
+            return self.usual
+        asked = initial.tobytes()
+        if asked not in self.chosen:
+            self.chosen[asked] = self.of_large(initial)
+        return self.chosen[asked]

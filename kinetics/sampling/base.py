@@ -109,8 +109,8 @@ class SamplingMethod(ABC):
             )
         return refusal
 
-    def name_for(self, network: Network) -> str:  # noqa: ARG002
-        """The name that runs of this network bear; one that chooses also says what it chose."""
+    def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
+        """The name that runs of this network from these counts bear; one that chooses also says what it chose."""
         return self.name
 
     def takes(self, network: Network) -> bool:
@@ -182,7 +182,7 @@ class SamplingMethod(ABC):
                     raise
         for outcome, run in outcomes:
             check_outcome(outcome, run)
-        return Ensemble(network, grid, out, self.name_for(network))
+        return Ensemble(network, grid, out, self.name_for(network, start))
 
     def sample_path(self, network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""

@@ -1,4 +1,4 @@
-"""The measures of a network that decide what an exact sampling method costs."""
+"""The measures of a network, and of its initial counts, that decide what an exact sampling method costs."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.sampling.leap_length import events_of_leap
 from kinetics.sampling.merging import leaders
 from kinetics.support.arrays import Ints
 
 
 @dataclass(frozen=True)
 class NetworkSize:
-    """Size and coupling of a network.
+    """Size and coupling of a network, and how long its propensities stay what they are.
 
     n_channels, n_species : R and S
     order : most reactants of a channel
     updated : propensities that an event changes, on average over the channels; those that two changed species share
         count twice
     n_merged : channels once those that change the same are merged, see `merging`
+    leap_events : events of an exact leap from the initial counts; 0 where it does not pay, or counts are not given
     """
 
     n_channels: int
@@ -27,16 +29,19 @@ class NetworkSize:
     order: int
     updated: float
     n_merged: int
+    leap_events: float = 0.0
 
     @classmethod
-    def of(cls, network: Network) -> NetworkSize:
-        """The size of a network."""
+    def of(cls, network: Network, initial: Ints | None = None) -> NetworkSize:
+        """The size of a network, as seen from the counts `initial` (S,) where they are given."""
         needed, change = network.sparse_reactants, network.sparse_stoichiometry
         n_channels, n_species = needed.shape
         readers = np.bincount(needed.columns, minlength=n_species)
         order = int(cls.orders(network).max(initial=0))
         updated = readers[change.columns].sum() / max(1, n_channels)
-        return cls(n_channels, n_species, order, updated, int((leaders(network) == np.arange(n_channels)).sum()))
+        n_merged = int((leaders(network) == np.arange(n_channels)).sum())
+        leap_events = 0.0 if initial is None else events_of_leap(network, initial)
+        return cls(n_channels, n_species, order, updated, n_merged, leap_events)
 
     @staticmethod
     def orders(network: Network) -> Ints:

@@ -44,14 +44,14 @@ class Direct(SamplingMethod):
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""
         size = NetworkSize.of(network)
-        if _recomputing_cost(size) <= _updating_cost(size):
+        if recomputing_cost(size) <= updating_cost(size):
             return RecomputingSampler(network)
         return updating_sampler(network)
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
         """Where every event computes all propensities, only their coefficients change."""
         size = NetworkSize.of(network)
-        if _recomputing_cost(size) > _updating_cost(size):
+        if recomputing_cost(size) > updating_cost(size):
             return super().sampler_of_rates(network)
         with_units = network.with_rates(np.ones(len(network.channels)))
         self.sampler(with_units)  # refuses what it does not take
@@ -59,14 +59,16 @@ class Direct(SamplingMethod):
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns."""
-        return min(_recomputing_cost(size), _updating_cost(size))
+        return min(recomputing_cost(size), updating_cost(size))
 
 
-def _recomputing_cost(size: NetworkSize) -> float:
+def recomputing_cost(size: NetworkSize) -> float:
+    """Of an event that computes all propensities anew, ns."""
     return 25.0 + 2.1 * size.n_merged + 0.6 * (size.n_channels - size.n_merged)
 
 
-def _updating_cost(size: NetworkSize) -> float:
+def updating_cost(size: NetworkSize) -> float:
+    """Of an event that updates those that it changed, ns."""
     return 48.0 + size.update_cost + 0.13 * size.n_channels
 
 

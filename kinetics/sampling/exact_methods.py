@@ -12,6 +12,7 @@ from kinetics.sampling.direct import Direct
 from kinetics.sampling.lockstep import Lockstep
 from kinetics.sampling.partial import PartialPropensities
 from kinetics.sampling.rejection import CompositionRejection
+from kinetics.sampling.leaping import Leaping
 from kinetics.sampling.general import General
 
 EXACT_METHODS: tuple[type[SamplingMethod], ...] = members(globals(), SamplingMethod)

@@ -71,7 +71,7 @@ def simulate_statistics(
     except KeyboardInterrupt:
         if not tally.runs:
             raise
-    return tally.statistics(runs, sampler.name_for(network))
+    return tally.statistics(runs, sampler.name_for(network, initial))
 
 
 @contextmanager

@@ -63,7 +63,7 @@ def _timed(queries: Sequence[Query], made: Callable[[], tuple[list[Floats], str]
 def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
     """Values (runs,) of each reward at its time."""
     times = np.array(sorted({float(query.at or 0.0) for query in queries}))
-    method = Auto().choose(model.network)
+    method = Auto().choose(model.network, model.initial)
     counts = method.simulate(model.network, model.initial, times, runs, seed, threads=1).counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
     return [

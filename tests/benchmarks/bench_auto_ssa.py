@@ -61,7 +61,7 @@ def row(name: str, workload: Workload, many: bool) -> float:
     costs = race({key: partial(go, sampler, start, end, runs) for key, sampler in samplers.items()}, REPEATS)
     count = np.mean([probe.sample_path(network, start, end, 1, run).times.size for run in range(min(runs, 8))]) * runs
     per_event = {key: 1e9 * np.median(cost) / count for key, cost in costs.items()}
-    chosen = Auto(many).choose(network).name
+    chosen = Auto(many).choose(network, start).name
     best = min(per_event, key=per_event.__getitem__)
     ratio = per_event[chosen] / per_event[best]
     click.echo(

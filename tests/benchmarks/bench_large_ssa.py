@@ -46,7 +46,7 @@ def compare(network: Network, start: np.ndarray, end: float, ours: Sequence[str]
     """One table."""
     from kinetics.sampling import SAMPLING_METHODS, Auto
 
-    click.echo(f"  auto: {Auto().choose(network).name}")
+    click.echo(f"  auto: {Auto().choose(network, start).name}")
     methods = {method.name: method() for method in SAMPLING_METHODS}
     contestants: dict[str, Callable[[int], object]] = {}
     events = {}

@@ -83,7 +83,7 @@ def row(name: str, path: Path, end: float, with_peer: bool) -> tuple[str, ...]:
     costs = {who: seconds / events for who, seconds in race(contestants, REPEATS).items()}
     cells = [name, *(f"{len(part):,}" for part in (model.network.species, model.network.channels))]
     cells += [
-        method.choose(model.network).name,
+        method.choose(model.network, model.initial).name,
         f"{events:,.0f}",
         f"{reading:.2f}",
         f"{tables:.3f}",

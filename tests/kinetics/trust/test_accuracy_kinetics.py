@@ -88,7 +88,7 @@ def test_sampling_floor_is_the_mean_of_many_samples():
 
 
 def test_errors_of_sampling_fall_with_the_root_of_the_runs(small):
-    for curve in ("SSA, direct", "SSA, lockstep"):
+    for curve in ("SSA, direct", "SSA, lockstep", "SSA, leaping"):
         # 20 repeats each leave the exponent a standard error of about 0.05.
         assert abs(small.slopes()[curve] + 0.5) < 0.25
         for point in small.of(curve):

@@ -1,0 +1,409 @@
+"""Exact leaping: many events at once from a bounded Poisson process, refined by bisection where that does not decide.
+
+While all counts stay in a box, the propensity of channel j lies between its values `low` and `high` at the corners.
+Candidate events come at rate `high`, each with a mark, uniform below `high`; a candidate happens if its mark is below
+the propensity at its time (thinning: Lewis & Shedler 1979, doi:10.1002/nav.3800260304). Those below `low` are sure,
+whatever the others do; the others are open. A leap draws how many there are of both, and no times. Where none are open
+and no order of the events leaves the box, their sum is the change. Elsewhere the leap is cut into halves, and the
+numbers with it; a half holds fewer events, so its box is smaller, and of its open events most are now sure or rejected.
+A cell of one event is decided. The first event that leaves the box of the leap ends it at its time, a stopping time,
+and all that was drawn beyond is dropped.
+
+Every cell of this tree has random words of its own, keyed by the leap and the cell's place, so the tree can be followed
+to a time of the output, or to all events, without another word being drawn differently.
+
+Where a leap would hold few events, the direct method draws the next `STRETCH` of them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.kernels.clock import record
+from kinetics.kernels.compiled import compiled
+from kinetics.kernels.direct import advance
+from kinetics.kernels.members import name_events
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
+from kinetics.kernels.streams import start_stream
+from kinetics.kernels.variates import binomial, draw_uniform, halved, poisson
+
+STRETCH = 1024  # events of the direct method, after which a leap is considered again
+MOST_EVENTS = 2.0**40  # of a leap
+LARGEST_COUNT = 2.0**53  # up to which doubles are whole numbers
+WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
+DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
+TRIALS = 16  # lengths of a leap that are tried; `sampling.leap_length` has the same
+OWN, LEFT, RIGHT = 0, 1, 2  # what is drawn for a cell, and its halves
+
+
+class LeapModel(NamedTuple):
+    """What does not change during a run.
+
+    coefficients (R,), factors (R, K, 3) : see `sampling.mass_action.MassAction`
+    starts (R + 1,), species, gains (n,) : channel r changes species[starts[r] : starts[r + 1]] by gains
+    open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
+    merged, changes, members : for `direct.advance` and `members.name_events`
+    """
+
+    coefficients: np.ndarray
+    factors: np.ndarray
+    starts: np.ndarray
+    species: np.ndarray
+    gains: np.ndarray
+    open_events: float
+    fewest: float
+    merged: NamedTuple
+    changes: np.ndarray
+    members: NamedTuple
+
+
+class LeapWork(NamedTuple):
+    """What does: counts, the box of the leap, and the cells that are still to come, each deeper one before the others.
+
+    counts (S + 1,) int64, the last one 1; box_low, box_high, at_least, at_most (S + 1,) in doubles: of the leap, and of
+    the cell at hand
+    sure, open (D, R) int64 : events of each cell; low, high (D, R) : between which the marks of the open ones lie
+    begins, ends (D,) : of each cell, tu after the leap's start; keys (D, 4) : of its random words
+    means (R,) : events of a leap that are expected
+    """
+
+    counts: np.ndarray
+    box_low: np.ndarray
+    box_high: np.ndarray
+    at_least: np.ndarray
+    at_most: np.ndarray
+    sure: np.ndarray
+    open: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    begins: np.ndarray
+    ends: np.ndarray
+    keys: np.ndarray
+    means: np.ndarray
+
+
+@compiled
+def work_for(n_channels, n_species):
+    """A fresh workspace."""
+    return LeapWork(
+        np.ones(n_species + 1, dtype=np.int64),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.zeros((DEEPEST, n_channels), dtype=np.int64),
+        np.zeros((DEEPEST, n_channels), dtype=np.int64),
+        np.zeros((DEEPEST, n_channels)),
+        np.zeros((DEEPEST, n_channels)),
+        np.zeros(DEEPEST),
+        np.zeros(DEEPEST),
+        np.zeros((DEEPEST, 4), dtype=np.uint64),
+        np.zeros(n_channels),
+    )
+
+
+@compiled
+def propensity(model, r, copies):
+    """Of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it never falls where a count rises."""
+    value = model.coefficients[r]
+    for j in range(model.factors.shape[1]):
+        here = copies[model.factors[r, j, 0]]
+        value *= here - model.factors[r, j, 1] if here >= model.factors[r, j, 2] else 0.0
+    return value
+
+
+@compiled
+def set_box(model, work, length):
+    """The box of a leap of this length, by the events expected of it, `work.means` per unit of time."""
+    n_species = work.counts.size - 1
+    box_low, box_high, falls, rises = work.box_low, work.box_high, work.at_least, work.at_most
+    box_low[:n_species] = 0.0  # means and variances, until the end
+    box_high[:n_species] = 0.0
+    falls[:n_species] = 0.0
+    rises[:n_species] = 0.0
+    for r in range(work.means.size):
+        mean = work.means[r] * length
+        for i in range(model.starts[r], model.starts[r + 1]):
+            s, gain = model.species[i], float(model.gains[i])
+            if gain > 0.0:
+                box_high[s] += mean * gain
+                rises[s] += mean * gain * gain
+            else:
+                box_low[s] -= mean * gain
+                falls[s] += mean * gain * gain
+    for s in range(n_species):
+        here = float(work.counts[s])
+        box_low[s] = max(here - math.ceil(box_low[s] + WIDE * math.sqrt(falls[s])), 0.0)
+        box_high[s] = here + math.ceil(box_high[s] + WIDE * math.sqrt(rises[s]))
+
+
+@compiled
+def plan_leap(model, work, length):
+    """Choose a leap from the counts: its length, and the events expected of it, 0 where there should be none.
+
+    length : that of the leap before, from which the search starts; the new box and its propensities are left in `work`
+    """
+    n_channels, n_species = work.means.size, work.counts.size - 1
+    low, high = work.low[0], work.high[0]
+    copies = work.at_least
+    for s in range(n_species):
+        copies[s] = work.counts[s]
+        if copies[s] > LARGEST_COUNT:
+            return length, 0.0
+    total = 0.0
+    for r in range(n_channels):
+        work.means[r] = propensity(model, r, copies)
+        total += work.means[r]
+    if not 0.0 < total < np.inf:
+        return length, 0.0
+    longest = MOST_EVENTS / total
+    length = min(max(length, 1.0 / total), longest)
+    for _ in range(TRIALS):
+        set_box(model, work, length)
+        undecided = 0.0
+        for r in range(n_channels):
+            low[r] = propensity(model, r, work.box_low)
+            high[r] = propensity(model, r, work.box_high)
+            undecided += (high[r] - low[r]) * length
+        ratio = model.open_events / undecided if undecided > 0.0 else np.inf
+        if 0.67 < ratio < 1.5 or (ratio > 1.0 and length == longest):
+            break
+        length = min(length * min(max(math.sqrt(ratio), 0.125), 8.0), longest)
+    events = total * length
+    fits = undecided < 4.0 * model.open_events
+    for s in range(n_species):
+        fits &= work.box_high[s] <= LARGEST_COUNT
+    return length, events if fits and events >= model.fewest else 0.0
+
+
+@compiled
+def worst_orders(model, work, top):
+    """Set `work.at_least` and `work.at_most`, between which counts stay in whatever order a cell's events come.
+
+    How many events there are, how many of them are open, and whether any order leaves the box of the leap.
+    """
+    n_species = work.counts.size - 1
+    at_least, at_most = work.at_least, work.at_most
+    for s in range(n_species):
+        at_least[s] = at_most[s] = work.counts[s]
+    n_events, n_open = 0, 0
+    for r in range(work.means.size):
+        here = work.sure[top, r] + work.open[top, r]
+        if here > 0:
+            n_events += here
+            n_open += work.open[top, r]
+            for i in range(model.starts[r], model.starts[r + 1]):
+                change = float(here) * model.gains[i]
+                if change > 0.0:
+                    at_most[model.species[i]] += change
+                else:
+                    at_least[model.species[i]] += change
+    can_leave = False
+    for s in range(n_species):
+        can_leave |= at_least[s] < work.box_low[s] or at_most[s] > work.box_high[s]
+    return n_events, n_open, can_leave
+
+
+@compiled
+def thin(model, work, top, n_events, stream):
+    """Decide what the narrower box of a cell decides: its open events become sure, or rejected, or stay open."""
+    n_species = work.counts.size - 1
+    for s in range(n_species):
+        if n_events == 1:  # it sees the counts as they are
+            work.at_least[s] = work.at_most[s] = work.counts[s]
+        work.at_least[s] = max(work.at_least[s], work.box_low[s])
+        work.at_most[s] = min(work.at_most[s], work.box_high[s])
+    for r in range(work.means.size):
+        undecided = work.open[top, r]
+        if undecided > 0:
+            low, high = work.low[top, r], work.high[top, r]
+            new_low = min(max(propensity(model, r, work.at_least), low), high)
+            new_high = min(max(propensity(model, r, work.at_most), new_low), high)
+            # Marks are uniform from low to high.
+            sure = binomial(undecided, (new_low - low) / (high - low), stream)
+            undecided -= sure
+            if undecided > 0 and new_high < high:
+                undecided -= binomial(undecided, (high - new_high) / (high - new_low), stream)
+            work.sure[top, r] += sure
+            work.open[top, r] = undecided
+            work.low[top, r], work.high[top, r] = new_low, new_high
+
+
+@compiled
+def halve(work, top, stream):
+    """Put the right half of a cell in its place, and the left half before it: every event falls into either."""
+    for r in range(work.means.size):
+        sure, undecided = halved(work.sure[top, r], stream), halved(work.open[top, r], stream)
+        work.sure[top + 1, r], work.open[top + 1, r] = sure, undecided
+        work.sure[top, r] -= sure
+        work.open[top, r] -= undecided
+        work.low[top + 1, r], work.high[top + 1, r] = work.low[top, r], work.high[top, r]
+    middle = work.begins[top] + 0.5 * (work.ends[top] - work.begins[top])
+    work.begins[top + 1], work.ends[top + 1] = work.begins[top], middle
+    work.begins[top] = middle
+    start_stream(work.keys[top], LEFT, work.keys[top + 1])
+    start_stream(work.keys[top], RIGHT, work.keys[top])
+
+
+@compiled
+def apply(model, work, top):
+    """Change the counts by all sure events of a cell; the last channel that has any."""
+    channel = 0
+    for r in range(work.means.size):
+        many = work.sure[top, r]
+        if many > 0:
+            channel = r
+            for i in range(model.starts[r], model.starts[r + 1]):
+                work.counts[model.species[i]] += many * model.gains[i]
+    return channel
+
+
+@compiled
+def is_outside(work):
+    """Whether the counts have left the box of the leap."""
+    for s in range(work.counts.size - 1):
+        if work.counts[s] < work.box_low[s] or work.counts[s] > work.box_high[s]:
+            return True
+    return False
+
+
+@compiled
+def leap(model, work, start, length, key, grid, seen, out, events, keeps):
+    """One leap, as `plan_leap` has left it in `work`.
+
+    start, length : tu; key (4,) : of the leap's random words
+    grid, out, seen : see `clock.record`
+    events : (times, channels, number) so far; where `keeps`, all events are told
+
+    Returns the outcome, the time reached, how many times of the grid were passed, and `events`.
+    """
+    times, channels, number = events
+    n_species = work.counts.size - 1
+    stream = np.empty(4, dtype=np.uint64)
+    start_stream(key, OWN, stream)
+    for r in range(work.means.size):
+        work.sure[0, r] = poisson(work.low[0, r] * length, stream)
+        work.open[0, r] = poisson((work.high[0, r] - work.low[0, r]) * length, stream)
+    work.begins[0], work.ends[0] = 0.0, length
+    start_stream(key, LEFT, work.keys[0])
+    top = 0
+    while top >= 0:
+        begin, end = work.begins[top], work.ends[top]
+        seen = record(work.counts[:n_species], start + begin, grid, seen, out)
+        if seen == grid.size:
+            return REACHED_END, start, seen, (times, channels, number)
+        n_events, n_open, can_leave = worst_orders(model, work, top)
+        if n_events == 0:
+            top -= 1
+            continue
+        start_stream(work.keys[top], OWN, stream)
+        if n_open > 0:
+            thin(model, work, top, n_events, stream)
+            n_events, n_open, can_leave = worst_orders(model, work, top)
+        is_asked = keeps or grid[seen] < start + end
+        if n_open == 0 and not (can_leave or is_asked):
+            apply(model, work, top)
+            top -= 1
+        elif n_events == 1 and n_open == 0:
+            time = start + min(begin + draw_uniform(stream) * (end - begin), end)
+            seen = record(work.counts[:n_species], time, grid, seen, out)
+            if seen == grid.size:
+                return REACHED_END, start, seen, (times, channels, number)
+            channel = apply(model, work, top)
+            if keeps:
+                if time <= (times[number - 1] if number > 0 else 0.0):
+                    return STALLED_CLOCK, start, seen, (times, channels, number)
+                times, channels = with_room(times, channels, number, 1)
+                times[number], channels[number] = time, channel
+                number += 1
+            if can_leave and is_outside(work):
+                outcome = UNFINISHED if time > start else STALLED_CLOCK
+                if work.counts.min() < 0:  # it came around
+                    outcome = OVERFLOW
+                return outcome, time, seen, (times, channels, number)
+            top -= 1
+        elif n_events > 0:
+            if top + 2 == DEEPEST:
+                return STALLED_CLOCK, start, seen, (times, channels, number)
+            halve(work, top, stream)
+            top += 1
+    return UNFINISHED, start + length, seen, (times, channels, number)
+
+
+@compiled
+def with_room(times, channels, number, more):
+    """Both (n,) or longer copies of them, with room for some more events."""
+    if number + more <= times.size:
+        return times, channels
+    longer = np.empty(2 * (number + more))
+    named = np.empty(longer.size, dtype=np.int64)
+    longer[:number], named[:number] = times[:number], channels[:number]
+    return longer, named
+
+
+@compiled
+def run_one(model, work, initial, grid, key, run, out, keeps):
+    """One run: the outcome, and times and channels of all its events where `keeps`."""
+    n_species = initial.size
+    counts = work.counts
+    counts[:n_species] = initial
+    of_run, of_leap, stream = np.empty(4, np.uint64), np.empty(4, np.uint64), np.empty(4, np.uint64)
+    start_stream(key, run, of_run)
+    state, clock, naming = np.ones(n_species + 1, np.int64), np.zeros(1), np.empty(4, np.uint64)
+    step_times, fired = np.empty(STRETCH), np.empty(STRETCH, np.int64)
+    events = (np.empty(0), np.empty(0, np.int64), 0)
+    seen, n_leaps, length, outcome = 0, 0, 0.0, UNFINISHED
+    while outcome == UNFINISHED:
+        start_stream(of_run, n_leaps, of_leap)
+        n_leaps += 1
+        expected = 0.0
+        if n_leaps > 1 or model.fewest == 0.0:  # a run may be short
+            length, expected = plan_leap(model, work, length)
+        if expected > 0.0:
+            later = clock[0] + length
+            if later == clock[0]:
+                return STALLED_CLOCK, events
+            outcome, clock[0], seen, events = leap(
+                model, work, clock[0], later - clock[0], of_leap, grid, seen, out, events, keeps
+            )
+            continue
+        start_stream(of_leap, OWN, stream)
+        state[:] = counts
+        outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, fired)
+        begun = state[:n_species].copy()
+        for event in range(n_events):
+            seen = record(begun, step_times[event], grid, seen, out)
+            for s in range(n_species):
+                begun[s] += model.changes[fired[event], s]
+        if keeps:
+            start_stream(of_leap, LEFT, naming)
+            name_events(model.members, model.changes, state, fired[:n_events], naming)
+            times, channels = with_room(events[0], events[1], events[2], n_events)
+            times[events[2] : events[2] + n_events] = step_times[:n_events]
+            channels[events[2] : events[2] + n_events] = fired[:n_events]
+            events = (times, channels, events[2] + n_events)
+    if outcome == REACHED_END:
+        for i in range(seen, grid.size):
+            out[i] = counts[:n_species]
+    return outcome, events
+
+
+@compiled
+def ensemble(model, initial, grid, key, first_run, out):
+    """Counts of many runs on a grid of times: as `direct.ensemble`."""
+    work = work_for(model.coefficients.size, initial.size)
+    for i in range(out.shape[0]):
+        outcome, _ = run_one(model, work, initial, grid, key, first_run + i, out[i], False)
+        if outcome != REACHED_END:
+            return outcome, first_run + i
+    return REACHED_END, first_run + out.shape[0] - 1
+
+
+@compiled
+def path(model, initial, end, key, run):
+    """The outcome, and times and channels of all events until `end`."""
+    grid, out = np.array([end]), np.empty((1, initial.size), dtype=np.int64)
+    work = work_for(model.coefficients.size, initial.size)
+    outcome, events = run_one(model, work, initial, grid, key, run, out, True)
+    return outcome, events[0][: events[2]].copy(), events[1][: events[2]].copy()

@@ -1,0 +1,61 @@
+"""How many events an exact leap from given counts would hold, found without a kernel: `auto` knows costs by it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.sampling.mass_action import MassAction, mass_action, order_refusal
+from kinetics.support.arrays import Floats, Ints
+
+FEWEST_COPIES = 10_000  # of the most frequent species; among fewer no leap pays, and nothing is computed
+LARGEST_COUNT = 2**53  # up to which doubles are whole numbers
+OPEN_EVENTS = 2.0  # of a leap of the best length; from 1 to 4 the cost is the same within a tenth
+MOST_EVENTS = 2.0**40  # of a leap
+WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
+TRIALS = 16
+
+
+def events_of_leap(network: Network, initial: Ints) -> float:
+    """Events that a leap from `initial` (S,) is expected to hold; 0 where none pays, or not all are of mass action.
+
+    Leaps are as long as leaves `OPEN_EVENTS` undecided: `kernels.leaping.plan_leap`, which does the same, says how.
+    """
+    is_worth_it = FEWEST_COPIES <= initial.max(initial=0) <= LARGEST_COUNT
+    if not is_worth_it or not network.is_mass_action or order_refusal(network):
+        return 0.0
+    laws, here = mass_action(network), initial.astype(float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        means = _propensities(laws, here)
+        total = float(means.sum())
+        if not 0.0 < total < np.inf:
+            return 0.0
+        longest = MOST_EVENTS / total
+        length = min(1.0 / total, longest)
+        for _ in range(TRIALS):
+            low, high = _box(network, here, means * length)
+            undecided = length * float((_propensities(laws, high) - _propensities(laws, low)).sum())
+            ratio = OPEN_EVENTS / undecided if undecided > 0.0 else np.inf
+            if 0.67 < ratio < 1.5 or (ratio > 1.0 and length == longest):
+                break
+            length = min(length * min(max(ratio**0.5, 0.125), 8.0), longest)
+    fits = undecided < 4.0 * OPEN_EVENTS and high.max() <= LARGEST_COUNT
+    return total * length if fits else 0.0
+
+
+def _propensities(laws: MassAction, counts: Floats) -> Floats:
+    """(R,) at counts (S,)."""
+    copies = np.append(counts, 1.0)[laws.factors[:, :, 0]]
+    factors = np.where(copies >= laws.factors[:, :, 2], copies - laws.factors[:, :, 1], 0.0)
+    return np.asarray(laws.coefficients * factors.prod(axis=1))
+
+
+def _box(network: Network, here: Floats, means: Floats) -> tuple[Floats, Floats]:
+    """Counts (S,) that are seldom left by so many events (R,) in the worst order."""
+    change = network.sparse_stoichiometry
+    widths = []
+    for moves in (np.maximum(-change.copies, 0), np.maximum(change.copies, 0)):
+        mean = np.bincount(change.columns, means[change.rows] * moves, here.size)
+        variance = np.bincount(change.columns, means[change.rows] * moves.astype(float) ** 2, here.size)
+        widths.append(np.ceil(mean + WIDE * np.sqrt(variance)))
+    return np.maximum(here - widths[0], 0.0), here + widths[1]
