@@ -168,9 +168,9 @@ class Network(Shown):
         """
         from kinetics.network.reaction_text import read_reactions
 
-        made = cls.of_text(read_reactions(text, parameters))
-        _ = made.initial  # whole numbers
-        return made
+        read = read_reactions(text, parameters)
+        read.check_counts()
+        return cls.of_text(read)
 
     @classmethod
     def of_text(cls, read: ReactionText) -> Network:
