@@ -13,7 +13,7 @@ from kinetics.formats import NetworkModel
 from kinetics.network import Network
 from kinetics.sampling.streamed import unbroken
 from kinetics.scanning.answer import ScanAnswer
-from kinetics.scanning.answering import Asked, answers_at, tell_questions
+from kinetics.scanning.answering import Asked, answers_at, check_asked, tell_questions
 from kinetics.scanning.crews import crew, results
 from kinetics.scanning.kept import KeptAnswers
 from kinetics.scanning.result import RESERVED, Scan, grid_points
@@ -57,8 +57,9 @@ def scan(
 
     Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
-    the number of workers matters. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
-    names, values and questions that mean nothing, or a question without an answer at a point, which it names.
+    the number of workers matters. A question without an answer at a point, such as a mean until what may never happen,
+    is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
+    names, values and questions that mean nothing.
 
     >>> network = Network.from_text("A + B <-> AB, k, 0.1", k=1.0)
     >>> found = scan(network, {"k": [0.1, 1.0]}, "E[AB] @ 10", initial={"A": 3, "B": 2})
@@ -74,6 +75,7 @@ def scan(
         whole_number("seed", seed, 0),
     )
     points = list(grid_points(grid))
+    check_asked(scanned.at(points[0]), asked)
     keys = [asked.key(scanned.at(point)) for point in points]
     kept = KeptAnswers(folder, asked)
     answers: list[tuple[ScanAnswer, ...] | None] = [kept.get(key) for key in keys]

@@ -55,6 +55,24 @@ def driver(folder, specs, workers=2, timeout=60):
     )
 
 
+UNGUARDED = """
+from mechsim import RunSpec, RunStore, Scene, run_all
+run_all([RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)], RunStore("runs"))
+"""
+
+
+def test_a_script_without_a_guard_is_told_what_to_do(tmp_path):
+    """Its worker loads the script, and with it the call: it waited for the run that its driver had claimed."""
+    (tmp_path / "script.py").write_text(UNGUARDED, encoding="utf-8")
+    here = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env=here, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 1
+    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in done.stderr
+    assert "bootstrapping" not in done.stderr  # multiprocessing's own words
+
+
 def test_one_digest_for_any_number_of_workers_and_any_order(tmp_path):
     specs = specs_of(16)
     expected = digest_of(map(record_of, specs))
