@@ -160,6 +160,7 @@ class Scan(Shown, Tabular):
         from kinetics.scanning.pictures import draw_scan, size_of
 
         if figure is None:
+            extra("matplotlib")
             import matplotlib.pyplot as plt
 
             figure = plt.figure(figsize=size_of(self), layout="constrained")
