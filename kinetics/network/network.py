@@ -41,6 +41,7 @@ from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
 from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import counted
 
 if TYPE_CHECKING:
     from kinetics.network.reaction_text import ReactionText
@@ -204,8 +205,8 @@ class Network(Shown):
 
         A channel that changes nothing is most likely a mistake, so there is a warning.
         """
-        constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         named, needed, change = reaction_tables(reactions, species)
+        constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         idle = np.flatnonzero(np.diff(change.starts) == 0)
         if idle.size:
             name = list(reactions)[idle[0]]
@@ -385,7 +386,8 @@ class Network(Shown):
             "a law without its reactants": self.at_zero if self.laws else "",
             "events": str(len(self.events) or ""),
         }
-        size = f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations"
+        channels = counted(len(self.channels), "channel")
+        size = f"{len(self.species)} species, {channels}; {self.combinations} combinations"
         return "; ".join([size, *(f"{name}: {value}" for name, value in facts.items() if value)])
 
     def summary(self) -> ResultTable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,7 +116,7 @@ def _is_homogeneous(model: NetworkModel) -> bool:
 
 def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
     """The questions, each readable and none asked twice; a ValueError where not."""
-    given = (questions,) if isinstance(questions, str) else tuple(questions)
+    given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
     if not given:
         raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
     for question in given:

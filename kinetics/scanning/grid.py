@@ -20,6 +20,7 @@ from kinetics.scanning.result import RESERVED, Scan, grid_points
 from kinetics.scanning.scanned import ScannedModel
 from kinetics.scanning.values import check_size
 from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.tables import counted
 
 LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
@@ -87,7 +88,7 @@ def scan(
             answers[number] = tuple(found)
         done = sum(each is not None for each in answers)
         if progress is not None:
-            progress(f"{done} of {len(points)} points")
+            progress(f"{done} of {counted(len(points), 'point')}")
 
     def cost(seconds: Sequence[float], left: int) -> None:
         if tell is not None and left:
@@ -115,6 +116,8 @@ def _checked(
     if isinstance(model, ScannedModel) and initial is not None:
         raise ValueError("a ScannedModel has its counts at time 0; leave out initial")
     scanned = model if isinstance(model, ScannedModel) else ScannedModel.of(model, initial)
+    if over and not isinstance(over, Mapping):
+        raise ValueError(f"over = {over!r}; expected a mapping of names to values, as in {{'k1': [1e-3, 1e-2]}}")
     if not over:
         raise ValueError("no name to scan over; give at least one, as in over={'k1': [1e-3, 1e-2]}")
     for name in over:

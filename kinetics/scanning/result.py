@@ -14,7 +14,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
-from kinetics.support.tables import of_unit
+from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,8 +109,8 @@ class Scan(Shown, Tabular):
         kinds.append(f"{self.unanswered} without an answer")
         told = ", ".join(kind for kind in kinds if not kind.startswith("0 "))
         grid = " x ".join(f"{name} ({len(values)})" for name, values in self.over.items())
-        asked = "1 question" if len(self.questions) == 1 else f"{len(self.questions)} questions"
-        of_points = "point" if len(self.answers) == 1 else "points"
+        asked = counted(len(self.questions), "question")
+        of_points = counted(len(self.answers), "point").split()[1]
         return f"{points}{of_all} {of_points} of {grid}, {asked}: {told}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
@@ -177,7 +177,7 @@ def grid_points(over: Mapping[str, Floats]) -> Iterator[dict[str, float]]:
 def _shown(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
     """Value, limits, how it was answered, and by what."""
     n, what = (row["states"], "state") if row["states"] else (row["runs"], "run")
-    by = "" if n is None else f"{n} {what}{'' if n == 1 else 's'}"
+    by = "" if n is None else counted(n, what)
     if row["why"]:
         return "", "", UNANSWERED, by
     limits = "all runs alike" if np.isnan(row["low"]) else _limits(row["value"], row["low"], row["high"])
