@@ -100,7 +100,7 @@ def all_books(
     if target.is_seeded:
         raise ValueError(
             f"target {target.name!r}, of {len(target)} cubes, is grown from a seed, so that there is no choice of "
-            f"joins; `compile_book`, `wellmixed rules compile`, makes its book, and all are made of at most {MOST} cubes"
+            f"joins; `compile_book`, or `wellmixed rules compile`, makes it; for a choice, take {MOST} cubes at most"
         )
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
