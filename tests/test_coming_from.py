@@ -9,10 +9,12 @@ import io
 import re
 import shutil
 import subprocess
+import warnings
 
 import pytest
 from pages import ROOT, blocks
 
+from kinetics import Network
 from kinetics.formats import read
 
 THEIRS = {block.title: block.text for block in blocks(ROOT / "docs" / "coming_from.md") if block.title}
@@ -25,10 +27,23 @@ def test_python_of_others(tool):
     if importlib.util.find_spec(tool) is None:
         pytest.skip(f"{tool} is not installed; its lines compile")
     said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    with contextlib.redirect_stdout(said), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # their own
         exec(code, {})
     numbers = [float(word.strip("[],")) for word in said.getvalue().split() if word.strip("[],")]
     assert abs(numbers[-1] - EXACT) < 6 * SD  # AB stands last
+
+
+def test_like_pairs_in_gillespy2():
+    gillespy2 = pytest.importorskip("gillespy2")
+    a, d, k = gillespy2.Species("A", 40), gillespy2.Species("D", 0), gillespy2.Parameter("k", expression=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # their own
+        theirs = gillespy2.Reaction(name="pair", reactants={a: 2}, products={d: 1}, rate=k).propensity_function
+    text = "2 A -> D, 0.01\nA = 40"
+    for ours, times in ((Network.from_text(text), 2), (Network.from_text(f"{text}\ncombinations: ordered"), 1)):
+        value = eval(theirs, {"k": 0.01, "A": 40, "vol": 1.0})
+        assert value == pytest.approx(times * ours.propensities([40, 0])[0])
 
 
 def test_antimony_in_tellurium():
@@ -57,7 +72,7 @@ def test_prism_of_others(tmp_path):
     assert text.count("module pair") == text.count("endmodule") == 1
     stormpy = pytest.importorskip("stormpy", reason="neither PRISM nor Storm is installed; the module is closed")
     (tmp_path / "pair.sm").write_text(text, encoding="utf-8")
-    model = stormpy.build_model(stormpy.parse_prism_program(str(tmp_path / "pair.sm")))
+    model = stormpy.build_model(stormpy.parse_prism_program(str(tmp_path / "pair.sm"), prism_compatibility=True))
     assert model.nr_states == 11
 
 

@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 @click.option(
     "--groups",
     metavar="N",
-    type=click.IntRange(min=19),
+    type=click.IntRange(min=40),
     help="For rates by class: number of predicted groups that decide where a p-value is small. The report says which "
     "checks so few cannot fail.  [default: 1999]",
 )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from kinetics.chain.chain import Chain
+from kinetics.chain.predicates import StateNames
+from kinetics.chain.rewards import Reward, named_reward
 from kinetics.network import Network
 from kinetics.network.sums import summed
 from kinetics.support.arrays import Floats, Ints
@@ -25,9 +27,31 @@ def observing(chain: Chain, network: Network, observables: Mapping[str, Mapping[
     [False, False, True, True]
     """
     counts = np.asarray(chain.counts)
-    sums = {name: (weights, counts @ weights) for name, weights in _weights(network, observables)}
-    rewards = {name: values for name, (weights, values) in sums.items() if (weights >= 0).all()}
-    return chain.with_variables(whole_sums(network, observables, counts)).with_rewards(rewards)
+    return chain.with_variables(whole_sums(network, observables, counts)).with_rewards(
+        _rewards(network, observables, counts)
+    )
+
+
+def state_names(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> StateNames:
+    """What conditions may name in states (N, S), as on the chain of `observing`."""
+    sums = whole_sums(network, observables, counts)
+    columns = np.column_stack([counts, *sums.values()])
+    return StateNames(len(counts), (*network.species, *sums), columns, {})
+
+
+def earned_in(
+    network: Network, observables: Mapping[str, Mapping[str, float]], name: str | None, counts: Ints
+) -> Floats:
+    """The rates (N,) at which states (N, S) earn the reward of a name, as the chain of `observing` has it."""
+    sums = whole_sums(network, observables, counts)
+    rewards = {each: Reward(values) for each, values in _rewards(network, observables, counts).items()}
+    columns = np.column_stack([counts, *sums.values()])
+    return np.asarray(named_reward(name, rewards, (*network.species, *sums), columns, len(counts)).rates)
+
+
+def _rewards(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Floats]:
+    """The sums (N,) that are never negative, in states (N, S)."""
+    return {name: counts @ weights for name, weights in _weights(network, observables) if (weights >= 0).all()}
 
 
 def whole_sums(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Ints]:

@@ -126,6 +126,8 @@ def ask(chain: Chain, question: str) -> ChainAnswer:
 
 def parse(question: str) -> Query:
     """The question that a text asks; conditions in it are read when they meet a chain, which has their names."""
+    if not isinstance(question, str):
+        raise ValueError(f"{question!r} is no question; expected text, as in 'P=? [ F<=100 A >= 1 ]'")
     if len(question) > LONGEST:
         raise ValueError(f"a question of {len(question)} characters; at most {LONGEST} are read")
     mean = MEAN.fullmatch(question.strip())

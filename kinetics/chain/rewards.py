@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.chain.answers import ChainAnswer
-from kinetics.chain.checks import Reward
+from kinetics.chain.checks import Reward, checked_reward
 from kinetics.support.arrays import Floats
 
 TIME = "time"
@@ -21,13 +21,14 @@ def named_reward(
     """The reward of a name, or the value of a variable; None for the only reward there is.
 
     `time`, where nothing else is called so, is earned at rate 1: its mean until a target is that of the passage time.
+    ValueError: there is none of this name, or a variable is below 0 in a state.
     """
     if name is None and len(rewards) == 1:
         name = next(iter(rewards))
     if name in rewards:
         return rewards[str(name)]
     if name in variables:
-        return Reward(np.asarray(counts)[:, list(variables).index(str(name))].astype(float))
+        return checked_reward(str(name), Reward(np.asarray(counts)[:, list(variables).index(str(name))]), n_states)
     if name == TIME:
         return Reward(np.ones(n_states), most=1.0)
     there = ", ".join(dict.fromkeys([*rewards, *variables])) or "none"

@@ -26,6 +26,8 @@ from kinetics.support.output import write_whole
 if TYPE_CHECKING:
     from kinetics.commands.start import Start
 
+UNANSWERED = 1  # exit code
+
 
 @click.command()
 @starting_options
@@ -119,7 +121,8 @@ def scan(
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
     Questions are those of `wellmixed ask`. Exact answers have limits that are proven unless the column `answered` says
     otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
-    Ctrl-C the same command goes on from there, and a grid may grow.
+    Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
+    points, for which the table says why.
     """
     from kinetics.scanning import ScannedModel, read_values
     from kinetics.scanning import scan as make
@@ -132,6 +135,9 @@ def scan(
             raise ValueError(f"--over {name} came twice; give all of its values at once")
         over[name] = values
     tell_questions(questions)
+    both = [name for name in over if name in asked.chosen]
+    if both:
+        raise ValueError(f"--set {both[0]} and --over {both[0]}: a name is set, or scanned; leave one out")
     begin = _start(asked, edges, {name: values.tolist() for name, values in over.items()})
     keep(f"points that are done are kept in {folder}, and the same command goes on from there")
     with progress_line() as progress:
@@ -188,6 +194,8 @@ def scan(
             err=True,
         )
         raise SystemExit(INTERRUPTED)
+    if made.unanswered:
+        raise SystemExit(UNANSWERED)
 
 
 def _start(asked: AskedStart, edges: tuple[float, float, float] | None, over: dict[str, list[float]]) -> Start:

@@ -54,4 +54,5 @@ class Antimony(Format):
         library = Program(
             "Antimony", (sys.executable, "-P", "-c", LIBRARY), 20, 2**30, "a smaller model, or SBML, can be read"
         )
-        return model_in(path, library.translated(path, text, "model.ant", "model.xml").encode(), copies_per_unit)
+        document = library.translated(path, text, "model.ant", "model.xml").encode()
+        return model_in(path.with_name(f"{path.name} (as SBML)"), document, copies_per_unit)

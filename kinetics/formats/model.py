@@ -14,6 +14,7 @@ from kinetics.support.arrays import Ints
 if TYPE_CHECKING:
     from pathlib import Path
 
+USED = ("species", "channels", "laws", "events", "known_rates", "combinations")  # of a network, by those that take one
 CLOSE = 1e-9  # an amount this near, relatively, to a whole number is meant to be it
 
 
@@ -49,6 +50,13 @@ class NetworkModel:
             unknown = [each for each in weights if each not in species]
             if unknown:
                 raise ValueError(f"observable {name!r} counts {unknown[0]!r}, which is not a species of the network")
+
+    if not TYPE_CHECKING:  # a type checker sees the mistake without this
+
+        def __getattr__(self, name: str) -> None:
+            """An AttributeError that points at the network, for which a model is easily taken."""
+            hint = "; its network has: give model.network" if hasattr(Network, name) or name in USED else ""
+            raise AttributeError(f"a NetworkModel, as a file is read, has no {name!r}{hint}")
 
     def with_parameters(self, /, **values: float) -> NetworkModel:
         """The same model with other values of these parameters; rates, laws and counts at time 0 follow."""

@@ -44,7 +44,7 @@ class Sbml(Format):
 def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> NetworkModel:
     """The model of a document; `path` is the user's file, for messages."""
     document = document_of(path, data)  # its model lives as long as it does
-    names = SbmlNames(path, document.getModel())
+    names = SbmlNames(path, document.getModel(), len(data))
     try:
         return _model(names, copies_per_unit)
     except ValueError as error:

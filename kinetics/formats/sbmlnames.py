@@ -23,6 +23,7 @@ class SbmlNames:
     """The ids of one model, each resolved when it is first asked for.
 
     states : ids of the species that a state counts: all that no rule gives
+    size : of the document, bytes, to which its formulas are in proportion
     rules : id -> its assignment rule
     values : id -> value, of the parameters that formulas read by name
     settled : those of them of which something is a plain number, which another value would not reach
@@ -30,7 +31,7 @@ class SbmlNames:
     A rule, an assignment, a trigger or the like without its math does nothing, as Level 3 Version 2 has it.
     """
 
-    def __init__(self, path: Path, source: Any):
+    def __init__(self, path: Path, source: Any, size: int):
         self.path, self.source = path, source
         self.compartments = {each.getId(): each for each in self.each("Compartments")}
         self.species = {each.getId(): each for each in self.each("Species")}
@@ -40,7 +41,7 @@ class SbmlNames:
         self.rules = {each.getVariable(): each for each in self.each("Rules") if each.isSetMath()}
         self.assignments = {each.getSymbol(): each for each in self.each("InitialAssignments") if each.isSetMath()}
         self.states = [name for name in self.species if name not in self.rules]
-        self.graph = Graph(MOST_NODES + path.stat().st_size // 4)
+        self.graph = Graph(MOST_NODES + size // 4)
         self._known: list[float | None] = []  # the numbers of the graph's first nodes
         self._valued: list[float | None] = []  # the same, with the values of parameters
         self.values: dict[str, float] = {}

@@ -33,6 +33,7 @@ from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
 from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import counted
 
 if TYPE_CHECKING:
     from kinetics.network.laws.events import Event
@@ -163,9 +164,9 @@ class Network(Shown):
         """
         from kinetics.network.reaction_text import read_reactions
 
-        made = cls.of_text(read_reactions(text, parameters))
-        _ = made.initial  # whole numbers
-        return made
+        read = read_reactions(text, parameters)
+        read.check_counts()
+        return cls.of_text(read)
 
     @classmethod
     def of_text(cls, read: ReactionText) -> Network:
@@ -199,8 +200,8 @@ class Network(Shown):
 
         A channel that changes nothing is most likely a mistake, so there is a warning.
         """
-        constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         named, needed, change = reaction_tables(reactions, species)
+        constants, laws = split_rates(rate_constants, tuple(reactions), parameters or {})
         idle = np.flatnonzero(np.diff(change.starts) == 0)
         if idle.size:
             name = list(reactions)[idle[0]]
@@ -376,7 +377,8 @@ class Network(Shown):
             "a law without its reactants": self.at_zero if self.laws else "",
             "events": str(len(self.events) or ""),
         }
-        size = f"{len(self.species)} species, {len(self.channels)} channels; {self.combinations} combinations"
+        channels = counted(len(self.channels), "channel")
+        size = f"{len(self.species)} species, {channels}; {self.combinations} combinations"
         return "; ".join([size, *(f"{name}: {value}" for name, value in facts.items() if value)])
 
     def summary(self) -> ResultTable:

@@ -51,6 +51,8 @@ class Parameters:
         """The same with other numbers in the place of these parameters; those that are formulas of them follow."""
         for name in values:
             if name not in self.given:
+                if name in self.initial:
+                    raise ValueError(f"{name!r} is a species; counts at time 0 are given by initial, --initial")
                 raise ValueError(f"unknown parameter {name!r}{meant(name, self.given)}; there are {self._some()}")
         numbers = {name: number_of(f"parameter {name!r}", value, {}) for name, value in values.items()}
         return replace(self, given={**self.given, **numbers})

@@ -20,6 +20,11 @@ def reaction_tables(
 
     species : their order; None for that in which the reactions name them
     """
+    if not isinstance(reactions, Mapping):
+        raise ValueError(
+            f"reactions are {reactions!r}; expected channel -> reaction, as in {{'r': ({{'A': 1}}, {{'B': 1}})}}; "
+            "Network.from_text reads reactions as text"
+        )
     for name, pair in reactions.items():
         if not (isinstance(pair, Sequence) and len(pair) == 2 and all(isinstance(side, Mapping) for side in pair)):
             raise ValueError(

@@ -22,6 +22,8 @@ def summed(network: Network, counted: Counted) -> tuple[Floats, str]:
     >>> weights.tolist(), name
     ([1.0, 2.0], 'A + 2 D')
     """
+    if not isinstance(counted, str | Mapping):
+        raise ValueError(f"{counted!r} is neither a species nor a sum of them, as in {{'A': 1, 'AB': 2}}")
     parts = {counted: 1.0} if isinstance(counted, str) else dict(counted)
     weights = np.zeros(len(network.species))
     for name, weight in parts.items():

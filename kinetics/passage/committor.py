@@ -160,8 +160,9 @@ def committor(
     >>> found.probabilities.round(9).tolist(), found.error < 1e-12
     ([0.75, 0.25], True)
     """
-    if not targets:
-        raise ValueError("no targets; give at least one, as in {'extinct': lambda states: states[:, 0] == 0}")
+    if not (targets and isinstance(targets, Mapping) and all(map(callable, targets.values()))):
+        came = f"targets are {targets!r}" if targets else "no targets"
+        raise ValueError(f"{came}; give at least one, as in {{'extinct': lambda states: states[:, 0] == 0}}")
 
     def belongs(states: Ints) -> NDArray[np.bool_]:
         tables = [np.asarray(test(states), dtype=bool) for test in targets.values()]

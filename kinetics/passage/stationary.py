@@ -120,20 +120,20 @@ class Stationary(ChainStationary):
         return float(self.probabilities[row]) if row >= 0 else 0.0
 
     @on_axes
-    def plot(self, ax: Any, species: str) -> Any:
-        """Plot the distribution of the copies of one species, as steps; returns `ax`."""
+    def plot(self, ax: Any, species: str | None = None) -> Any:
+        """Plot the distribution of the copies of one species, or of each, as steps; returns `ax`."""
         from kinetics.support import plots
 
-        shares = self.marginal(species)
-        ax.stairs(
-            shares,
-            np.arange(shares.size + 1) - 0.5,
-            color=plots.colour(self.space.network.index(species)),
-            fill=True,
-            alpha=0.4,
-        )
-        ax.set_xlabel(f"copies of {species}")
+        names = self.space.network.species if species is None else (species,)
+        for name in names:
+            shares = self.marginal(name)
+            edges = np.arange(shares.size + 1) - 0.5
+            shade = {"color": plots.colour(self.space.network.index(name))}
+            ax.stairs(shares, edges, label=name, fill=len(names) == 1, alpha=0.4 if len(names) == 1 else 1.0, **shade)
+        ax.set_xlabel(f"copies of {names[0]}" if len(names) == 1 else "copies")
         ax.set_ylabel("stationary probability")
+        if len(names) > 1:
+            ax.legend(frameon=False)
         return ax
 
 

@@ -18,6 +18,7 @@ from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
 from kinetics.support.arrays import Counts, Floats
 from kinetics.support.datasets import dataset
+from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
 
 if TYPE_CHECKING:
@@ -95,14 +96,14 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        import pandas as pd
+        pandas = extra("pandas")
 
         names = self.network.species
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        return pandas.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def to_xarray(self) -> xr.Dataset:
         """The same, with dimensions time and species."""

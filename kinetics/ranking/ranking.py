@@ -22,6 +22,7 @@ from kinetics.ranking.ranked_book import (
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import whole_number
+from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
 
@@ -181,7 +182,7 @@ class Ranking(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per book and figure."""
-        import pandas as pd
+        pandas = extra("pandas")
 
         rows = [
             {"place": book["place"], "book": book["book"], "joins": ", ".join(self.pathways[book["book"]])}
@@ -190,7 +191,7 @@ class Ranking(Shown, Tabular):
             for book in self.as_dict()["books"]
             for name in ("yield", "first", "reached")
         ]
-        return pd.DataFrame(rows)
+        return pandas.DataFrame(rows)
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.runs.paths import JumpPath
+from kinetics.support.extras import extra
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,9 +69,11 @@ def table_run(name: str, path: JumpPath, resolution: float = 0.0) -> TableRun:
 
 def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables of the events and of the runs. ValueError: the runs are of two networks, which no one table can hold."""
-    import pandas as pd
+    pandas = extra("pandas")
 
-    events = [pd.DataFrame({"run": pd.Series(dtype="str"), "time": pd.Series(dtype="float64"), "channel": ""})]
+    events = [
+        pandas.DataFrame({"run": pandas.Series(dtype="str"), "time": pandas.Series(dtype="float64"), "channel": ""})
+    ]
     rows = []
     names: tuple[Sequence[str], Sequence[str]] | None = None
     for run in runs:
@@ -81,7 +84,7 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "…; a table holds runs of one: choose those of one rule book"
             )
         happened = np.array([*run.channels, RESTARTED], dtype=object)[np.asarray(run.fired, dtype=int)]  # RESTART = -1
-        events.append(pd.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))
+        events.append(pandas.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))
         closed = [
             name for name, is_open in zip(run.channels, np.asarray(run.open_channels), strict=True) if not is_open
         ]
@@ -90,4 +93,6 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
         rows.append(
             dict(zip(RUN_COLUMNS, facts, strict=True)) | dict(zip(run.species, np.asarray(run.initial), strict=True))
         )
-    return pd.concat(events[1:] or events, ignore_index=True), pd.DataFrame(rows, columns=None if rows else RUN_COLUMNS)
+    return pandas.concat(events[1:] or events, ignore_index=True), pandas.DataFrame(
+        rows, columns=None if rows else RUN_COLUMNS
+    )

@@ -5,6 +5,7 @@ Simulated and mechanical runs give the same records, so that a reader need not k
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
@@ -13,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
-from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
+from kinetics.support.extras import extra
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, over_time
 from kinetics.support.tables import in_unit
 
@@ -194,13 +196,13 @@ class JumpPath(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
-        import pandas as pd
+        pandas = extra("pandas")
 
         names = (*self.network.channels, "restart")  # RESTART = -1 picks the last
         happened = ["start", *(names[channel] for channel in self.channels), "end"]
         counts = np.vstack([self.states, self.states[-1:]])
         table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
-        return pd.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
+        return pandas.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -263,12 +265,21 @@ class Ensemble(Shown, Tabular):
             return self.counts[:, :, self.network.index(what)]
         if not isinstance(what, slice) or what.step is not None:
             raise TypeError(f'{what!r}: expected a species, as in runs["AB"], or times, as in runs[10:50]')
-        begin, end = (-np.inf if what.start is None else what.start, np.inf if what.stop is None else what.stop)
+        ends = (-np.inf if what.start is None else what.start, np.inf if what.stop is None else what.stop)
+        begin, end = (real_number("time", each) for each in ends)
         kept = (self.times >= begin) & (self.times <= end)
         if not kept.any():
             last = f"{self.times[0]:g} to {self.times[-1]:g}" if self.times.size else "none"
             raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
         return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether it has a species of this name."""
+        return name in self.network.species
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of its species, as of a table's columns."""
+        return iter(self.network.species)
 
     @property
     def headline(self) -> str:
@@ -328,12 +339,12 @@ class Ensemble(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per run and time: run, time in tu, counts."""
-        import pandas as pd
+        pandas = extra("pandas")
 
         runs = np.repeat(np.arange(self.runs), self.times.size)
         table = {"run": runs, "time": np.tile(self.times, self.runs)}
         columns = self.counts.reshape(-1, len(self.network.species)).T
-        return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+        return pandas.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
 
     def to_xarray(self) -> xr.Dataset:
         """The counts, with dimensions run, time and species."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from kinetics.chain.chain import Chain
-from kinetics.chain.observing import observing
-from kinetics.chain.queries import Query, parse
+from kinetics.chain.observing import earned_in, observing, state_names
+from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.formats import NetworkModel
 from kinetics.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
-from kinetics.scanning.sampled import sampled_answers
+from kinetics.scanning.sampled import check_ends, sampled_answers
 from kinetics.scanning.scanned import ScannedModel, digest_of
 from kinetics.solving.states import TooManyStatesError
 from kinetics.support.stream_keys import seed_of
@@ -47,20 +49,37 @@ class Asked:
 
 
 def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[ScanAnswer]:
-    """The answers at one point; a ValueError names the point and what is wrong there."""
+    """The answers at one point; those that a question does not have there say why."""
+    model = scanned.at(point)
     try:
-        model = scanned.at(point)
         exact = _exact(model, asked)
         if exact is not None:
             return exact
         return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
     except ValueError as error:
-        raise ValueError(f"at {in_words(point)}: {error}") from error
+        return [ScanAnswer.none(str(error)) for _ in asked.questions]
 
 
-def in_words(point: Mapping[str, float]) -> str:
-    """`k1 = 0.001, cubes = 20`"""
-    return ", ".join(f"{name} = {value:g}" for name, value in point.items())
+def check_asked(model: NetworkModel, asked: Asked) -> None:
+    """A ValueError for what no point can answer: names that there are not, or no end where all are sampled."""
+    counts = np.asarray(model.initial)[np.newaxis]
+    names = state_names(model.network, model.observables, counts)
+    for question, query in asked.queries:
+        if not asked.max_states:
+            check_ends(question, query)
+        match query:
+            case UntilQuery(target, through):
+                conditions = [target, through]
+            case AlwaysQuery(states) | StationaryQuery(states):
+                conditions = [states]
+            case RewardQuery(name, until=until):
+                earned_in(model.network, model.observables, name, counts)
+                conditions = [until]
+        for condition in conditions:
+            if condition is not None:
+                names.holds(condition)
+    if isinstance(asked.within, str):
+        names.holds(asked.within)
 
 
 def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
@@ -76,7 +95,11 @@ def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
     listed = (time.process_time() - began) / len(asked.questions)
     found = []
     for _, query in asked.queries:
-        answer = query.of(chain)
+        try:
+            answer = query.of(chain)
+        except ValueError as error:
+            found.append(ScanAnswer.none(str(error), states=len(chain)))
+            continue
         kind = PROVEN if answer.is_bound else ESTIMATED
         seconds = answer.cpu_seconds + listed
         found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
@@ -93,7 +116,7 @@ def _is_homogeneous(model: NetworkModel) -> bool:
 
 def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
     """The questions, each readable and none asked twice; a ValueError where not."""
-    given = (questions,) if isinstance(questions, str) else tuple(questions)
+    given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
     if not given:
         raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
     for question in given:

@@ -10,9 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.synchronize import Event
 from typing import Any
 
 from kinetics.support.extras import extra
+from kinetics.support.workers import GUARD, end_while_loading, end_with_parent
 
 ANSWER_WITHIN = 10  # s, for a scheduler
 
@@ -21,8 +23,9 @@ ANSWER_WITHIN = 10  # s, for a scheduler
 def crew(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
     """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
 
-    OSError: no scheduler answers at the address.
+    OSError: no scheduler answers at the address. ChildProcessError: a worker ended before it had answered.
     """
+    end_while_loading()
     if scheduler is not None:
         client = _client(scheduler)
         try:
@@ -48,11 +51,6 @@ def results(
     try:
         for future in as_completed(waiting):
             yield waiting[future], future.result()
-    except BrokenProcessPool as error:
-        raise ChildProcessError(
-            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
-            "start again with fewer workers"
-        ) from error
     finally:
         for future in waiting:
             future.cancel()
@@ -63,19 +61,29 @@ def _processes(workers: int) -> Iterator[Executor]:
     """Processes on this machine, which Ctrl-C and errors here end at once."""
     before = set(multiprocessing.active_children())
     context = multiprocessing.get_context("forkserver" if sys.platform != "win32" else "spawn")
-    pool = ProcessPoolExecutor(workers, context, _begin)
+    began = context.Event()
+    pool = ProcessPoolExecutor(workers, context, _begin, (began,))
     try:
         yield pool
         pool.shutdown()
-    except BaseException:
+    except BaseException as error:
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
         pool.shutdown(wait=True, cancel_futures=True)
-        raise
+        if not isinstance(error, BrokenProcessPool):
+            raise
+        raise ChildProcessError(
+            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
+            "start again with fewer workers"
+            if began.is_set()
+            else f"workers cannot start; {GUARD}"
+        ) from None
 
 
-def _begin() -> None:
-    """Leave Ctrl-C to the process that asks; arithmetic of one worker takes one core."""
+def _begin(began: Event) -> None:
+    """Leave Ctrl-C to the process that asks, and end with it; arithmetic of one worker takes one core."""
+    began.set()
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 

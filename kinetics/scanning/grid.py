@@ -13,13 +13,14 @@ from kinetics.formats import NetworkModel
 from kinetics.network import Network
 from kinetics.sampling.streamed import unbroken
 from kinetics.scanning.answer import ScanAnswer
-from kinetics.scanning.answering import Asked, answers_at, tell_questions
+from kinetics.scanning.answering import Asked, answers_at, check_asked, tell_questions
 from kinetics.scanning.crews import crew, results
 from kinetics.scanning.kept import KeptAnswers
 from kinetics.scanning.result import RESERVED, Scan, grid_points
 from kinetics.scanning.scanned import ScannedModel
 from kinetics.scanning.values import check_size
 from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.tables import counted
 
 LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
@@ -57,8 +58,9 @@ def scan(
 
     Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
-    the number of workers matters. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
-    names, values and questions that mean nothing, or a question without an answer at a point, which it names.
+    the number of workers matters. A question without an answer at a point, such as a mean until what may never happen,
+    is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
+    names, values and questions that mean nothing.
 
     >>> network = Network.from_text("A + B <-> AB, k, 0.1", k=1.0)
     >>> found = scan(network, {"k": [0.1, 1.0]}, "E[AB] @ 10", initial={"A": 3, "B": 2})
@@ -74,6 +76,7 @@ def scan(
         whole_number("seed", seed, 0),
     )
     points = list(grid_points(grid))
+    check_asked(scanned.at(points[0]), asked)
     keys = [asked.key(scanned.at(point)) for point in points]
     kept = KeptAnswers(folder, asked)
     answers: list[tuple[ScanAnswer, ...] | None] = [kept.get(key) for key in keys]
@@ -85,7 +88,7 @@ def scan(
             answers[number] = tuple(found)
         done = sum(each is not None for each in answers)
         if progress is not None:
-            progress(f"{done} of {len(points)} points")
+            progress(f"{done} of {counted(len(points), 'point')}")
 
     def cost(seconds: Sequence[float], left: int) -> None:
         if tell is not None and left:
@@ -113,6 +116,8 @@ def _checked(
     if isinstance(model, ScannedModel) and initial is not None:
         raise ValueError("a ScannedModel has its counts at time 0; leave out initial")
     scanned = model if isinstance(model, ScannedModel) else ScannedModel.of(model, initial)
+    if over and not isinstance(over, Mapping):
+        raise ValueError(f"over = {over!r}; expected a mapping of names to values, as in {{'k1': [1e-3, 1e-2]}}")
     if not over:
         raise ValueError("no name to scan over; give at least one, as in over={'k1': [1e-3, 1e-2]}")
     for name in over:

@@ -21,7 +21,7 @@ from kinetics.scanning.answer import NUMBERS, ScanAnswer
 from kinetics.scanning.answering import Asked
 from kinetics.support.output import append_line
 
-FORMAT = 1  # raised by hand when the same question would get another answer
+FORMAT = 2  # raised by hand when the same question would get another answer
 SHOWN = 16  # of the digits of a SHA-256
 
 

@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.scanning.answer import COUNTS, ESTIMATED, NUMBERS, PROVEN, SAMPLED, WORDS, ScanAnswer
+from kinetics.scanning.answer import COUNTS, ESTIMATED, NUMBERS, PROVEN, SAMPLED, UNANSWERED, WORDS, ScanAnswer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
-from kinetics.support.tables import of_unit
+from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
 MOST_ROWS = 40  # of a table for people
+MOST_WHYS = 5
 RESERVED = {"question", *NUMBERS, *COUNTS, *WORDS}  # columns, which no scanned name may have
 
 
@@ -66,6 +67,11 @@ class Scan(Shown, Tabular):
         return None not in self.answers
 
     @property
+    def unanswered(self) -> int:
+        """Number of answers that a question does not have at a point."""
+        return sum(each.answered == UNANSWERED for answers in self.answers for each in answers or ())
+
+    @property
     def cpu_seconds(self) -> float:
         """Processor time of all answers, those that were kept from before included."""
         return float(np.nansum(self.numbers("cpu_seconds")))
@@ -79,7 +85,7 @@ class Scan(Shown, Tabular):
         return np.array(table, dtype=float).reshape(*self.shape, len(self.questions))
 
     def words(self, what: str) -> Any:
-        """`answered` or `method` at all points, (n1, n2, ..., Q) of text; "" where not made."""
+        """One of `WORDS` at all points, (n1, n2, ..., Q) of text; "" where not made."""
         none = [None] * len(self.questions)
         table = [[getattr(each, what, "") for each in answers or none] for answers in self.answers]
         return np.array(table, dtype=object).reshape(*self.shape, len(self.questions))
@@ -100,10 +106,12 @@ class Scan(Shown, Tabular):
         points = sum(answers is not None for answers in self.answers)
         of_all = "" if self.is_complete else f" of {len(self.answers)}"
         kinds = [f"{sum(each.answered == kind for each in done)} {kind}" for kind in (PROVEN, ESTIMATED, SAMPLED)]
+        kinds.append(f"{self.unanswered} without an answer")
         told = ", ".join(kind for kind in kinds if not kind.startswith("0 "))
         grid = " x ".join(f"{name} ({len(values)})" for name, values in self.over.items())
-        asked = "1 question" if len(self.questions) == 1 else f"{len(self.questions)} questions"
-        return f"{points}{of_all} points of {grid}, {asked}: {told}; {self.cpu_seconds:.2g} s CPU"
+        asked = counted(len(self.questions), "question")
+        of_points = counted(len(self.answers), "point").split()[1]
+        return f"{points}{of_all} {of_points} of {grid}, {asked}: {told}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
         """The rows, at most `MOST_ROWS` of them, and what their limits mean."""
@@ -111,16 +119,17 @@ class Scan(Shown, Tabular):
             [
                 *(f"{row[name]:.6g}" for name in self.over),
                 row["question"],
-                f"{row['value']:.6g}",
-                _limits(row["value"], row["low"], row["high"]),
-                f"{row['answered']}, {row['method']}",
-                f"{row['states']} states" if row["states"] else f"{row['runs']} runs",
+                *_shown(row),
                 f"{row['cpu_seconds']:.2g}",
             ]
             for row in self.rows
         ]
         notes = [f"times in {self.time_unit}"] if self.time_unit else []
         notes += ["limits: proven or estimated of what is exact, 95 % intervals of what is sampled"]
+        whys = dict.fromkeys(each.why for answers in self.answers for each in answers or () if each.why)
+        notes += [f"none: {why}" for why in list(whys)[:MOST_WHYS]]
+        if len(whys) > MOST_WHYS:
+            notes.append(f"none: {len(whys) - MOST_WHYS} more reasons, in the column why")
         if len(rows) > MOST_ROWS:
             notes.append(f"{len(rows) - MOST_ROWS} more rows; they are in the files, in JSON and in to_dataframe()")
         titles = [*self.over, "question", "value", "limits", "answered", "by", "s CPU"]
@@ -151,6 +160,7 @@ class Scan(Shown, Tabular):
         from kinetics.scanning.pictures import draw_scan, size_of
 
         if figure is None:
+            extra("matplotlib")
             import matplotlib.pyplot as plt
 
             figure = plt.figure(figsize=size_of(self), layout="constrained")
@@ -162,6 +172,16 @@ def grid_points(over: Mapping[str, Floats]) -> Iterator[dict[str, float]]:
     """Every combination of the values, the last name going fastest."""
     for values in itertools.product(*(column.tolist() for column in over.values())):
         yield dict(zip(over, values, strict=True))
+
+
+def _shown(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Value, limits, how it was answered, and by what."""
+    n, what = (row["states"], "state") if row["states"] else (row["runs"], "run")
+    by = "" if n is None else counted(n, what)
+    if row["why"]:
+        return "", "", UNANSWERED, by
+    limits = "all runs alike" if np.isnan(row["low"]) else _limits(row["value"], row["low"], row["high"])
+    return f"{row['value']:.6g}", limits, f"{row['answered']}, {row['method']}", by
 
 
 def _limits(value: float, low: float, high: float) -> str:

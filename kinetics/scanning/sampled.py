@@ -5,21 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.chain.observing import whole_sums
+from kinetics.chain.observing import earned_in, state_names
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
-from kinetics.network.sums import summed
 from kinetics.runs import JumpPath
 from kinetics.sampling import Auto
 from kinetics.sampling.methods import path_method
 from kinetics.scanning.answer import SAMPLED, ScanAnswer
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import binomial_limits, student_quantile
+
+Q = TypeVar("Q", bound=Query)
 
 LEVEL = 0.95
 ROWS = 200_000  # states of paths that conditions are evaluated on at a time
@@ -39,23 +41,34 @@ def sampled_answers(
 
     Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
     """
+    found: dict[Query, ScanAnswer] = {}
     for question, query in questions:
-        check_ends(question, query)
-    asked = [query for _, query in questions]
+        try:
+            check_ends(question, query)
+        except ValueError as error:
+            found[query] = ScanAnswer.none(str(error))
+    asked = [query for _, query in questions if query not in found]
     at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
     on_paths = [query for query in asked if query not in at_times]
-    found: dict[Query, ScanAnswer] = {}
     if at_times:
-        found |= _timed(at_times, lambda: _at_times(model, at_times, runs, seed))
+        found |= _timed(at_times, lambda some: _at_times(model, some, runs, seed))
     if on_paths:
-        found |= _timed(on_paths, lambda: _on_paths(model, on_paths, runs, seed))
-    return [found[query] for query in asked]
+        found |= _timed(on_paths, lambda some: _on_paths(model, some, runs, seed))
+    return [found[query] for _, query in questions]
 
 
-def _timed(queries: Sequence[Query], made: Callable[[], tuple[list[Floats], str]]) -> dict[Query, ScanAnswer]:
-    """The answers of samples that are made together; each bears its share of the time."""
+def _timed(queries: Sequence[Q], sampled: Callable[[Sequence[Q]], tuple[list[Floats], str]]) -> dict[Query, ScanAnswer]:
+    """The answers of samples that are made together; each bears its share of the time.
+
+    Where one of them has no answer, each is asked alone.
+    """
     began = time.process_time()
-    samples, method = made()
+    try:
+        samples, method = sampled(queries)
+    except ValueError as error:
+        if len(queries) == 1:
+            return {queries[0]: ScanAnswer.none(str(error))}
+        return {query: answer for each in queries for query, answer in _timed([each], sampled).items()}
     seconds = (time.process_time() - began) / len(queries)
     return {query: _answer(query, values, method, seconds) for query, values in zip(queries, samples, strict=True)}
 
@@ -67,7 +80,8 @@ def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, se
     counts = method.simulate(model.network, model.initial, times, runs, seed, threads=1).counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
     return [
-        counts[:, t].astype(float) @ _weights(model, query) for t, query in zip(rows, queries, strict=True)
+        earned_in(model.network, model.observables, query.name, counts[:, t])
+        for t, query in zip(rows, queries, strict=True)
     ], method.name
 
 
@@ -79,9 +93,7 @@ def _on_paths(model: NetworkModel, queries: Sequence[Query], runs: int, seed: in
     samples: list[list[Floats]] = [[] for _ in queries]
     for many in _blocks(paths, runs):
         table = _Visits.of(many)
-        sums = whole_sums(model.network, model.observables, table.counts)
-        columns = np.column_stack([table.counts, *sums.values()])
-        names = StateNames(len(columns), (*model.network.species, *sums), columns, {})
+        names = state_names(model.network, model.observables, table.counts)
         for values, query in zip(samples, queries, strict=True):
             values.append(_judged(table, names, model, query))
     return [np.concatenate(values) for values in samples], method.name
@@ -132,7 +144,7 @@ def _judged(visits: _Visits, names: StateNames, model: NetworkModel, query: Quer
     """Whether each path fulfils a question (runs,), or the total that it earns."""
     if isinstance(query, RewardQuery):
         held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
-        earned = held * (visits.counts.astype(float) @ _weights(model, query))
+        earned = held * earned_in(model.network, model.observables, query.name, visits.counts)
         return np.bincount(visits.run, earned, visits.runs).astype(float)
     if isinstance(query, AlwaysQuery):
         broken = ~names.holds(query.states) & (visits.entered <= (query.by or 0.0))
@@ -144,17 +156,6 @@ def _judged(visits: _Visits, names: StateNames, model: NetworkModel, query: Quer
         return (reached < len(visits.run)).astype(float)
     astray = visits.first(~names.holds(query.through))
     return ((reached < len(visits.run)) & (astray >= reached)).astype(float)
-
-
-def _weights(model: NetworkModel, query: RewardQuery) -> Floats:
-    """Weight (S,) of each species in a reward: a species, or an observable."""
-    species, name = model.network.species, query.name
-    if name is None and len(model.observables) == 1:
-        name = next(iter(model.observables))
-    if name is None or (name not in species and name not in model.observables):
-        there = ", ".join([*model.observables, *species][:12])
-        raise ValueError(f"unknown reward {name!r}; there are {there}")
-    return summed(model.network, name if name in species else model.observables[name])[0]
 
 
 def _end(query: Query) -> float | None:

@@ -72,11 +72,16 @@ class ScannedModel:
         if len(found) > 1:
             raise ValueError(f"{name!r} is a {' and a '.join(found)}; rename one of them")
         if found:
-            if found[0] == CHANNEL and name in network.given.rates:
-                formula = network.given.rates[name].text
-                raise ValueError(f"the rate constant of channel {name!r} follows from {formula}; scan its parameters")
+            formula = network.laws.get(name) or network.given.rates.get(name) if found[0] == CHANNEL else None
+            if formula is not None:
+                what = "propensity" if name in network.laws else "rate constant"
+                names = some_names([each for each in formula.parameters if each in network.parameters])
+                cure = f"scan what it reads: {names}" if names else "write it with a parameter, and scan that"
+                raise ValueError(f"the {what} of channel {name!r} is {formula.text}; {cure}")
             return found[0]
-        known = [each for names in kinds.values() for each in names] + [CUBES] * bool(self.cube)
+        fixed = {*network.laws, *network.given.rates}
+        known = [each for names in kinds.values() for each in names if names is not kinds[CHANNEL] or each not in fixed]
+        known += [CUBES] * bool(self.cube)
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
         hint = f"did you mean {' or '.join(near)}?" if near else f"there are {some_names(known)}"
         raise ValueError(f"{name!r} is no parameter, species or channel of the model; {hint}")

@@ -13,6 +13,7 @@ from kinetics.network import Network
 from kinetics.solving.states import StateSpace
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.datasets import dataset
+from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
@@ -140,10 +141,10 @@ class Distribution(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""
-        import pandas as pd
+        pandas = extra("pandas")
 
         names = self.network.species
-        return pd.DataFrame(
+        return pandas.DataFrame(
             {
                 "time": np.repeat(self.times, len(names)),
                 "species": list(names) * self.times.size,

@@ -125,6 +125,7 @@ def on_axes(draw: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(draw)
     def plot(self: Any, ax: Any = None, *settings: Any, **named: Any) -> Any:
         if ax is None:
+            extra("matplotlib")
             import matplotlib.pyplot as plt
 
             _, ax = plt.subplots(layout="constrained")

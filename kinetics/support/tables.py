@@ -25,6 +25,15 @@ def of_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
+def counted(n: int, what: str) -> str:
+    """So many of something.
+
+    >>> counted(1, "state"), counted(2, "state")
+    ('1 state', '2 states')
+    """
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
 def inverse(unit: str) -> str:
     """The unit of a rate constant, per way and combination, where times have this one.
 

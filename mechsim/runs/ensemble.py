@@ -6,6 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from kinetics.support.workers import end_while_loading
 from mechsim.runs.executors import Executor, Processes, RunAttempt, Session
 from mechsim.runs.executors.base import LOOK_EVERY, Execute
 from mechsim.runs.record import RunRecord, RunSpec
@@ -89,6 +90,7 @@ def run_all(
     (1, 1)
     >>> folder.cleanup()
     """
+    end_while_loading()
     executor = Processes(workers) if isinstance(workers, int) else workers
     specs = list(specs)
     driver = _Driver({spec.key: spec for spec in specs}, store)

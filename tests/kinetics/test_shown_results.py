@@ -191,6 +191,9 @@ def test_every_table_can_be_parquet():
         ("xarray", "data", lambda: RESULTS["runs"]().to_xarray()),
         ("pyarrow", "data", lambda: RESULTS["runs"]().to_parquet("table.parquet")),
         ("pandas", "data", lambda: OTHERS["scan"]().to_dataframe()),
+        ("pandas", "data", lambda: RESULTS["runs"]().to_dataframe()),
+        ("matplotlib", "plot", lambda: RESULTS["runs"]().plot()),
+        ("matplotlib", "plot", lambda: OTHERS["scan"]().plot()),
     ],
 )
 def test_a_missing_package_is_told_with_its_extra(name, brings, use, monkeypatch):

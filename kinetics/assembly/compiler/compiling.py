@@ -14,7 +14,7 @@ from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.dockings import Dockings
 from kinetics.assembly.compiler.fewest import MAX_LETTERS, SET_STEPS, fewest
 from kinetics.assembly.compiler.joins import JoinSearch, asked_joins, sensible
-from kinetics.assembly.compiler.orientation import turnings
+from kinetics.assembly.compiler.orientation import MOST, turnings
 from kinetics.assembly.compiler.plan import Plan, planned
 from kinetics.assembly.compiler.result import Compiled, InfeasibleError, Notify, Ruled, UndecidedError, sensing
 from kinetics.assembly.compiler.search import MOST_LETTERS
@@ -93,9 +93,15 @@ def all_books(
     """One book for each choice among the joins with which everything leads to the target, fewest joins first.
 
     Choices for which no book is found are left out; it ends after time_limit. The senses are the target's, or the
-    weakest that are enough for any choice. Other arguments as of `compile_book`.
+    weakest that are enough for any choice. Other arguments as of `compile_book`. ValueError: a target that is grown
+    from a seed, which leaves nothing to choose.
     """
     asked = _Asked.of(target, joins, breaks, max_letters, Budget(time_limit), progress)
+    if target.is_seeded:
+        raise ValueError(
+            f"target {target.name!r}, of {len(target)} cubes, is grown from a seed, so that there is no choice of "
+            f"joins; `compile_book`, or `wellmixed rules compile`, makes it; for a choice, take {MOST} cubes at most"
+        )
     for senses in [target.senses] if target.senses is not None else LADDER:
         found = False
         try:

@@ -14,6 +14,7 @@ from kinetics.assembly.faces import Position, scheme_of
 from kinetics.assembly.rules.conditions import BookTarget, Direction, Senses
 from kinetics.assembly.structure import Structure
 from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.tables import counted
 
 TARGETS = Path(__file__).parent.parent / "targets"
 MAX_TARGET = 250  # cubes
@@ -80,7 +81,7 @@ class Target:
     def __post_init__(self) -> None:
         n = len(self.positions)
         if not 2 <= n <= MAX_TARGET:
-            raise ValueError(f"a target of {n} cubes; it must have 2 to {MAX_TARGET}")
+            raise ValueError(f"a target of {counted(n, 'cube')}; it must have 2 to {MAX_TARGET}")
         for position in self.positions:
             if max(map(abs, position)) > MAX_COORDINATE:
                 raise ValueError(f"a cube at {position}; coordinates reach from -{MAX_COORDINATE} to {MAX_COORDINATE}")

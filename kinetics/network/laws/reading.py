@@ -82,6 +82,14 @@ class Dialect:
     call: Call = field(default_factory=lambda: called)
 
 
+class FormulaError(ValueError):
+    """What is no formula. fault : what is wrong; place : where in the text, from 0"""
+
+    def __init__(self, told: str, fault: str, place: int) -> None:
+        super().__init__(told)
+        self.fault, self.place = fault, place
+
+
 class Token(NamedTuple):
     """A piece of a formula: its kind, its text, and where it begins."""
 
@@ -111,11 +119,15 @@ def check_length(text: str) -> None:
         raise ValueError(f"a formula of {len(text)} characters; at most {LONGEST} are read")
 
 
-def unreadable(text: str, place: int, why: str) -> ValueError:
+def unreadable(text: str, place: int, why: str) -> FormulaError:
     """The error of a text that cannot be read at some place."""
+    return FormulaError(f"cannot read {around(text, place)!r}: {why} at column {place + 1}", why, place)
+
+
+def around(text: str, place: int) -> str:
+    """The text, or of a long one what stands about a place in it."""
     start = max(0, place - SHOWN // 2) if len(text) > SHOWN else 0
-    shown = text[start : start + SHOWN]
-    return ValueError(f"cannot read {shown!r}: {why} at column {place + 1}")
+    return text[start : start + SHOWN]
 
 
 def node_of(text: str, graph: Graph, name: Callable[[str], int] | None = None, dialect: Dialect | None = None) -> int:
@@ -274,8 +286,8 @@ class _Reading:
             raise self._wrong(token.column, "an empty name")
         return name
 
-    def _wrong(self, column: int, fault: str) -> ValueError:
-        return ValueError(f"{fault} at column {column + 1} of {shortened(self.text)!r}")
+    def _wrong(self, column: int, fault: str) -> FormulaError:
+        return FormulaError(f"{fault} at column {column + 1} of {shortened(self.text)!r}", fault, column)
 
 
 def called(graph: Graph, name: str, arguments: Sequence[int]) -> int:

@@ -49,16 +49,29 @@ def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[s
         check_commands(ctx, command, table, f"{name}.")
         return table
     options = {
-        spelled.lstrip("-"): option.name
+        spelled.lstrip("-"): option
         for option in command.params
         if isinstance(option, click.Option)
         for spelled in option.opts
         if spelled.startswith("--")
     }
-    for key in table:
+    for key, value in table.items():
         if key not in options:
             raise _unknown(ctx, f"{key} in [{name}]", f"option of {name}", key, options)
-    return {str(options[key]): value for key, value in table.items()}
+        expected = _form(options[key], value)
+        if expected:
+            message = f"--config {ctx.meta[FILE]}: {key} = {value!r} in [{name}]; expected {expected}"
+            raise click.UsageError(message, ctx)
+    return {str(options[key].name): value for key, value in table.items()}
+
+
+def _form(option: click.Option, value: Any) -> str:
+    """What form an option's value should have had; "" where it has that."""
+    if option.is_flag:
+        return "" if isinstance(value, bool) else "true or false"
+    if option.multiple or option.nargs != 1:
+        return "" if isinstance(value, list) else "a list"
+    return "one number or text" if isinstance(value, bool | list | dict) else ""
 
 
 def _unknown(ctx: click.Context, what: str, expected: str, name: str, known: Iterable[str]) -> click.UsageError:

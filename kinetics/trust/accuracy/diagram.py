@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving import Distribution, Transient
 from kinetics.support.arrays import Counts, rising_times
+from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Task, shape_of
@@ -143,9 +144,9 @@ class Diagram(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per point."""
-        import pandas as pd
+        pandas = extra("pandas")
 
-        return pd.DataFrame(self.rows())
+        return pandas.DataFrame(self.rows())
 
     @property
     def headline(self) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
 
+from kinetics.support.workers import GUARD
 from mechsim.runs.executors.base import LOOK_EVERY, Execute, Executor, RunAttempt, Session, check_timeout
 
 if TYPE_CHECKING:
@@ -151,10 +152,7 @@ class ProcessSession(Session):
             if has_ended:
                 code = self._part(worker)
                 if not worker.started and code == 1:
-                    raise ChildProcessError(
-                        "workers cannot start (their message is on standard error); "
-                        'does the script that calls run_all lack its `if __name__ == "__main__":`?'
-                    )
+                    raise ChildProcessError(f"workers cannot start; {GUARD}")
                 worker.failure = worker.failure or _ending(code)
 
     def _hear(self, worker: _Worker) -> None:

@@ -144,6 +144,7 @@ def test_a_disk_that_fails_at_the_nth_call_loses_no_point_and_no_table(place, mo
         (["--over", "k1=1,inf", *ASK], "inf is not finite"),
         (["--over", "k1=1:2:9999", "--over", "k2=1:2:9999", *ASK], "at most 100000 are scanned"),
         (["--over", "k1=1", "--over", "k1=2", *ASK], "--over k1 came twice"),
+        (["--over", "k1=1,2", "--set", "k1=3", *ASK], "--set k1 and --over k1: a name is set, or scanned"),
         (["--over", "k1=1", "--ask", "E[AB]"], "cannot read the question 'E[AB]'"),
         (["--over", "k1=1", "--ask", "E[AX] @ 1"], "unknown reward 'AX'"),
         (["--over", "A=1.5", *ASK], "must be whole numbers; 1.5 is not one"),
@@ -160,6 +161,13 @@ def test_mistakes(place, arguments, said):
     assert (done.code, done.out) == (2, "")
     assert said in done.err
     assert not (place / "scans").exists() or not list((place / "scans").iterdir())
+
+
+def test_a_point_without_an_answer_ends_with_code_1(place):
+    done = run_here("scan", "model.rxn", "--over", "A=2,6", "--ask", 'R{"time"}=? [ F AB >= 4 ]', cwd=place)
+    assert done.code == 1
+    assert "2 points of A (2), 1 question: 1 proven, 1 without an answer" in done.out
+    assert "none: the target is reached with probability 0 only" in done.out
 
 
 def test_a_scheduler_that_is_not_there(place):

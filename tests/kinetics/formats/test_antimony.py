@@ -74,7 +74,7 @@ def test_events_act(model):
     ("text", "said"),
     [
         (MODEL.replace("-> A;", "=< A;"), "Antimony refused it.*line 5"),
-        (MODEL.replace("K = 5", "L = 5"), r"model\.ant"),
+        (MODEL.replace("K = 5", "L = 5"), r"model\.ant \(as SBML\), line \d+: 'K' in a formula"),  # the line is SBML's
         ('import "/etc/hostname"\n' + MODEL, "imports another file"),
         (MODEL.replace("2 A -> B", "2 A => B"), None),
     ],

@@ -120,7 +120,7 @@ def test_tables():
     assert "k (1/tu)" not in str(bare_line())
     assert "<td>2 monomer -&gt; dimer</td>" in line()._repr_html_()
     assert "decay    X -> 0" in str(decay())
-    assert repr(decay()) == "<Network: 1 species, 1 channels; distinct combinations>"
+    assert repr(decay()) == "<Network: 1 species, 1 channel; distinct combinations>"
 
 
 def test_state_by_name_or_position():

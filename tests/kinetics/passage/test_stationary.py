@@ -192,4 +192,6 @@ def test_factors_that_would_fill_up_are_foretold(monkeypatch):
 def test_plot():
     ax = Figure().add_subplot()
     assert stationary(switch(), [20, 0]).plot(ax, "B") is ax
+    whole = stationary(switch(), [20, 0]).plot()  # of every species, in its colour
+    assert [text.get_text() for text in whole.get_legend().get_texts()] == list(switch().species)
     assert ax.get_xlabel() == "copies of B"

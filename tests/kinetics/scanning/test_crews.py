@@ -1,6 +1,11 @@
 """Who answers the points: the same numbers from a Dask cluster, and a worker that dies is told in words."""
 
 import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +23,54 @@ def test_a_dask_cluster_gives_the_same_numbers():
         there = scan(network, *asked, max_states=0, runs=20, scheduler=cluster.scheduler_address)
     for what in ("value", "low", "high"):
         np.testing.assert_array_equal(here.numbers(what), there.numbers(what))
+
+
+SCRIPT = """
+from kinetics import Network, scan
+from kinetics.scanning.crews import crew
+{}
+"""
+UNGUARDED = 'scan(Network.from_text("A -> 0, k", k=1.0), {"k": [1, 2, 3, 4, 5]}, "E[A] @ 1", workers=2)'
+GUARDED = """
+import os, time
+if __name__ == "__main__":
+    with crew(1 + 1, None) as pool:
+        print(pool.submit(os.getpid).result(), flush=True)
+        time.sleep(60)
+"""
+
+
+def script(folder, body):
+    """A script of a user, run beside our sources."""
+    (folder / "script.py").write_text(SCRIPT.format(body), encoding="utf-8")
+    here = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[3]), *sys.path])}
+    return subprocess.Popen(
+        [sys.executable, "script.py"], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=here
+    )
+
+
+def test_a_script_without_a_guard_is_told_what_to_do(tmp_path):
+    process = script(tmp_path, UNGUARDED)
+    _, said = process.communicate()
+    assert process.returncode == 1
+    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in said
+    assert "bootstrapping" not in said  # multiprocessing's own words
+
+
+def test_workers_end_with_the_process_that_was_killed(tmp_path):
+    process = script(tmp_path, GUARDED)
+    worker = int(process.stdout.readline())
+    os.kill(worker, 0)  # it is there
+    process.kill()
+    process.communicate()
+    for _ in range(1000):
+        try:
+            os.kill(worker, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.01)
+    os.kill(worker, signal.SIGKILL)
+    pytest.fail("the worker outlived the process that started it")
 
 
 def die(number):

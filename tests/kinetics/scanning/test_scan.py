@@ -212,11 +212,11 @@ def test_the_cost_is_told():
     ("over", "ask", "given", "said"),
     [
         ({}, "E[A] @ 1", {}, "no name to scan over"),
-        ({"q": [1]}, "E[A] @ 1", {}, "'q' is no parameter, species or channel of the model; there are k, A, decay"),
-        ({"deccay": [1]}, "E[A] @ 1", {}, "did you mean decay"),
+        ({"q": [1]}, "E[A] @ 1", {}, "'q' is no parameter, species or channel of the model; there are k, A$"),
+        ({"kk": [1]}, "E[A] @ 1", {}, "did you mean k"),
         ({"cubes": [1]}, "E[A] @ 1", {}, "'cubes' is no parameter"),
         ({"value": [1]}, "E[A] @ 1", {}, "'value' is a column of the table"),
-        ({"decay": [1]}, "E[A] @ 1", {}, "the rate constant of channel 'decay' follows from k; scan its parameters"),
+        ({"decay": [1]}, "E[A] @ 1", {}, "the rate constant of channel 'decay' is k; scan what it reads: k"),
         ({"k": []}, "E[A] @ 1", {}, "'k' takes no value"),
         ({"k": [-1.0]}, "E[A] @ 1", {}, "expected at least 0"),
         ({"A": [1.5]}, "E[A] @ 1", {}, "must be whole numbers"),
@@ -224,12 +224,14 @@ def test_the_cost_is_told():
         ({"k": [1]}, [], {}, "nothing is asked"),
         ({"k": [1]}, "E[A]", {}, "cannot read the question"),
         ({"k": [1]}, ["E[A] @ 1", "E[A] @ 1"], {}, "is asked twice"),
-        ({"k": [1]}, "E[B] @ 1", {}, "at k = 1: unknown reward 'B'"),
-        ({"k": [1]}, "E[B] @ 1", {"max_states": 0}, "at k = 1: unknown reward 'B'"),
-        ({"k": [1]}, "P=? [ F<=1 B > 0 ]", {"max_states": 0}, "at k = 1: condition 'B > 0': unknown name 'B'"),
+        ({"k": [1]}, "E[B] @ 1", {}, "^unknown reward 'B'"),
+        ({"k": [1]}, "E[B] @ 1", {"max_states": 0}, "^unknown reward 'B'"),
+        ({"k": [1]}, "P=? [ F<=1 B > 0 ]", {"max_states": 0}, "^condition 'B > 0': unknown name 'B'"),
+        ({"k": [1]}, "S=? [ B > 0 ]", {}, "^condition 'B > 0': unknown name 'B'"),
+        ({"k": [1]}, 'R{"time"}=? [ F B > 0 ]', {}, "^condition 'B > 0': unknown name 'B'"),
+        ({"k": [1]}, "P=? [ F A = 0 ]", {"within": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
         ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no end in time"),
         ({"k": [1]}, "S=? [ A = 0 ]", {"max_states": 0}, "cannot be sampled"),
-        ({"k": [0.0, 1]}, 'R{"A"}=? [ F A = 0 ]', {}, "at k = 0: .* no finite mean"),
         ({"k": [1]}, "E[A] @ 1", {"runs": 1}, "runs = 1; expected"),
         ({"k": [1]}, "E[A] @ 1", {"workers": 0}, "workers = 0"),
         ({"k": [1]}, "E[A] @ 1", {"max_states": -1}, "max_states = -1"),
@@ -239,6 +241,49 @@ def test_the_cost_is_told():
 def test_wrong_use_says_what_was_expected(over, ask, given, said):
     with pytest.raises(ValueError, match=said):
         scan(decay(), over, ask, **given)
+
+
+@pytest.mark.parametrize(("law", "cure"), [("v * A", "scan what it reads: v"), ("2 * A", "write it with a parameter")])
+def test_a_law_is_no_rate_constant(law, cure):
+    network = Network.from_text(f"decay: A -> 0, {law}\nA = 3" + "\nv = 2" * ("v" in law))
+    with pytest.raises(ValueError, match=f"the propensity of channel 'decay' is .*; {cure}"):
+        scan(network, {"decay": [1.0]}, "E[A] @ 1")
+
+
+def test_a_question_without_an_answer_at_a_point_says_so_and_the_others_go_on(tmp_path):
+    asked = ['R{"time"}=? [ F A = 0 ]', "E[A] @ 0"]
+    found = scan(decay(), {"k": [1.0, 0.0, 2.0]}, asked, folder=tmp_path)
+    assert found.words("answered").tolist() == [["proven", "proven"], ["none", "proven"], ["proven", "proven"]]
+    assert found.unanswered == 1
+    assert found.is_complete
+    assert np.isnan(found.numbers("value")[1, 0])
+    assert "no finite mean" in found.rows[2]["why"]
+    assert "1 without an answer" in found.headline
+    assert str(found).count("none: the target is reached with probability 0 only") == 1
+    again = scan(decay(), {"k": [1.0, 0.0, 2.0]}, asked, folder=tmp_path)
+    assert again.to_dataframe().equals(found.to_dataframe())  # seconds too: it was kept
+    found.plot()
+    found.to_xarray()
+    # nothing is sampled for ever, where too many states can be reached
+    mixed = scan(decay(), {"A": [3, 30]}, ["P=? [ F A = 0 ]", "E[A] @ 1"], max_states=10, runs=20)
+    assert mixed.words("answered").tolist() == [["proven", "proven"], ["none", "sampled"]]
+    assert "has no end in time" in mixed.rows[2]["why"]
+
+
+def test_rewards_are_the_same_ones_exact_and_sampled(tmp_path):
+    """One that is negative has no answer (it had a wrong one, called proven), and the time is one."""
+    file = tmp_path / "model.rxn"
+    file.write_text("A -> B, k\nk = 1\nA = 3\nobservable: gain = A - B\nobservable: half = A + 0.5 * B\n", "utf-8")
+    asked = ["E[gain] @ 2", 'R{"gain"}=? [ C<=2 ]', 'R{"time"}=? [ C<=2 ]', "E[time] @ 2", "R=? [ I=2 ]", "E[half] @ 2"]
+    exact = scan(file, {"k": [1.0]}, asked)
+    sampled = scan(file, {"k": [1.0]}, asked, max_states=0, runs=200)
+    for one, other in zip(exact.rows, sampled.rows, strict=True):
+        assert one["why"] == other["why"]
+    assert [row["answered"] for row in sampled.rows] == ["none"] * 2 + ["sampled"] * 4
+    assert "expected at least 0: ask for gains and losses as two rewards" in exact.rows[0]["why"]
+    assert sampled.numbers("value")[0, 2:4].tolist() == pytest.approx([2.0, 1.0])
+    assert exact.numbers("value")[0, 2:4].tolist() == pytest.approx([2.0, 1.0])
+    assert exact.numbers("value")[0, 4] == exact.numbers("value")[0, 5]
 
 
 def test_models_that_are_none():

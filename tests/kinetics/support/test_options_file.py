@@ -53,11 +53,15 @@ def test_a_file_gives_what_the_command_line_leaves_open(run):
         ("rules.check", "rules.checks", "[rules.checks] is no table of a command; did you mean check?"),
         ("runs = 30", 'runs = "many"', "Invalid value for '--runs'"),
         ("runs = 30", "runs = ", "is not valid TOML"),
+        ("runs = 30", "runs = [1, 2]", "runs = [1, 2] in [predict]; expected one number or text"),
+        ("runs = 30", "runs = true", "runs = True in [predict]; expected one number or text"),
+        ("times = [10, 20]", "times = 10", "times = 10 in [predict]; expected a list"),
+        ("json = true", "json = 1", "json = 1 in [check]; expected true or false"),
         ("runs = 30", "source = 'line4'", "source in [predict] is no option of predict"),
     ],
 )
 def test_slips_are_told(run, old, new, said):
-    command = ["rules", "check", "t5"] if "rules" in old else ["predict", "line4"]
+    command = ["rules", "check", "t5"] if "rules" in old or "json" in old else ["predict", "line4"]
     done = run(OPTIONS.replace(old, new), *command)
     assert done.exit_code == 2
     assert said in " ".join(done.output.split())

@@ -281,17 +281,20 @@ def test_mistakes(tmp_path, capfd):
     assert run_all([], store, execute=execute).records == ()
 
 
-def test_a_script_without_a_main_guard_is_told_so(tmp_path):
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_script_without_a_main_guard_is_told_so(tmp_path, n):
+    """Its workers load the script, and with it the call; of one run, they waited for the claim of their driver."""
     script = tmp_path / "script.py"
     script.write_text(
-        f"from fake_runs import *\nrun_all(specs_of(3), RunStore({str(tmp_path / 'runs')!r}), execute=execute)\n"
+        f"from fake_runs import *\nrun_all(specs_of({n}), RunStore({str(tmp_path / 'runs')!r}), execute=execute)\n"
     )
     paths = os.pathsep.join([str(ROOT), str(Path(fake_runs.__file__).parent)])
     done = subprocess.run(
         [sys.executable, script], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert 'lack its `if __name__ == "__main__":`' in done.stderr
+    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in done.stderr
+    assert "bootstrapping" not in done.stderr  # multiprocessing's own words
     assert not list((tmp_path / "runs" / "quarantine").iterdir())
 
 

@@ -250,6 +250,11 @@ def test_all_choices_of_joins_of_a_line():
     assert [made.joins for made in among] == [("1+1->2", "2+1->3", "3+1->4")]
 
 
+def test_a_target_that_is_grown_has_no_choice_of_joins():
+    with pytest.raises(ValueError, match="'cube3', of 27 cubes, is grown from a seed, so that there is no choice"):
+        next(all_books(Target.load("cube3")))
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

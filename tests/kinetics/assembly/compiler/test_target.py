@@ -81,7 +81,7 @@ def test_senses_and_limits_are_read(load):
         ('layers = ["##"]\ncubes = [[0, 0, 0]]', "either as"),
         ("layers = []", "at least 1"),
         ('layers = ["..", ".."]', "0 cubes"),
-        ('layers = ["#"]', "1 cubes"),
+        ('layers = ["#"]', "1 cube;"),
         ('layers = ["##", "###"]', "row 1 of layer 2 is one of 1 rows and has 3 characters"),
         ('layers = ["##\\n#"]', "row 2 of layer 1"),
         ('layers = ["#a"]', "'a' in row 1 of layer 1"),

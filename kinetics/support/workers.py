@@ -1,0 +1,31 @@
+"""Worker processes: they end with the process that started them, and none is started while a script is being loaded."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+
+GUARD = 'put what starts workers in a script under `if __name__ == "__main__":`, for workers load the script as well'
+
+
+def end_with_parent() -> None:
+    """End this worker once the process that started it is gone, however that was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def end_while_loading() -> None:
+    """End a worker that comes to the call which started it, as it loads a script without a guard.
+
+    Silently, since its starter says what is wrong. Without this it would wait for runs that its starter has claimed.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        os._exit(1)
