@@ -43,8 +43,8 @@ class Accuracy:
             raise ValueError(f"accuracy = {shown}; expected a finite error above 0, as in 1% or 0.5 (copies)")
         if self.value < LEAST:
             raise ValueError(
-                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): numbers of sixteen digits cannot "
-                f"prove less"
+                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): numbers of sixteen digits "
+                f"cannot prove less"
             )
         if is_share and self.value > 1:
             raise ValueError(f"accuracy = {shown}; expected at most 100 %" + self._hint)

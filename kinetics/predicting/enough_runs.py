@@ -27,8 +27,9 @@ from kinetics.sampling import SamplingMethod
 from kinetics.sampling.streamed import blocks, unbroken
 from kinetics.support.arrays import Floats, Ints
 
-
 THREADED = 0.02  # s of work; threads for less would cost more than they save
+
+FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work is done, and at most so many runs are made, before the first look
 
 
 class Sampled(NamedTuple):
@@ -82,9 +83,14 @@ class RunsUntil:
     def foretell(self) -> float:
         """Runs that will be needed: from the first few, unless it is known without."""
         if self.asked.of != "distribution":
-            self._make(FIRST_RUNS)
+            self._make(int(min(max(FIRST_SECONDS / self.run_seconds, FIRST_RUNS), MOST_FIRST)))
             self._look(next(self._planning))
         return self.needed
+
+    def foretold_from(self, runs: int, chance: float) -> float:
+        """Runs that will be needed for this chance to be wrong, as so many see it."""
+        self._make(runs)
+        return Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed).runs_needed(chance)
 
     def finish(self, most: float) -> Sampled:
         """All the runs, but no more than `most`; after Ctrl-C those that were made."""

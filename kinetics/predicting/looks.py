@@ -1,9 +1,9 @@
 """When runs are enough: looks at the runs made so far, each of which spends some of the chance to be wrong.
 
-At a look with n runs, figure i (a mean, or a variance) has come out with an error of about Z_i sqrt((v_i + r_i d_i) / n),
-where v_i is the variance of what is averaged, d_i the tolerance, and r_i d_i, the term of Bernstein's inequality, stands
-for the skewness: r_i is the third central moment over the second, and at least one copy. The Z_i are standard normal with
-the correlations that the first runs show, so that neighbouring times and species that move together count once
+At a look with n runs, figure i (a mean, or a variance) has come out with an error of Z_i sqrt((v_i + r_i d_i) / n) or
+so. v_i is the variance of what is averaged and d_i the tolerance; r_i d_i, the term of Bernstein's inequality, stands
+for the skewness, r_i being the third central moment over the second, and at least one copy. The Z_i are standard normal
+with the correlations that the first runs show, so that neighbouring times and species that move together count once
 (multiplier bootstrap: Chernozhukov, Chetverikov & Kato 2013, doi:10.1214/13-AOS1161), over a common root of chi square,
 as Student has it. The runs are enough where the largest |error| / tolerance stays below 1 with the probability left.
 
@@ -24,12 +24,12 @@ from kinetics.support.arrays import Floats, Ints
 
 FIRST_RUNS = 16
 GROWTH = 8  # of the runs, from a look that plans to the next
-MARGIN = 1.1  # of the runs planned for the last look, because their variance is an estimate
+MARGIN = 1.05  # of the runs planned for the last look, because their variance is an estimate
 ROWS, ROW_BYTES = 64, 2**25  # runs that are kept for their correlations
 DRAWN = 600  # of the largest error
 ONE_THREAD = 2**18  # multiplications; for more at a time BLAS wakes threads, which cost more than they bring
 SMALL = 0.5  # of the largest ratio of error and tolerance; figures below matter to no quantile of the largest
-PLANNING, LASTING, AGAIN = 0.1, 0.7, 0.2  # shares of the chance to be wrong
+PLANNING, LASTING, AGAIN = 0.1, 0.75, 0.15  # shares of the chance to be wrong
 
 
 def planning_shares() -> Iterator[float]:
@@ -119,7 +119,9 @@ def largest_errors(values: Floats, ratios: Floats, freedom: int, seed: int) -> F
     single = single[single > 0.0]
     errors = np.abs(rng.standard_normal((DRAWN, single.size + 1)) * np.append(single, 0.0)).max(axis=1)
     if moves.any():
-        weights = (away[:, moves] * (ratios[moves] / scale[moves])).astype(np.float32)  # digits enough, at half the cost
+        weights = (away[:, moves] * (ratios[moves] / scale[moves])).astype(
+            np.float32
+        )  # digits enough, at half the cost
         drawn = rng.standard_normal((DRAWN, len(values)), dtype=np.float32)
         at_a_time = max(1, ONE_THREAD // weights.size)
         for begin in range(0, DRAWN, at_a_time):

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 RUNS = 1000
 
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Shown, Tabular):
     """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
@@ -192,7 +193,11 @@ def predict(
     name = method.name_for(model) if isinstance(method, SamplingMethod) else method.name
     # first, because it may be refused, and sampling takes long
     solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
-    answer = None if accuracy is None else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
+    answer = (
+        None
+        if accuracy is None
+        else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
+    )
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
     sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:

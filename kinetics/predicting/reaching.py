@@ -25,13 +25,13 @@ from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
 
 BUDGET = 1200.0  # s
-FEW_STATES = 3000  # listed before anything else is tried
+FEW_STATES = 1000  # listed before anything else is tried
 LIST_SECONDS = 1e-6  # of a state, on a common machine
 SOLVE_SECONDS = 4e-3  # of a solution, however few its states
-LISTING = 0.1  # of what runs are foretold to cost: may be spent on the list of states
+LISTING = 0.05  # of what runs are foretold to cost: may be spent on the list of states
 QUICK = 0.02  # s; a solution foretold to take no more is not weighed against runs, which would cost as much to try
 TRIED = 0.05  # s; where all else is foretold to cost more, a projection is tried
-PROJECTING = 0.3  # of that cost: may be spent on it
+PROJECTING = 0.2  # of that cost: may be spent on it
 
 
 class Question(NamedTuple):
@@ -95,9 +95,9 @@ def reach(
     Foretold costs come from counted work (states, steps, events) and measured costs of each, never from the clock, so
     that the same seed gives the same answer on any machine and for any number of threads. Up to `FEW_STATES` states are
     listed first; a solution that is foretold to be quick is taken at once. Else a few runs foretell how many are
-    needed; more states are listed for at most `LISTING` of what those would cost. A projection cannot be foretold: it is
-    tried for at most `PROJECTING` of what the best of the others would cost, and ends itself where it sees that it will
-    take longer.
+    needed; more states are listed for at most `LISTING` of what those would cost. A projection cannot be foretold: it
+    is tried for at most `PROJECTING` of what the best of the others would cost, and ends itself where it sees that it
+    will take longer.
     """
     return _Ways(question, asked, seed, threads, budget, report).answer()
 
@@ -164,9 +164,7 @@ class _Ways:
 
     def _first(self, space: StateSpace) -> Distribution:
         """The distribution at time 0 with the least error that a solution has."""
-        return self.question.of_distribution(
-            Distribution(space, self.question.grid[:1], np.eye(1, len(space)), 1e-15)
-        )
+        return self.question.of_distribution(Distribution(space, self.question.grid[:1], np.eye(1, len(space)), 1e-15))
 
     def _tops(self) -> Floats:
         """Largest counts of what is shown, as far as they are known."""
@@ -239,9 +237,7 @@ class _Ways:
         if error > self.asked.value:
             remark = f"proves {self.asked.words(error)} only" if error < inf else "its error is not proven"
             refused = Candidate(way.method, None, remark)
-            self.exact, self.projection = (
-                (refused, self.projection) if way is self.exact else (self.exact, refused)
-            )
+            self.exact, self.projection = (refused, self.projection) if way is self.exact else (self.exact, refused)
             return None
         tenth = self.asked.tenfold()
         more = way if error <= tenth.value else self._tenfold_sampling()

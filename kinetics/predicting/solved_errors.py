@@ -50,4 +50,5 @@ def tolerance_for(asked: Accuracy, tops: Floats) -> float:
     if asked.of == "distribution":
         return asked.value
     least = asked.tolerances(np.zeros((1, tops.size)))  # relative ones are no less than those of one copy
-    return float((least / tops if asked.of == "mean" else (least / tops) ** 2).min(initial=1.0, where=tops > 0.0))
+    shares = least[tops > 0.0] / tops[tops > 0.0]
+    return float((shares if asked.of == "mean" else shares**2).min(initial=1.0))
