@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,10 +93,6 @@ class Accuracy:
         if not self.is_relative:
             return np.full(figures.shape[1], self.value)
         return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
-
-    def tenfold(self) -> Accuracy:
-        """An error of a tenth."""
-        return replace(self, value=self.value / TENFOLD)
 
 
 class Candidate(NamedTuple):

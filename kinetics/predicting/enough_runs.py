@@ -92,16 +92,16 @@ class RunsUntil:
         self._make(runs)
         return Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed).runs_needed(chance)
 
-    def finish(self, most: float) -> Sampled:
+    def finish(self, most: int) -> Sampled:
         """All the runs, but no more than `most`; after Ctrl-C those that were made."""
         asked = self.needed
         try:
             if self.asked.of == "distribution":
-                self._make(min(self._for_distributions, int(most)))
+                self._make(min(self._for_distributions, most))
             while self.asked.of != "distribution" and self.error > self.asked.value and self.tally.runs < most:
                 is_last = MARGIN * self.needed <= GROWTH * self.tally.runs
                 aim = MARGIN * self.needed if is_last else GROWTH * self.tally.runs
-                self._make(int(min(max(ceil(aim), self.tally.runs + 1), most)))
+                self._make(min(max(ceil(aim), self.tally.runs + 1), most))
                 if is_last:
                     chance, self._chance = self._chance, next(self._lasting)
                     self._look(chance)

@@ -26,7 +26,7 @@ FIRST_RUNS = 16
 GROWTH = 8  # of the runs, from a look that plans to the next
 MARGIN = 1.05  # of the runs planned for the last look, because their variance is an estimate
 ROWS, ROW_BYTES = 64, 2**25  # runs that are kept for their correlations
-DRAWN = 600  # of the largest error
+DRAWN = 1000  # of the largest error
 ONE_THREAD = 2**18  # multiplications; for more at a time BLAS wakes threads, which cost more than they bring
 SMALL = 0.5  # of the largest ratio of error and tolerance; figures below matter to no quantile of the largest
 PLANNING, LASTING, AGAIN = 0.1, 0.75, 0.15  # shares of the chance to be wrong
@@ -110,7 +110,10 @@ def largest_errors(values: Floats, ratios: Floats, freedom: int, seed: int) -> F
     values : (m, T, S) what is averaged, of some runs, for the correlations. Figures in which these runs do not differ
         have none; of each species they count as one, independent of all others.
     """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, freedom)))
+    # the same draws at every look, so that a look finds what the one before foretold
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    drawn = rng.standard_normal((DRAWN, len(values)), dtype=np.float32)
+    common = np.sqrt(rng.chisquare(freedom, DRAWN) / freedom)
     away = values - values.mean(axis=0)
     scale = np.sqrt((away**2).sum(axis=0))
     matters = ratios > SMALL * ratios.max()
@@ -122,9 +125,8 @@ def largest_errors(values: Floats, ratios: Floats, freedom: int, seed: int) -> F
         weights = (away[:, moves] * (ratios[moves] / scale[moves])).astype(
             np.float32
         )  # digits enough, at half the cost
-        drawn = rng.standard_normal((DRAWN, len(values)), dtype=np.float32)
         at_a_time = max(1, ONE_THREAD // weights.size)
         for begin in range(0, DRAWN, at_a_time):
             part = slice(begin, begin + at_a_time)
             errors[part] = np.maximum(errors[part], np.abs(drawn[part] @ weights).max(axis=1))
-    return errors / np.sqrt(rng.chisquare(freedom, DRAWN) / freedom)
+    return errors / common

@@ -63,11 +63,11 @@ class Question(NamedTuple):
     def is_known(self) -> NDArray[np.bool_]:
         """(T, V) what is shown and no matter of chance: all at time 0, and at any time what nothing changes."""
         model = self.model
-        moves = np.bincount(model.sparse_stoichiometry.columns, minlength=len(model.species)) > 0
+        moves: NDArray[np.bool_] = np.bincount(model.sparse_stoichiometry.columns, minlength=len(model.species)) > 0
         for event in model.events:
             moves[[model.index(name) for name in event.assign]] = True
         if self.observables is not None:
-            moves = (self.observables.weights[moves] > 0).any(axis=0)
+            moves = np.any(self.observables.weights[moves] > 0, axis=0)
         return (self.grid == 0.0)[:, None] | ~moves
 
 
@@ -119,24 +119,25 @@ class _Ways:
 
     def answer(self) -> Answer:
         """By the cheapest way; by the next where a solution does not prove enough."""
-        self._list(FEW_STATES)
+        self._list(FEW_STATES, self.budget)
         if self.exact.seconds is not None and self.exact.seconds <= QUICK:
             made = self._solve()
             if made:
                 return made
         self._weigh_sampling()
         if self.space is None and self.sampling.seconds is not None:
-            allowed = int(min(LISTING * min(self.sampling.seconds, self.budget) / LIST_SECONDS, MAX_STATES))
+            limit = min(self.sampling.seconds, self.budget)
+            allowed = int(min(LISTING * limit / LIST_SECONDS, MAX_STATES))
             if allowed > FEW_STATES:
-                self._list(allowed)
+                self._list(allowed, limit)
         best = min(_cost(self.exact), _cost(self.sampling))
         made = self._project(min(PROJECTING * best, self.budget)) if best > TRIED else None
         if not made and _cost(self.exact) <= min(_cost(self.sampling), self.budget):
             made = self._solve()
         return made or self._sample()
 
-    def _list(self, most: int) -> None:
-        """List so many states, and foretell the solution over them."""
+    def _list(self, most: int, limit: float) -> None:
+        """List so many states, and foretell the solution over them; one of more seconds than `limit` is none."""
         self.report(f"listing up to {most} states")
         model, start, grid, _ = self.question
         try:
@@ -147,13 +148,15 @@ class _Ways:
             return
         self.space, self.transitions = space, space.transitions()
         try:
-            seconds, is_proven = Transient().foretold(self.transitions, float(grid[-1]))
+            seconds, is_proven = Transient(max_seconds=limit).foretold(self.transitions, float(grid[-1]))
         except ValueError as refusal:
             self.exact = self.exact._replace(remark=str(refusal))
             return
         states = f"{len(space)} states"
         if not is_proven:
-            remark = f"{states}, too stiff" if seconds == inf else f"{states}, but its error would not be proven"
+            remark = (
+                f"{states}, over {limit:.2g} s" if seconds == inf else f"{states}, but its error would not be proven"
+            )
             self.exact = self.exact._replace(remark=remark)
             return
         floor = error_reached(self.asked, self._first(space), self._tops()) if seconds < inf else inf
@@ -239,8 +242,7 @@ class _Ways:
             refused = Candidate(way.method, None, remark)
             self.exact, self.projection = (refused, self.projection) if way is self.exact else (self.exact, refused)
             return None
-        tenth = self.asked.tenfold()
-        more = way if error <= tenth.value else self._tenfold_sampling()
+        more = way if error <= self.asked.value / TENFOLD else self._tenfold_sampling()
         reached = Reached(self.asked, error, True, 1.0, way.method, self._candidates(), more)
         return Answer(found, reached, way.method, True)
 
@@ -248,7 +250,7 @@ class _Ways:
         """By runs until they are enough; a ValueError where that is beyond the budget."""
         if self.runs is None or self.sampling.seconds is None or self.sampling.seconds > self.budget:
             raise ValueError(self._refusal())
-        most = max(self.budget / self.run_seconds, FIRST_RUNS)
+        most = max(int(self.budget / self.run_seconds), FIRST_RUNS)
         statistics, error = self.runs.finish(most)
         is_proven, name = self.asked.of == "distribution", self.sampling.method
         tenfold = self._tenfold_sampling(statistics.runs * self.run_seconds * (error / self.asked.value) ** 2)

@@ -25,7 +25,7 @@ DECAY = Network.from_text("A -> 0, 0.1")
 TIMES = np.array([5.0, 10.0, 20.0])
 
 
-def sampled(asked, network, start, times, seed, most=1e9):
+def sampled(asked, network, start, times, seed, most=10**9):
     """Runs until they are enough, whatever else would be cheaper."""
     state = network.state(start)
     known = Question(network, state, times).is_known
