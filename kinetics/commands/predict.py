@@ -26,7 +26,7 @@ from kinetics.support.output import write_whole
 from kinetics.support.tables import in_unit, text_table
 
 if TYPE_CHECKING:
-    from kinetics.predicting import Accuracy, Elasticities, Prediction
+    from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
 
 
 @click.command(cls=NumbersCommand)
@@ -195,15 +195,15 @@ def predict(
         raise SystemExit(INTERRUPTED)
 
 
-def _accuracy(size: str | None, of: str) -> Accuracy | None:
+def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
     """What is asked for; None where nothing is."""
     if size is None:
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
         return None
-    from kinetics.predicting import Accuracy
+    from kinetics.predicting import AskedAccuracy
 
-    return Accuracy.of_text(size, of)
+    return AskedAccuracy.of_text(size, of)
 
 
 def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:

@@ -16,7 +16,7 @@ TENFOLD = 10.0
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class AskedAccuracy:
     """How far a prediction may be off, for all species shown and all times together.
 
     value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
@@ -25,9 +25,9 @@ class Accuracy:
     of : "mean", "sd" or "distribution"
     ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
 
-    >>> from kinetics.predicting import Accuracy
-    >>> Accuracy.of_text("1%"), Accuracy.of_text("0.5", of="sd")
-    (Accuracy(value=0.01, is_relative=True, of='mean'), Accuracy(value=0.5, is_relative=False, of='sd'))
+    >>> from kinetics.predicting import AskedAccuracy
+    >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
+    (AskedAccuracy(value=0.01, is_relative=True, of='mean'), AskedAccuracy(value=0.5, is_relative=False, of='sd'))
     """
 
     value: float
@@ -54,7 +54,7 @@ class Accuracy:
         return ", the error of a probability" if self.of == "distribution" else ""
 
     @classmethod
-    def of_text(cls, text: str, of: str = "mean") -> Accuracy:
+    def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
         """From "1%" or "0.5"; of a distribution both are probabilities."""
         stripped = text.strip()
         is_percent = stripped.endswith("%")
@@ -95,7 +95,7 @@ class Accuracy:
         return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
 
 
-class Candidate(NamedTuple):
+class ForetoldWay(NamedTuple):
     """A way to the accuracy: the method, its foretold processor time (s; None where it was refused), and remarks."""
 
     method: str
@@ -128,13 +128,13 @@ class Reached:
     ('exact', True, True)
     """
 
-    asked: Accuracy
+    asked: AskedAccuracy
     error: float
     is_proven: bool
     confidence: float
     chosen: str
-    candidates: tuple[Candidate, ...]
-    tenfold: Candidate | None
+    candidates: tuple[ForetoldWay, ...]
+    tenfold: ForetoldWay | None
 
     @property
     def is_reached(self) -> bool:
@@ -186,8 +186,8 @@ class Reached:
         }
 
 
-def accuracy_of(asked: Accuracy | str | float) -> Accuracy:
-    """An accuracy as it is, or that of a text or number; ValueError as in `Accuracy`."""
-    if isinstance(asked, Accuracy):
+def accuracy_of(asked: AskedAccuracy | str | float) -> AskedAccuracy:
+    """An accuracy as it is, or that of a text or number; ValueError as in `AskedAccuracy`."""
+    if isinstance(asked, AskedAccuracy):
         return asked
-    return Accuracy.of_text(asked) if isinstance(asked, str) else Accuracy(asked)
+    return AskedAccuracy.of_text(asked) if isinstance(asked, str) else AskedAccuracy(asked)

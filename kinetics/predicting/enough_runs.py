@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.predicting.accuracy import LEVEL, Accuracy
+from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
 from kinetics.predicting.looks import (
     FIRST_RUNS,
     GROWTH,
@@ -60,7 +60,7 @@ class RunsUntil:
     """
 
     def __init__(
-        self, asked: Accuracy, shown: Network, method: SamplingMethod, initial: Ints, grid: Floats,
+        self, asked: AskedAccuracy, shown: Network, method: SamplingMethod, initial: Ints, grid: Floats,
         is_known: NDArray[np.bool_], seed: int, threads: int | None, report: Callable[[str], None],
         run_seconds: float = inf,
     ) -> None:  # fmt: skip

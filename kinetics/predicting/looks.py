@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.predicting.accuracy import LEVEL, Accuracy
+from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
 from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
@@ -57,7 +57,7 @@ class Look:
     is_known : (T, S) figures that are no matter of chance
     """
 
-    def __init__(self, asked: Accuracy, tally: Tally, rows: Ints, is_known: NDArray[np.bool_], seed: int) -> None:
+    def __init__(self, asked: AskedAccuracy, tally: Tally, rows: Ints, is_known: NDArray[np.bool_], seed: int) -> None:
         self.runs = tally.runs
         mean = (tally.sums / tally.runs).astype(float)
         moments = central_moments(tally, mean, 3 if asked.of == "mean" else 6)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from kinetics.predicting.accuracy import Accuracy, Reached
-    from kinetics.predicting.reaching import Answer
+    from kinetics.predicting.accuracy import AskedAccuracy, Reached
+    from kinetics.predicting.reaching import ReachedAnswer
     from kinetics.solving import Distribution, SolvingMethod
 
 RUNS = 1000
@@ -145,7 +145,7 @@ def predict(
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
     tank: Tank | None = None,
-    accuracy: Accuracy | str | float | None = None,
+    accuracy: AskedAccuracy | str | float | None = None,
     budget: float | None = None,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
@@ -158,8 +158,8 @@ def predict(
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
     tank : where it happens; None for the tank of the rates
-    accuracy : instead of method and runs: an `Accuracy`, or a text such as "1%"; the cheapest method that reaches it is
-        chosen, see `reaching.reach`, and mean and sd are those at the posterior mean of each rate constant
+    accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
+        it is chosen, see `reaching.reach`, and mean and sd are those at the posterior mean of each rate constant
     budget : CPU time allowed for it, s; 1200 by default
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
         beside a method or runs, one that no method can reach, or that would cost more than the budget
@@ -277,12 +277,12 @@ def _check_choice(accuracy: object, method: object, runs: object, budget: object
 
 def _reach(
     model: Network, initial: Counts, times: ArrayLike, observables: Observables | None,
-    accuracy: Accuracy | str | float, seed: int, threads: int | None, budget: float | None,
+    accuracy: AskedAccuracy | str | float, seed: int, threads: int | None, budget: float | None,
     report: Callable[[str], None],
-) -> Answer:  # fmt: skip
+) -> ReachedAnswer:  # fmt: skip
     """The answer to an accuracy."""
     from kinetics.predicting.accuracy import accuracy_of
-    from kinetics.predicting.reaching import BUDGET, Question, reach
+    from kinetics.predicting.reaching import BUDGET, AskedCounts, reach
 
     grid = rising_times(times)
     if not grid.size:
@@ -290,7 +290,7 @@ def _reach(
     allowed = BUDGET if budget is None else real_number("budget", budget)
     if not 0 < allowed < np.inf:
         raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
-    question = Question(model, model.state(initial), grid, observables)
+    question = AskedCounts(model, model.state(initial), grid, observables)
     return reach(question, accuracy_of(accuracy), seed, threads, allowed, report)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, Accuracy, Candidate, Reached
+from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, AskedAccuracy, ForetoldWay, Reached
 from kinetics.predicting.enough_runs import RunsUntil
 from kinetics.predicting.looks import FIRST_RUNS
 from kinetics.predicting.observables import Observables
@@ -34,7 +34,7 @@ TRIED = 0.05  # s; where all else is foretold to cost more, a projection is trie
 PROJECTING = 0.2  # of that cost: may be spent on it
 
 
-class Question(NamedTuple):
+class AskedCounts(NamedTuple):
     """What is asked: counts of `model`, or `observables` of it, from `start` (S,) at `grid` (T,)."""
 
     model: Network
@@ -71,7 +71,7 @@ class Question(NamedTuple):
         return (self.grid == 0.0)[:, None] | ~moves
 
 
-class Answer(NamedTuple):
+class ReachedAnswer(NamedTuple):
     """The answer and how it was reached; is_complete: not interrupted, and within the budget."""
 
     result: EnsembleStatistics | Distribution
@@ -81,13 +81,13 @@ class Answer(NamedTuple):
 
 
 def reach(
-    question: Question,
-    asked: Accuracy,
+    question: AskedCounts,
+    asked: AskedAccuracy,
     seed: int = 0,
     threads: int | None = None,
     budget: float = BUDGET,
     report: Callable[[str], None] = lambda _: None,
-) -> Answer:
+) -> ReachedAnswer:
     """The answer by the way that is foretold to be cheapest.
 
     budget : s of processor time; a ValueError before the work starts, where all ways are foretold to take more
@@ -99,25 +99,25 @@ def reach(
     is tried for at most `PROJECTING` of what the best of the others would cost, and ends itself where it sees that it
     will take longer.
     """
-    return _Ways(question, asked, seed, threads, budget, report).answer()
+    return _Reaching(question, asked, seed, threads, budget, report).answer()
 
 
-class _Ways:
+class _Reaching:
     def __init__(
-        self, question: Question, asked: Accuracy, seed: int, threads: int | None, budget: float,
+        self, question: AskedCounts, asked: AskedAccuracy, seed: int, threads: int | None, budget: float,
         report: Callable[[str], None],
     ) -> None:  # fmt: skip
         self.question, self.asked, self.seed, self.threads = question, asked, seed, threads
         self.budget, self.report = budget, report
         self.space: StateSpace | None = None
         self.transitions: Transitions | None = None
-        self.exact = Candidate(Transient.name, None)
-        self.projection = Candidate(FiniteStateProjection.name, None, "not tried")
-        self.sampling = Candidate(Auto.name, None, "not weighed")
+        self.exact = ForetoldWay(Transient.name, None)
+        self.projection = ForetoldWay(FiniteStateProjection.name, None, "not tried")
+        self.sampling = ForetoldWay(Auto.name, None, "not weighed")
         self.runs: RunsUntil | None = None
         self.run_seconds = inf
 
-    def answer(self) -> Answer:
+    def answer(self) -> ReachedAnswer:
         """By the cheapest way; by the next where a solution does not prove enough."""
         self._list(FEW_STATES, self.budget)
         if self.exact.seconds is not None and self.exact.seconds <= QUICK:
@@ -163,7 +163,7 @@ class _Ways:
         if floor > self.asked.value:
             self.exact = self.exact._replace(remark=f"{states}, whose rounding alone is more")
             return
-        self.exact = Candidate(Transient.name, SOLVE_SECONDS + LIST_SECONDS * len(space) + seconds, states)
+        self.exact = ForetoldWay(Transient.name, SOLVE_SECONDS + LIST_SECONDS * len(space) + seconds, states)
 
     def _first(self, space: StateSpace) -> Distribution:
         """The distribution at time 0 with the least error that a solution has."""
@@ -182,14 +182,14 @@ class _Ways:
         try:
             name = method.name_for(model)
         except ValueError as refusal:
-            self.sampling = Candidate(Auto.name, None, str(refusal))
+            self.sampling = ForetoldWay(Auto.name, None, str(refusal))
             return
         self.report("following a few runs")
         most = min(_cost(self.exact), self.budget) / FIRST_RUNS
         each = run_seconds(model, start, grid, grid.size * len(shown.species), most, self.seed)
         if each > most:
             least = FIRST_RUNS * each
-            self.sampling = Candidate(name, None, f"over {least:.2g} s for {FIRST_RUNS} runs alone")
+            self.sampling = ForetoldWay(name, None, f"over {least:.2g} s for {FIRST_RUNS} runs alone")
             self.run_seconds = each
             return
         sampler = method if observables is None else observables.sampling(method, model)
@@ -199,9 +199,9 @@ class _Ways:
         )  # fmt: skip
         needed = self.runs.foretell()
         self.run_seconds = each
-        self.sampling = Candidate(name, STATISTICS + needed * each, f"about {needed:.3g} runs")
+        self.sampling = ForetoldWay(name, STATISTICS + needed * each, f"about {needed:.3g} runs")
 
-    def _project(self, most: float) -> Answer | None:
+    def _project(self, most: float) -> ReachedAnswer | None:
         """By a projection, if it proves enough within `most` seconds."""
         model, start, grid, _ = self.question
         tops = self._tops()
@@ -218,10 +218,10 @@ class _Ways:
         except ValueError:
             self.projection = self.projection._replace(remark=f"given up: over {most:.2g} s, or too many states")
             return None
-        self.projection = Candidate(method.name, time.process_time() - began, "as it took")
+        self.projection = ForetoldWay(method.name, time.process_time() - began, "as it took")
         return self._solved(self.projection, found, tops)
 
-    def _solve(self) -> Answer | None:
+    def _solve(self) -> ReachedAnswer | None:
         """By the solution over all states, if it proves enough."""
         if self.space is None or self.transitions is None:
             return None
@@ -230,23 +230,23 @@ class _Ways:
         try:
             table = Transient().probabilities(self.transitions, np.eye(1, len(self.space))[0], grid, self.space)
         except ValueError as refusal:
-            self.exact = Candidate(self.exact.method, None, str(refusal))
+            self.exact = ForetoldWay(self.exact.method, None, str(refusal))
             return None
         found = self.question.of_distribution(Distribution(self.space, grid, *table))
         return self._solved(self.exact, found, self._tops())
 
-    def _solved(self, way: Candidate, found: Distribution, tops: Floats) -> Answer | None:
+    def _solved(self, way: ForetoldWay, found: Distribution, tops: Floats) -> ReachedAnswer | None:
         error = error_reached(self.asked, found, tops)
         if error > self.asked.value:
             remark = f"proves {self.asked.words(error)} only" if error < inf else "its error is not proven"
-            refused = Candidate(way.method, None, remark)
+            refused = ForetoldWay(way.method, None, remark)
             self.exact, self.projection = (refused, self.projection) if way is self.exact else (self.exact, refused)
             return None
         more = way if error <= self.asked.value / TENFOLD else self._tenfold_sampling()
         reached = Reached(self.asked, error, True, 1.0, way.method, self._candidates(), more)
-        return Answer(found, reached, way.method, True)
+        return ReachedAnswer(found, reached, way.method, True)
 
-    def _sample(self) -> Answer:
+    def _sample(self) -> ReachedAnswer:
         """By runs until they are enough; a ValueError where that is beyond the budget."""
         if self.runs is None or self.sampling.seconds is None or self.sampling.seconds > self.budget:
             raise ValueError(self._refusal())
@@ -257,15 +257,15 @@ class _Ways:
         if self.exact.seconds is not None:
             tenfold = min([self.exact, *filter(None, [tenfold])], key=_cost)
         reached = Reached(self.asked, error, is_proven, LEVEL, name, self._candidates(), tenfold)
-        return Answer(statistics, reached, name, statistics.is_complete and error <= self.asked.value)
+        return ReachedAnswer(statistics, reached, name, statistics.is_complete and error <= self.asked.value)
 
-    def _tenfold_sampling(self, seconds: float | None = None) -> Candidate | None:
+    def _tenfold_sampling(self, seconds: float | None = None) -> ForetoldWay | None:
         spent = self.sampling.seconds if seconds is None else seconds
         if spent is None or self.asked.value / TENFOLD < LEAST:
             return None
-        return Candidate(self.sampling.method, TENFOLD**2 * spent)
+        return ForetoldWay(self.sampling.method, TENFOLD**2 * spent)
 
-    def _candidates(self) -> tuple[Candidate, ...]:
+    def _candidates(self) -> tuple[ForetoldWay, ...]:
         return self.exact, self.projection, self.sampling
 
     def _refusal(self) -> str:
@@ -282,5 +282,5 @@ class _Ways:
         )
 
 
-def _cost(way: Candidate) -> float:
+def _cost(way: ForetoldWay) -> float:
     return inf if way.seconds is None else way.seconds

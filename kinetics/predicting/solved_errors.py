@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.predicting.accuracy import Accuracy
+from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.solving import Distribution
 from kinetics.solving.distribution import SLACK
 from kinetics.support.arrays import Floats, Ints
@@ -21,7 +21,7 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     return tops
 
 
-def error_reached(asked: Accuracy, found: Distribution, tops: Floats) -> float:
+def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> float:
     """Limit on the error of `found`, in the unit of `asked`; inf where nothing is proven.
 
     tops : (S,) largest counts, inside the states of `found` and outside
@@ -45,7 +45,7 @@ def error_reached(asked: Accuracy, found: Distribution, tops: Floats) -> float:
     return asked.value * float((errors / asked.tolerances(figures)).max())
 
 
-def tolerance_for(asked: Accuracy, tops: Floats) -> float:
+def tolerance_for(asked: AskedAccuracy, tops: Floats) -> float:
     """Largest error of all probabilities together by which the accuracy is sure to be reached."""
     if asked.of == "distribution":
         return asked.value

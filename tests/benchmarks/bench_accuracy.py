@@ -24,7 +24,7 @@ import numpy as np
 from kinetics import Auto, FiniteStateProjection, Transient, predict, simulate_statistics
 from kinetics.predicting.accuracy import LEVEL
 from kinetics.predicting.enough_runs import RunsUntil
-from kinetics.predicting.reaching import Question
+from kinetics.predicting.reaching import AskedCounts
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
@@ -103,7 +103,7 @@ def hindsight(asked: Asked) -> tuple[dict[str, float], Any]:
 def needed(asked: Asked) -> int:
     """The fixed number of runs that keep the accuracy, from what `PROBED` other runs say of variances."""
     _, network, start, times, accuracy = asked
-    known = Question(network, network.state(start), times).is_known
+    known = AskedCounts(network, network.state(start), times).is_known
     runs = RunsUntil(accuracy, network, Auto(), network.state(start), times, known, 78, 1, lambda _: None)
     if accuracy.of == "distribution":
         return int(runs.foretell())

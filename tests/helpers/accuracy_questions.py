@@ -8,7 +8,7 @@ import numpy as np
 
 from kinetics import Network, Rates
 from kinetics.assembly import RuleBook, derive
-from kinetics.predicting import Accuracy
+from kinetics.predicting import AskedAccuracy
 from kinetics.runs import EnsembleStatistics
 from kinetics.solving import Distribution
 
@@ -23,7 +23,7 @@ class Asked(NamedTuple):
     network: Network
     start: np.ndarray
     times: np.ndarray
-    accuracy: Accuracy
+    accuracy: AskedAccuracy
 
 
 def question(seed: int) -> Asked:
@@ -37,9 +37,9 @@ def question(seed: int) -> Asked:
     if kind == "large" and of == "distribution":
         of = "mean"  # statistics of so many counts have bins, whose ends alone could be compared
     if of == "mean" and rng.random() < 0.2:
-        accuracy = Accuracy(size * max(1.0, float(start.sum())) / 3)
+        accuracy = AskedAccuracy(size * max(1.0, float(start.sum())) / 3)
     else:
-        accuracy = Accuracy(size, of != "distribution", of)
+        accuracy = AskedAccuracy(size, of != "distribution", of)
     return Asked(kind, network, start, np.linspace(0.0, end, n_times + 1)[1:], accuracy)
 
 
@@ -89,7 +89,7 @@ def random_network(kind: str, rng: np.random.Generator) -> tuple[Network, np.nda
 
 
 def share_of_accuracy(
-    asked: Accuracy, found: EnsembleStatistics | Distribution, truth: EnsembleStatistics | Distribution
+    asked: AskedAccuracy, found: EnsembleStatistics | Distribution, truth: EnsembleStatistics | Distribution
 ) -> float:
     """The largest error over what was asked; at most 1 where the accuracy was kept."""
     if asked.of == "distribution":

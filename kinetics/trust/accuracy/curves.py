@@ -101,11 +101,11 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 
 def asked(task: Task, setting: float, _: int) -> Result:
     """What `predict` answers where this share of the largest mean of each species is asked for, by its own choice."""
-    from kinetics.predicting.accuracy import Accuracy
-    from kinetics.predicting.reaching import Question, reach
+    from kinetics.predicting.accuracy import AskedAccuracy
+    from kinetics.predicting.reaching import AskedCounts, reach
 
-    question = Question(task.network, task.initial, task.times)
-    return reach(question, Accuracy(setting, is_relative=True), task.seed, threads=1).result
+    question = AskedCounts(task.network, task.initial, task.times)
+    return reach(question, AskedAccuracy(setting, is_relative=True), task.seed, threads=1).result
 
 
 ACCURACIES = (1e-1, 3e-2, 1e-2, 1e-3)

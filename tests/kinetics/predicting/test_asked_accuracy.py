@@ -10,11 +10,11 @@ from numpy.testing import assert_array_equal
 from scipy.stats import binom
 
 from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
-from kinetics.predicting import Accuracy, enough_runs, looks
+from kinetics.predicting import AskedAccuracy, enough_runs, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
 from kinetics.predicting.enough_runs import RunsUntil, runs_for_distributions
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.reaching import Question, reach
+from kinetics.predicting.reaching import AskedCounts, reach
 from kinetics.predicting.run_cost import run_seconds
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
@@ -28,7 +28,7 @@ TIMES = np.array([5.0, 10.0, 20.0])
 def sampled(asked, network, start, times, seed, most=10**9):
     """Runs until they are enough, whatever else would be cheaper."""
     state = network.state(start)
-    known = Question(network, state, times).is_known
+    known = AskedCounts(network, state, times).is_known
     runs = RunsUntil(asked, network, Auto(), state, times, known, seed, 1, lambda _: None)
     runs.foretell()
     return runs.finish(most)
@@ -46,11 +46,11 @@ def allowed(repeats):
 
 
 CASES = {
-    "mean": (Accuracy(0.8), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
-    "sd": (Accuracy(0.1, True, "sd"), "0 <-> A, 2, 0.5", {"A": 0}, np.array([1.0, 8.0]), 40),
-    "rare": (Accuracy(0.02), "0 -> A, 0.02", {"A": 0}, np.array([1.0]), 60),
-    "bursts": (Accuracy(0.3), "0 -> 10 A, 0.1", {"A": 0}, np.array([1.0]), 60),
-    "distribution": (Accuracy(0.08, False, "distribution"), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
+    "mean": (AskedAccuracy(0.8), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
+    "sd": (AskedAccuracy(0.1, True, "sd"), "0 <-> A, 2, 0.5", {"A": 0}, np.array([1.0, 8.0]), 40),
+    "rare": (AskedAccuracy(0.02), "0 -> A, 0.02", {"A": 0}, np.array([1.0]), 60),
+    "bursts": (AskedAccuracy(0.3), "0 -> 10 A, 0.1", {"A": 0}, np.array([1.0]), 60),
+    "distribution": (AskedAccuracy(0.08, False, "distribution"), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
 }
 
 
@@ -101,7 +101,7 @@ def test_correlated_figures_count_once_and_independent_ones_each():
 
 def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
     never = Network.from_text("A -> B, 1e-12")
-    made = sampled(Accuracy(0.01), never, {"A": 1}, np.array([1.0]), 1)
+    made = sampled(AskedAccuracy(0.01), never, {"A": 1}, np.array([1.0]), 1)
     assert made.statistics.runs >= np.log(0.05) / np.log(0.99)  # a chance of 1 % would have shown itself
     assert made.error <= 0.01
 
@@ -135,15 +135,15 @@ def test_a_bound_on_probabilities_bounds_every_figure(of):
         moved[:, np.argmax(truth.probabilities[0])] -= error / 2
         moved[:, 0] += error / 2
         off = replace(truth, probabilities=moved, error=error)
-        asked = Accuracy(1.0, False, of)
+        asked = AskedAccuracy(1.0, False, of)
         assert share_of_accuracy(asked, off, truth) <= error_reached(asked, off, np.array([30.0]))
-        needed = tolerance_for(Accuracy(1e-3, False, of), np.array([30.0]))
-        assert error_reached(Accuracy(1e-3, False, of), replace(truth, error=needed / 2), np.array([30.0])) <= 1e-3
+        needed = tolerance_for(AskedAccuracy(1e-3, False, of), np.array([30.0]))
+        assert error_reached(AskedAccuracy(1e-3, False, of), replace(truth, error=needed / 2), np.array([30.0])) <= 1e-3
 
 
 def test_distributions_take_as_many_runs_as_dvoretzky_kiefer_wolfowitz_and_massart_say():
     assert runs_for_distributions(0.05, 1) == int(np.ceil(np.log(2 / 0.05) / (2 * 0.05**2)))
-    made = sampled(Accuracy(0.1, False, "distribution"), DECAY, {"A": 20}, TIMES, 1)
+    made = sampled(AskedAccuracy(0.1, False, "distribution"), DECAY, {"A": 20}, TIMES, 1)
     assert made.statistics.runs == runs_for_distributions(0.1, 3)
     assert made.error == pytest.approx(0.1)
 
@@ -174,11 +174,11 @@ def test_the_same_seed_gives_the_same_for_any_number_of_threads():
 
 
 def test_relative_is_to_the_largest_mean_of_the_species_or_one_copy():
-    asked = Accuracy(0.1, is_relative=True)
+    asked = AskedAccuracy(0.1, is_relative=True)
     figures = np.array([[50.0, 0.0, 0.2], [20.0, 0.0, 0.1]])
     # less by a factor 1.1, so that no more than a tenth of the true ones is meant
     assert asked.tolerances(figures).tolist() == pytest.approx([5 / 1.1, 0.1 / 1.1, 0.1 / 1.1])
-    assert Accuracy(0.5).tolerances(figures).tolist() == [0.5] * 3
+    assert AskedAccuracy(0.5).tolerances(figures).tolist() == [0.5] * 3
 
 
 def test_observables_alone_are_held_to_the_accuracy():
@@ -221,7 +221,7 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
 
 
 def test_what_the_budget_ends_is_told():
-    made = sampled(Accuracy(0.01), DECAY, {"A": 100}, TIMES, 1, most=500)
+    made = sampled(AskedAccuracy(0.01), DECAY, {"A": 100}, TIMES, 1, most=500)
     assert made.statistics.runs == 500
     assert made.error > 0.01
 
@@ -259,7 +259,7 @@ def test_contradictions_are_refused(options, message):
 
 def test_an_accuracy_of_what_is_refused():
     with pytest.raises(ValueError, match="accuracy of 'median'; expected that of mean, sd, distribution"):
-        Accuracy(0.1, of="median")
+        AskedAccuracy(0.1, of="median")
 
 
 def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
@@ -300,6 +300,6 @@ def test_a_plain_prediction_imports_nothing_of_it():
 
 
 def test_reach_answers_a_question_by_itself():
-    answer = reach(Question(DECAY, np.array([100]), TIMES), Accuracy(0.01, True))
+    answer = reach(AskedCounts(DECAY, np.array([100]), TIMES), AskedAccuracy(0.01, True))
     assert answer.method == "exact"
     assert answer.reached.is_reached
