@@ -13,6 +13,8 @@ from json_outputs import SCHEMAS, faults, file_of, merged, schema_of, validator
 CALLS = [
     ["predict", "t5", "--rates", "classes.toml", "--cubes", 10, "--times", 5, "--runs", 50],
     ["predict", "decay.rxn", "--times", 1, 5, "--method", "dense", "--show", "A"],
+    ["predict", "decay.rxn", "--times", 1, 5, "--accuracy", "1e-10%"],
+    ["predict", "t5", "--rates", "classes.toml", "--cubes", 10, "--times", 5, "--accuracy", "20%"],
     ["passage", "decay.rxn", "--species", "B", "--copies", 3],
     ["ask", "decay.rxn", "P=? [ F<=2 B >= 3 ]", 'R{"B"}=? [ C<=4 ]'],
     ["derive", "t5"],

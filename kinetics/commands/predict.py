@@ -26,7 +26,7 @@ from kinetics.support.output import write_whole
 from kinetics.support.tables import in_unit, text_table
 
 if TYPE_CHECKING:
-    from kinetics.predicting import Elasticities, Prediction
+    from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
 
 
 @click.command(cls=NumbersCommand)
@@ -42,14 +42,31 @@ if TYPE_CHECKING:
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
-@click.option("--method", type=MethodName(), default="auto", show_default=True, help="Sampling or solving method.")
+@click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
 @click.option(
     "--runs",
     metavar="N",
     type=click.IntRange(min=1),
-    default=1000,
+    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.  "
+    "[default: 1000]",
+)
+@click.option(
+    "--accuracy",
+    metavar="SIZE",
+    help="Instead of both: the cheapest way to this error of all figures shown, as in 1%, or 0.5 copies.",
+)
+@click.option(
+    "--accuracy-of",
+    type=click.Choice(("mean", "sd", "distribution")),
+    default="mean",
     show_default=True,
-    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.",
+    help="What --accuracy is the error of.",
+)
+@click.option(
+    "--budget",
+    metavar="MINUTES",
+    type=click.FloatRange(min=0, min_open=True),
+    help="CPU time that --accuracy may cost; more is refused before it starts.  [default: 20]",
 )
 @click.option(
     "--threads",
@@ -85,8 +102,11 @@ def predict(
     duration: float | None,
     times: tuple[float, ...],
     shown: tuple[str, ...],
-    method: str,
-    runs: int,
+    method: str | None,
+    runs: int | None,
+    accuracy: str | None,
+    accuracy_of: str,
+    budget: float | None,
     threads: int | None,
     draws: int,
     with_elasticity: bool,
@@ -104,9 +124,14 @@ def predict(
     that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the exact method
     expected to be cheapest; `exact` solves the master equation. Runs are not stored, so there may be millions; Ctrl-C
     reports those made so far.
+
+    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
+    they are enough. 1% is relative to each species' largest mean over the times, or to one copy where that is more. The
+    report says what was chosen, what each way was foretold to cost, the error reached, and what a tenth would cost.
     """
     from kinetics.predicting import predict as make
 
+    asked_for = _accuracy(accuracy, accuracy_of)
     begin = start(**asked._asdict(), edges=edges)
     if (with_elasticity or elasticity_file) and begin.rates is None:
         raise ValueError(
@@ -116,7 +141,7 @@ def predict(
     with progress_line() as progress:
         made = make(
             begin.network, begin.rates, begin.state, grid, method, runs, seed, draws, threads, progress,
-            sums, begin.tank,
+            sums, begin.tank, asked_for, None if budget is None else 60 * budget,
         )  # fmt: skip
     found = None
     if begin.rates is not None and (with_elasticity or elasticity_file):
@@ -143,7 +168,7 @@ def predict(
                 "convention": begin.convention,
                 **begin.conditions,
                 "initial": dict(zip(begin.network.species, begin.state, strict=True)),
-                "method": method,
+                "method": method or "auto",
                 "method_used": made.method,
                 "runs": made.runs,
                 "complete": made.is_complete,
@@ -156,6 +181,7 @@ def predict(
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
                 "standard_error": made.standard_error,
                 "error": made.error,
+                "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "elasticities": None if found is None else found.to_dict(),
                 "notes": (*begin.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
@@ -167,6 +193,17 @@ def predict(
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
+
+
+def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
+    """What is asked for; None where nothing is."""
+    if size is None:
+        if of != "mean":
+            raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
+        return None
+    from kinetics.predicting import AskedAccuracy
+
+    return AskedAccuracy.of_text(size, of)
 
 
 def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:

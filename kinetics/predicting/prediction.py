@@ -16,7 +16,7 @@ from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.support.arrays import Counts, Floats
+from kinetics.support.arrays import Counts, Floats, real_number, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
@@ -25,8 +25,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from kinetics.predicting.accuracy import AskedAccuracy, Reached
+    from kinetics.predicting.reaching import ReachedAnswer
     from kinetics.rates import BookRates, Rates
     from kinetics.solving import Distribution, SolvingMethod
+
+RUNS = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,6 +48,7 @@ class Prediction(Shown, Tabular):
     method : by its name; one that chooses says in brackets what it chose
     result : the statistics of the runs, or the Distribution, from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None where there is none
+    reached : the accuracy, and how it was reached; None where none was asked for
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -68,6 +73,7 @@ class Prediction(Shown, Tabular):
     cpu_seconds: float
     is_complete: bool = True
     drawn: DrawMeans | None = None
+    reached: Reached | None = None
 
     @property
     def runs(self) -> int | None:
@@ -81,6 +87,8 @@ class Prediction(Shown, Tabular):
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
             precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
+        if self.reached is not None:
+            precision = self.reached.headline
         return f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
@@ -131,24 +139,31 @@ def predict(
     initial: Counts,
     times: ArrayLike,
     method: SamplingMethod | SolvingMethod | str | None = None,
-    runs: int = 1000,
+    runs: int | None = None,
     seed: int = 0,
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
     tank: Tank | None = None,
+    accuracy: AskedAccuracy | str | float | None = None,
+    budget: float | None = None,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the network's own, which are taken as known, so that there is no interval
     method : a sampling or solving method, or its name; Auto() by default
-    runs : least number of runs of a sampling method; with evidence there are `RUNS_PER_DRAW` under each draw
+    runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
+        each draw
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
     tank : where it happens; None for the tank of the rates
-    ValueError: rates of another network or without their tank, missing rates, or what the method refuses
+    accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
+        it is chosen, see `reaching.reach`, and mean and sd are those at the posterior mean of each rate constant
+    budget : CPU time allowed for it, s; 1200 by default
+    ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
+        beside a method or runs, one that no method can reach, or that would cost more than the budget
 
     Only statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction comes
     from the runs and draws made so far, if any, and its notes say so.
@@ -170,17 +185,25 @@ def predict(
     """
     began = time.process_time()
     report = progress or (lambda _: None)
+    _check_choice(accuracy, method, runs, budget)
     method = Auto() if method is None else method_of(method)
+    least = RUNS if runs is None else runs
     posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
     model = network if rates is None else rates.expected(network, tank)
     shown = model if observables is None else observables.network
+    name = method.name_for(model, initial) if isinstance(method, SamplingMethod) else method.name
     # first, because it may be refused, and sampling takes long
     solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
+    answer = (
+        None
+        if accuracy is None
+        else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
+    )
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
     sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:
         weights = None if observables is None else observables.weights
-        at_least = runs if solved is None else 1
+        at_least = least if solved is None and answer is None else 1
         spread = runs_over_draws(
             posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report
         )
@@ -190,22 +213,31 @@ def predict(
     result: EnsembleStatistics | Distribution
     if solved is not None:
         result = solved if observables is None else observables.of_distribution(solved)
-        standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
-        if posterior is not None:
-            notes.append("mean, sd and band are those at the posterior mean of each rate constant")
+    elif answer is not None:
+        result, name, is_complete = answer.result, answer.method, is_complete and answer.is_complete
+        notes += answer.reached.notes
+        if not answer.is_complete:
+            notes.append("ended before the accuracy was reached, by Ctrl-C or by the budget")
     elif spread is not None:
-        result, standard_error, error = spread.statistics, spread.standard_error, 0.0
+        result = spread.statistics
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
         sampling = sampling if observables is None else observables.sampling(sampling, model)
         result = simulate_statistics(
-            shown, sampling, initial, times, runs, seed, threads,
-            covariances=False, progress=lambda done: report(f"{done} of {runs} runs"),
+            shown, sampling, initial, times, least, seed, threads,
+            covariances=False, progress=lambda done: report(f"{done} of {least} runs"),
         )  # fmt: skip
-        standard_error, error = result.standard_error(), 0.0
         is_complete = result.is_complete
         if not is_complete:
-            notes.append(f"interrupted: {result.runs} of {runs} runs were made")
+            notes.append(f"interrupted: {result.runs} of {least} runs were made")
+    if posterior is not None and (solved is not None or answer is not None):
+        notes.append("mean, sd and band are those at the posterior mean of each rate constant")
+    if not isinstance(result, EnsembleStatistics):
+        standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
+    elif spread is not None and answer is None:
+        standard_error, error = spread.standard_error, 0.0
+    else:
+        standard_error, error = result.standard_error(), 0.0
     mean = result.mean()
     drawn = None if spread is None else spread.drawn
     low, high = (None, None) if drawn is None else drawn.limits(mean)
@@ -224,11 +256,43 @@ def predict(
         error,
         (*notes, *filter(None, [_rounding(result)])),
         result,
-        method.name_for(model, initial) if isinstance(method, SamplingMethod) else method.name,
+        name,
         time.process_time() - began,
         is_complete,
         drawn,
+        None if answer is None else answer.reached,
     )
+
+
+def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
+    """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
+    if accuracy is None and budget is not None:
+        raise ValueError(f"budget = {budget}, but no accuracy; a budget limits what an accuracy may cost")
+    for name, value in (("method", method), ("runs", runs)):
+        if accuracy is not None and value is not None:
+            raise ValueError(
+                f"{name} = {value!r} and accuracy = {accuracy!r}; an accuracy chooses method and runs itself: give one "
+                f"or the other"
+            )
+
+
+def _reach(
+    model: Network, initial: Counts, times: ArrayLike, observables: Observables | None,
+    accuracy: AskedAccuracy | str | float, seed: int, threads: int | None, budget: float | None,
+    report: Callable[[str], None],
+) -> ReachedAnswer:  # fmt: skip
+    """The answer to an accuracy."""
+    from kinetics.predicting.accuracy import accuracy_of
+    from kinetics.predicting.reaching import BUDGET, AskedCounts, reach
+
+    grid = rising_times(times)
+    if not grid.size:
+        raise ValueError("times is empty; give at least one time")
+    allowed = BUDGET if budget is None else real_number("budget", budget)
+    if not 0 < allowed < np.inf:
+        raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
+    question = AskedCounts(model, model.state(initial), grid, observables)
+    return reach(question, accuracy_of(accuracy), seed, threads, allowed, report)
 
 
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:

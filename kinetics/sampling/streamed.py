@@ -14,7 +14,7 @@ from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.methods import sampling_method
-from kinetics.support.arrays import Counts, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 
 if TYPE_CHECKING:
     from kinetics.sampling.base import SamplingMethod
@@ -59,19 +59,34 @@ def simulate_statistics(
     whole_number("runs", runs, 1)
     n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
-    block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * n_species))
     try:
-        for begin in range(0, runs, block):
-            many = min(block, runs - begin)
-            part = sampler.simulate(network, initial, grid, many, seed, threads, first_run=first_run + begin)
+        for part in blocks(network, sampler, initial, grid, (0, runs), seed, threads, first_run):
             with unbroken():
-                tally.add(part.counts)
+                tally.add(part)
             if progress is not None:
-                progress(begin + many)
+                progress(tally.runs)
     except KeyboardInterrupt:
         if not tally.runs:
             raise
     return tally.statistics(runs, sampler.name_for(network, initial))
+
+
+def blocks(
+    network: Network,
+    method: SamplingMethod,
+    initial: Counts,
+    grid: Floats,
+    numbers: tuple[int, int],
+    seed: int,
+    threads: int | None,
+    first_run: int = 0,
+) -> Iterator[Ints]:
+    """Counts (runs, T, S) of the runs from the first number to before the second, a block at a time."""
+    begin, end = numbers
+    block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * len(network.species)))
+    for at in range(begin, end, block):
+        many = min(block, end - at)
+        yield method.simulate(network, initial, grid, many, seed, threads, first_run=first_run + at).counts
 
 
 @contextmanager

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MANY_STEPS = 200_000  # up to here the proven bound of uniformisation stays small
 DENSE_SECONDS = 2e-8  # of the dense method, for the cube of the number of states, on a common machine
+PROOF_SECONDS = 5e-8  # likewise, with its proof
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,10 @@ class Transient(ListingMethod):
         check_memory(
             f"{n} states at {grid.size} times", 8.0 * n * grid.size + min(8.0 * n * BLOCK, BLOCK_BYTES), advice
         )
-        generator = transitions.generator()
         chain = DiscreteChain.of(transitions)
-        events = chain.rate * float(grid[-1])
-        steps = chain.steps_until(grid[-1], self.tolerance) if events < np.inf else np.inf
-        seconds = steps * chain.step_seconds
-        if steps > MANY_STEPS:
-            other = self._quicker(generator, float(grid[-1]), seconds if steps <= MAX_STEPS else np.inf)
-            if other:
-                return other.probabilities(transitions, start, grid, space)
+        steps, seconds, other = self._forecast(transitions, chain, float(grid[-1]))
+        if other:
+            return other.probabilities(transitions, start, grid, space)
         if steps > MAX_STEPS:
             raise ValueError(
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g}, at most "
@@ -87,15 +83,39 @@ class Transient(ListingMethod):
         found, _, error = mixtures(chain, start, grid, self.tolerance)
         return ProbabilityTable(found, error, transitions.is_certified)
 
-    def _quicker(self, generator: csr_array, last: float, seconds: float) -> ListingMethod | None:
-        """The quickest method for many steps, as foretold; None where that is uniformisation, in `seconds`."""
+    def foretold(self, transitions: Transitions, last: float) -> tuple[float, bool]:
+        """Processor time that `probabilities` is foretold to take until the time `last`, s, and whether it will prove.
+
+        inf where it would refuse. Cost: linear in the transitions, but for a stiff chain, whose elimination is planned.
+        """
+        steps, seconds, other = self._forecast(transitions, DiscreteChain.of(transitions), last)
+        if other is None and (steps > MAX_STEPS or seconds > self.max_seconds):
+            return np.inf, False
+        return seconds, transitions.is_certified and not (isinstance(other, Dense) and transitions.size > CERTIFIED)
+
+    def _forecast(
+        self, transitions: Transitions, chain: DiscreteChain, last: float
+    ) -> tuple[float, float, ListingMethod | None]:
+        """Steps of uniformisation, seconds of what will be done, and the method that does it instead, if one does."""
+        events = chain.rate * last
+        steps = chain.steps_until(last, self.tolerance) if events < np.inf else np.inf
+        seconds = steps * chain.step_seconds
+        if steps <= MANY_STEPS:
+            return steps, seconds, None
+        found, other = self._quicker(transitions.generator(), last, seconds if steps <= MAX_STEPS else np.inf)
+        return steps, found if other else seconds, other
+
+    def _quicker(self, generator: csr_array, last: float, seconds: float) -> tuple[float, ListingMethod | None]:
+        """The quickest method for many steps, and what it is foretold to take; none where uniformisation's `seconds` is
+        less.
+        """
         n = generator.shape[0]
         if n <= CERTIFIED:
-            return Dense()
+            return PROOF_SECONDS * n**3, Dense()
         others: list[tuple[float, ListingMethod]] = [(DENSE_SECONDS * n**3, Dense())] if n <= MAX_DENSE else []
         tolerance = max(self.tolerance, Collocation.least_tolerance or 0.0)
         with suppress(ValueError):  # too stiff, or too large to factorise
             plan = CollocationPlan.of(generator, last, tolerance, min(self.max_seconds, seconds))
             others.append((plan.seconds, Collocation(tolerance, self.max_states, self.max_seconds)))
         quickest, other = min(others, key=lambda each: each[0], default=(np.inf, None))
-        return other if quickest < seconds else None
+        return (quickest, other) if quickest < seconds else (seconds, None)

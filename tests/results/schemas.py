@@ -36,6 +36,8 @@ CALLS = (
     ["simulate", "line4", "--cubes", 8, "--bill"],
     ["predict", "pair.rxn", "--duration", 60],
     ["predict", "pair.rxn", "--times", 60, "--method", "exact"],
+    ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],
+    ["predict", "pair.rxn", "--times", 60, "--accuracy", "1e-10%"],  # a tenth of it is beyond all
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--within", "A <= 20"],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],

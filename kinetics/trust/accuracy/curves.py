@@ -1,9 +1,10 @@
 """Curves of the accuracy diagram, one per method, each with its settings from cheap to expensive.
 
-Every solving method has its curve from `SOLVING_METHODS`; any other is a line in `CURVES`. Of the exact sampling
-methods three are there, since all make the same error with the same number of runs and differ in cost alone: on
-networks so small that they can be solved, `Direct` costs the least of those that make a run at a time, `Lockstep` the
-least of all, and `Leaping`, made for larger counts, no more than `Direct`.
+`predict --accuracy` has one over the accuracies of means that it is asked for; its points say what it chose. Every
+solving method has its curve from `SOLVING_METHODS`; any other is a line in `CURVES`. Of the exact sampling methods
+three are there, since all make the same error with the same number of runs and differ in cost alone: on networks so
+small that they can be solved, `Direct` costs the least of those that make a run at a time, `Lockstep` the least of all,
+and `Leaping`, made for larger counts, no more than `Direct`.
 """
 
 from __future__ import annotations
@@ -98,6 +99,16 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
     return Curve(method.name, "tolerance", settings, solved(lambda setting: kind(tolerance=setting)))
 
 
+def asked(task: Task, setting: float, _: int) -> Result:
+    """What `predict` answers where this share of the largest mean of each species is asked for, by its own choice."""
+    from kinetics.predicting.accuracy import AskedAccuracy
+    from kinetics.predicting.reaching import AskedCounts, reach
+
+    question = AskedCounts(task.network, task.initial, task.times)
+    return reach(question, AskedAccuracy(setting, is_relative=True), task.seed, threads=1).result
+
+
+ACCURACIES = (1e-1, 3e-2, 1e-2, 1e-3)
 RUNS = (1e2, 1e3, 1e4, 1e5, 1e6)
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 NO_KNOB = (0.0,)
@@ -107,6 +118,7 @@ CURVES: tuple[Curve, ...] = (
     Curve("SSA, lockstep", "runs", RUNS, sampled(Lockstep())),
     Curve("SSA, leaping", "runs", RUNS, sampled(Leaping())),
     *map(solver_curve, SOLVING_METHODS),
+    Curve("predict --accuracy", "accuracy", ACCURACIES, asked),
     Curve("scipy expm_multiply", "", NO_KNOB, solved(lambda _: ExpmMultiply())),
     Curve("rate equation", "", NO_KNOB, lambda task, *_: rate_equation(task.network, task.initial, task.times)),
 )

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
+from kinetics.runs import EnsembleStatistics
 from kinetics.solving import Distribution, Transient
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
-from kinetics.trust.accuracy.curves import CURVES, Curve, Task, shape_of
+from kinetics.trust.accuracy.curves import CURVES, Curve, Result, Task, shape_of
 from kinetics.trust.accuracy.distances import Distance, Marginals, sampling_floor
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ class CostPoint:
     repeats : how often it was tried; cpu_seconds : of one try, the median
     error : mean over the repeats; low, high : smallest and largest distance in copies among them
     bound : proven bound on the distance from the exact distribution, copies; None where none is proven
+    chosen : of an accuracy that was asked for, the method that answered
     """
 
     curve: str
@@ -51,6 +53,7 @@ class CostPoint:
     low: float
     high: float
     bound: float | None
+    chosen: str | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ class Diagram(Shown, Tabular):
                 "bound_copies": p.bound,
                 "total_variation": None if np.isnan(p.error.total_variation) else p.error.total_variation,
                 "mean_copies": p.error.mean,
+                "chosen": p.chosen,
                 "floor_copies": self.floors.get(int(p.setting)) if p.knob == "runs" and p.setting else None,
             }
             for p in self.points
@@ -163,7 +167,7 @@ class Diagram(Shown, Tabular):
             spread = f" ({p.low:.2g} to {p.high:.2g})" if p.knob == "runs" else ""
             bound = "-" if p.bound is None else f"{p.bound:.1e}"
             variation = "-" if np.isnan(p.error.total_variation) else f"{p.error.total_variation:.1e}"
-            name, setting = p.curve, f"{p.knob} {p.label}".strip()
+            name, setting = p.curve, f"{p.knob} {p.label}".strip() + (f": {p.chosen}" if p.chosen else "")
             mean = f"{p.error.mean:.1e}"
             rows.append(
                 (name, setting, f"{p.cpu_seconds:.3g}", f"{p.error.copies:.2e}{spread}", bound, variation, mean)
@@ -309,7 +313,13 @@ def _point(task: Task, curve: Curve, setting: float, exact: Marginals, timed: Ti
         min(copies),
         max(copies),
         bound,
+        _chosen(result) if curve.knob == "accuracy" else None,
     )
+
+
+def _chosen(result: Result) -> str:
+    """The kind of answer that an accuracy got."""
+    return f"{result.runs} runs" if isinstance(result, EnsembleStatistics) else "solved"
 
 
 def _timed(clock: Callable[[], float], make: Callable[[], Any]) -> tuple[Any, float]:

@@ -1,0 +1,193 @@
+"""The accuracy that is asked of a prediction, and what was done to reach it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinetics.support.arrays import Floats, real_number
+
+KINDS = ("mean", "sd", "distribution")
+LEAST = 1e-12  # doubles hold some sixteen digits, of which sums over many states cost a few
+LEVEL = 0.95  # of the confidence, where chance is involved, for all figures together
+TENFOLD = 10.0
+
+
+@dataclass(frozen=True)
+class AskedAccuracy:
+    """How far a prediction may be off, for all species shown and all times together.
+
+    value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
+        species' largest mean (sd) over the times, and of one copy at least, so that what is hardly ever there needs no
+        digits. Of distributions it is the largest error of the probability of at most n copies, for any n
+    of : "mean", "sd" or "distribution"
+    ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
+
+    >>> from kinetics.predicting import AskedAccuracy
+    >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
+    (AskedAccuracy(value=0.01, is_relative=True, of='mean'), AskedAccuracy(value=0.5, is_relative=False, of='sd'))
+    """
+
+    value: float
+    is_relative: bool = False
+    of: str = "mean"
+
+    def __post_init__(self) -> None:
+        if self.of not in KINDS:
+            raise ValueError(f"accuracy of {self.of!r}; expected that of {', '.join(KINDS)}")
+        real_number("accuracy", self.value)
+        shown, is_share = self.in_words, self.is_relative or self.of == "distribution"
+        if not 0 < self.value < np.inf:
+            raise ValueError(f"accuracy = {shown}; expected a finite error above 0, as in 1% or 0.5 (copies)")
+        if self.value < LEAST:
+            raise ValueError(
+                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): numbers of sixteen digits "
+                f"cannot prove less"
+            )
+        if is_share and self.value > 1:
+            raise ValueError(f"accuracy = {shown}; expected at most 100 %" + self._hint)
+
+    @property
+    def _hint(self) -> str:
+        return ", the error of a probability" if self.of == "distribution" else ""
+
+    @classmethod
+    def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
+        """From "1%" or "0.5"; of a distribution both are probabilities."""
+        stripped = text.strip()
+        is_percent = stripped.endswith("%")
+        try:
+            number = float(stripped.removesuffix("%"))
+        except ValueError:
+            raise ValueError(
+                f"accuracy {text!r}; expected a share such as 1%, or a number of copies such as 0.5"
+            ) from None
+        return cls(number / 100 if is_percent else number, is_percent and of != "distribution", of)
+
+    @property
+    def in_words(self) -> str:
+        """The value as people write it."""
+        return self.words(self.value)
+
+    def words(self, value: float) -> str:
+        """Another value of the same unit."""
+        if self.is_relative:
+            return f"{100 * value:.3g} %"
+        return f"{value:.3g}" if self.of == "distribution" else f"{value:.3g} copies"
+
+    @property
+    def meaning(self) -> str:
+        """What the value is an error of."""
+        if self.of == "distribution":
+            return "of the probability of at most n copies, for any n"
+        figure = "mean" if self.of == "mean" else "standard deviation"
+        return f"of the species' largest {figure}, or of one copy" if self.is_relative else f"of each {figure}"
+
+    def tolerances(self, figures: Floats) -> Floats:
+        """Largest errors (S,) of means or standard deviations that came out as `figures` (T, S).
+
+        A relative one is somewhat less than the share of these, so that it is no more than that share of the true ones.
+        """
+        if not self.is_relative:
+            return np.full(figures.shape[1], self.value)
+        return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
+
+
+class ForetoldWay(NamedTuple):
+    """A way to the accuracy: the method, its foretold processor time (s; None where it was refused), and remarks."""
+
+    method: str
+    seconds: float | None
+    remark: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """In a line."""
+        cost = "" if self.seconds is None else f"{self.seconds:.2g} s"
+        return f"{self.method}: {', '.join(filter(None, [cost, self.remark]))}"
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The accuracy of a prediction that was made for one.
+
+    asked : what was asked for
+    error : limit on the error, in the unit of `asked`; inf where none is known
+    is_proven : whether the limit is proven, else that of an interval by the normal distribution
+    confidence : with which the limit holds for all figures together; 1 for a solution
+    chosen : method that gave the answer
+    candidates : all that were weighed, with their foretold costs
+    tenfold : the cheapest for a tenth of the error, and its foretold cost; None where none can reach it
+
+    >>> from kinetics import Network, predict
+    >>> decay = Network.from_text("A -> 0, 0.1")
+    >>> found = predict(decay, None, {"A": 100}, [10.0], accuracy="1%")
+    >>> found.reached.chosen, found.reached.is_reached, found.reached.is_proven
+    ('exact', True, True)
+    """
+
+    asked: AskedAccuracy
+    error: float
+    is_proven: bool
+    confidence: float
+    chosen: str
+    candidates: tuple[ForetoldWay, ...]
+    tenfold: ForetoldWay | None
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the error is as small as was asked for."""
+        return self.error <= self.asked.value
+
+    @property
+    def guarantee(self) -> str:
+        """In what sense the limit holds."""
+        if self.confidence == 1.0:
+            return "proven"
+        sure = f"with {100 * self.confidence:g} % confidence for all figures together"
+        return f"{sure}, proven" if self.is_proven else f"{sure}, by the normal distribution of means of many runs"
+
+    @property
+    def headline(self) -> str:
+        """The accuracy in a few words."""
+        kind = "proven" if self.confidence == 1.0 else f"{100 * self.confidence:g} % confidence"
+        return f"{self.asked.of} within {self.asked.words(self.error)}, {kind}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was asked and reached, what was weighed, and what more would cost; for the reader."""
+        asked = self.asked
+        verdict = "reached" if self.is_reached else "NOT reached, got to"
+        best = self.tenfold
+        more = "nothing here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
+        return (
+            f"accuracy: {asked.in_words} {asked.meaning}; {verdict} {asked.words(self.error)}, {self.guarantee}",
+            f"chosen: {self.chosen}; foretold were {'; '.join(each.in_words for each in self.candidates)}",
+            f"ten times the accuracy: {more}",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        best = self.tenfold
+        return {
+            "asked": self.asked.value,
+            "relative": self.asked.is_relative,
+            "of": self.asked.of,
+            "error": self.error,
+            "reached": self.is_reached,
+            "proven": self.is_proven,
+            "confidence": self.confidence,
+            "guarantee": self.guarantee,
+            "chosen": self.chosen,
+            "candidates": [each._asdict() for each in self.candidates],
+            "tenfold": None if best is None else {"method": best.method, "seconds": best.seconds},
+        }
+
+
+def accuracy_of(asked: AskedAccuracy | str | float) -> AskedAccuracy:
+    """An accuracy as it is, or that of a text or number; ValueError as in `AskedAccuracy`."""
+    if isinstance(asked, AskedAccuracy):
+        return asked
+    return AskedAccuracy.of_text(asked) if isinstance(asked, str) else AskedAccuracy(asked)

@@ -1,0 +1,139 @@
+"""Runs until they are enough for an accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, inf, log, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.network import Network
+from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
+from kinetics.predicting.looks import (
+    FIRST_RUNS,
+    GROWTH,
+    MARGIN,
+    ROW_BYTES,
+    ROWS,
+    Look,
+    lasting_shares,
+    planning_shares,
+)
+from kinetics.runs import EnsembleStatistics
+from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling import SamplingMethod
+from kinetics.sampling.streamed import blocks, unbroken
+from kinetics.support.arrays import Floats, Ints
+
+THREADED = 0.02  # s of work; threads for less would cost more than they save
+
+FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work is done, and at most so many runs are made, before the first look
+
+
+class Sampled(NamedTuple):
+    """Statistics of the runs, the limit on the error in the unit of the accuracy, and whether all were made."""
+
+    statistics: EnsembleStatistics
+    error: float
+
+
+def runs_for_distributions(error: float, figures: int) -> int:
+    """Runs after which so many distributions are known within `error`, with confidence `LEVEL` for all of them.
+
+    Dvoretzky, Kiefer & Wolfowitz (1956) with the constant of Massart (1990), doi:10.1214/aop/1176990746, and a union
+    bound over the distributions: proven for any number of runs, which is known beforehand.
+
+    >>> runs_for_distributions(0.01, 1)
+    18445
+    """
+    return ceil(log(2 * max(figures, 1) / (1 - LEVEL)) / (2 * error**2))
+
+
+class RunsUntil:
+    """Runs of one prediction, made until they are enough; the first of them foretell how many that will be.
+
+    shown : the network whose counts are kept; method : samples it from `initial` at `grid`
+    is_known : (T, S) counts that are no matter of chance
+    run_seconds : about what a run takes, s
+    """
+
+    def __init__(
+        self, asked: AskedAccuracy, shown: Network, method: SamplingMethod, initial: Ints, grid: Floats,
+        is_known: NDArray[np.bool_], seed: int, threads: int | None, report: Callable[[str], None],
+        run_seconds: float = inf,
+    ) -> None:  # fmt: skip
+        self.asked, self.shown, self.method, self.initial, self.grid = asked, shown, method, initial, grid
+        self.is_known, self.seed, self.threads, self.report = is_known, seed, threads, report
+        self.run_seconds = run_seconds
+        self.tally = Tally(shown, grid, kept_pairs(len(shown.species), False))
+        size = 8 * grid.size * len(shown.species)
+        self._rows: list[Ints] = []
+        self._most_rows = max(FIRST_RUNS, min(ROWS, ROW_BYTES // size))
+        self._planning, self._lasting = planning_shares(), lasting_shares()
+        self._chance = next(self._lasting)  # of the next look that may be the last
+        self.error = inf
+        self.needed = float(self._for_distributions) if asked.of == "distribution" else inf
+
+    @property
+    def _for_distributions(self) -> int:
+        return runs_for_distributions(self.asked.value, int((~self.is_known).sum()))
+
+    def foretell(self) -> float:
+        """Runs that will be needed: from the first few, unless it is known without."""
+        if self.asked.of != "distribution":
+            self._make(int(min(max(FIRST_SECONDS / self.run_seconds, FIRST_RUNS), MOST_FIRST)))
+            self._look(next(self._planning))
+        return self.needed
+
+    def foretold_from(self, runs: int, chance: float) -> float:
+        """Runs that will be needed for this chance to be wrong, as so many see it."""
+        self._make(runs)
+        return Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed).runs_needed(chance)
+
+    def finish(self, most: int) -> Sampled:
+        """All the runs, but no more than `most`; after Ctrl-C those that were made."""
+        asked = self.needed
+        try:
+            if self.asked.of == "distribution":
+                self._make(min(self._for_distributions, most))
+            while self.asked.of != "distribution" and self.error > self.asked.value and self.tally.runs < most:
+                is_last = MARGIN * self.needed <= GROWTH * self.tally.runs
+                aim = MARGIN * self.needed if is_last else GROWTH * self.tally.runs
+                self._make(min(max(ceil(aim), self.tally.runs + 1), most))
+                if is_last:
+                    chance, self._chance = self._chance, next(self._lasting)
+                    self._look(chance)
+                else:
+                    self._look(next(self._planning))
+            asked = self.tally.runs
+        except KeyboardInterrupt:
+            if self.tally.runs < 2:
+                raise
+            if self.asked.of != "distribution":
+                self._look(self._chance)  # not spent yet
+            asked = max(asked, self.tally.runs + 1)
+        if self.asked.of == "distribution":
+            self.error = self.asked.value * sqrt(self._for_distributions / self.tally.runs)
+        return Sampled(self.tally.statistics(ceil(asked), self.method.name_for(self.shown, self.initial)), self.error)
+
+    def _make(self, runs: int) -> None:
+        """Go on until there are so many."""
+        numbers = self.tally.runs, runs
+        is_short = (runs - self.tally.runs) * self.run_seconds < THREADED
+        threads = 1 if is_short else self.threads
+        for counts in blocks(self.shown, self.method, self.initial, self.grid, numbers, self.seed, threads):
+            with unbroken():
+                self.tally.add(counts)
+                kept = sum(map(len, self._rows))
+                if kept < self._most_rows:
+                    self._rows.append(counts[: self._most_rows - kept].copy())
+            wanted = "" if self.needed == inf else f" of about {self.needed:.3g}"
+            self.report(f"{self.tally.runs}{wanted} runs")
+
+    def _look(self, chance: float) -> None:
+        """How far off the runs may be, but for this chance, and how many are needed."""
+        look = Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed)
+        self.error = min(self.error, self.asked.value * look.share_of_tolerance(chance))
+        self.needed = look.runs_needed(self._chance)

@@ -1,0 +1,54 @@
+"""What the bound on the error of a solution says of means, standard deviations and distributions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.solving import Distribution
+from kinetics.solving.distribution import SLACK
+from kinetics.support.arrays import Floats, Ints
+
+
+def largest_counts(network: Network, start: Ints) -> Floats:
+    """Limits (S,) on the counts that the stated conserved quantities set; inf where none does."""
+    tops = np.full(len(network.species), np.inf)
+    for weights in network.conserved.values():
+        if weights.min() >= 0.0:
+            shares = np.divide(weights @ start, weights, out=np.full(tops.size, np.inf), where=weights > 0.0)
+            tops = np.minimum(tops, np.floor(shares * (1.0 + 1e-12)))
+    return tops
+
+
+def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> float:
+    """Limit on the error of `found`, in the unit of `asked`; inf where nothing is proven.
+
+    tops : (S,) largest counts, inside the states of `found` and outside
+    """
+    if not found.is_bound:
+        return np.inf
+    if asked.of == "distribution":
+        return found.error
+    if not np.isfinite(tops).all():
+        return np.inf
+    rounding = SLACK * len(found.space)
+    if asked.of == "mean":
+        figures, errors = found.mean(), (found.error + rounding) * tops
+    else:
+        figures = found.sd()
+        # as in `Distribution.covariance_bounds`: all of the error on the state farthest out, and it moves the mean
+        off = (found.error + found.error**2 + 2 * rounding) * tops**2
+        errors = np.maximum(
+            np.sqrt(figures**2 + off) - figures, figures - np.sqrt(np.maximum(figures**2 - off, 0.0))
+        ).max(axis=0)
+    return asked.value * float((errors / asked.tolerances(figures)).max())
+
+
+def tolerance_for(asked: AskedAccuracy, tops: Floats) -> float:
+    """Largest error of all probabilities together by which the accuracy is sure to be reached."""
+    if asked.of == "distribution":
+        return asked.value
+    least = asked.tolerances(np.zeros((1, tops.size)))  # relative ones are no less than those of one copy
+    shares = least[tops > 0.0] / tops[tops > 0.0]
+    return float((shares if asked.of == "mean" else shares**2).min(initial=1.0))

@@ -1,0 +1,305 @@
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from accuracy_questions import question, share_of_accuracy
+from known_systems import bare_line, line
+from numpy.testing import assert_array_equal
+from scipy.stats import binom
+
+from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
+from kinetics.predicting import AskedAccuracy, enough_runs, looks
+from kinetics.predicting.accuracy import LEVEL, accuracy_of
+from kinetics.predicting.enough_runs import RunsUntil, runs_for_distributions
+from kinetics.predicting.observables import Observables
+from kinetics.predicting.reaching import AskedCounts, reach
+from kinetics.predicting.run_cost import run_seconds
+from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
+from kinetics.rates import ChannelRate, Convention, Rates
+from kinetics.sampling.cost_model import NetworkSize
+
+FALSE_ALARM = 1e-6
+DECAY = Network.from_text("A -> 0, 0.1")
+TIMES = np.array([5.0, 10.0, 20.0])
+
+
+def sampled(asked, network, start, times, seed, most=10**9):
+    """Runs until they are enough, whatever else would be cheaper."""
+    state = network.state(start)
+    known = AskedCounts(network, state, times).is_known
+    runs = RunsUntil(asked, network, Auto(), state, times, known, seed, 1, lambda _: None)
+    runs.foretell()
+    return runs.finish(most)
+
+
+def failures(asked, network, start, times, truth, repeats):
+    """How often the accuracy was not kept."""
+    made = (sampled(asked, network, start, times, seed).statistics for seed in range(repeats))
+    return sum(share_of_accuracy(asked, each, truth) > 1 for each in made)
+
+
+def allowed(repeats):
+    """As many failures as happen with a chance above the false-alarm rate."""
+    return int(binom(repeats, 1 - LEVEL).isf(FALSE_ALARM))
+
+
+CASES = {
+    "mean": (AskedAccuracy(0.8), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
+    "sd": (AskedAccuracy(0.1, True, "sd"), "0 <-> A, 2, 0.5", {"A": 0}, np.array([1.0, 8.0]), 40),
+    "rare": (AskedAccuracy(0.02), "0 -> A, 0.02", {"A": 0}, np.array([1.0]), 60),
+    "bursts": (AskedAccuracy(0.3), "0 -> 10 A, 0.1", {"A": 0}, np.array([1.0]), 60),
+    "distribution": (AskedAccuracy(0.08, False, "distribution"), "A -> 0, 0.1", {"A": 100}, TIMES, 60),
+}
+
+
+@pytest.fixture
+def truth_of():
+    def find(text, start, times):
+        return solve(Network.from_text(text), "fsp", start, times)
+
+    return find
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_runs_keep_the_accuracy_as_often_as_they_say(case, truth_of):
+    asked, text, start, times, repeats = CASES[case]
+    missed = failures(asked, Network.from_text(text), start, times, truth_of(text, start, times), repeats)
+    assert missed <= allowed(repeats)
+
+
+def test_looks_that_all_spend_everything_are_seen(monkeypatch, truth_of):
+    def all_of_it():
+        while True:
+            yield 0.4
+
+    monkeypatch.setattr(enough_runs, "planning_shares", all_of_it)
+    monkeypatch.setattr(enough_runs, "lasting_shares", all_of_it)
+    asked, text, start, times, repeats = CASES["mean"]
+    missed = failures(asked, Network.from_text(text), start, times, truth_of(text, start, times), repeats)
+    assert missed > allowed(repeats)
+
+
+def test_all_looks_together_spend_no_more_than_there_is():
+    planning, lasting = looks.planning_shares(), looks.lasting_shares()
+    assert sum(next(planning) + next(lasting) for _ in range(60)) <= (1 - LEVEL) * (1 + 1e-12)
+
+
+def test_correlated_figures_count_once_and_independent_ones_each():
+    rng = np.random.default_rng(1)
+    same = np.repeat(rng.standard_normal((64, 1)), 50, axis=1)[:, :, None]
+    own = rng.standard_normal((64, 50))[:, :, None]
+    one, all_same, all_own = (
+        np.quantile(looks.largest_errors(values, np.ones(values.shape[1:]), 10_000, 3), 0.95)
+        for values in (same[:, :1], same, own)
+    )
+    assert all_same == pytest.approx(one, rel=1e-6)
+    assert one == pytest.approx(1.96, rel=0.15)
+    assert all_own > 1.3 * one
+
+
+def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
+    never = Network.from_text("A -> B, 1e-12")
+    made = sampled(AskedAccuracy(0.01), never, {"A": 1}, np.array([1.0]), 1)
+    assert made.statistics.runs >= np.log(0.05) / np.log(0.99)  # a chance of 1 % would have shown itself
+    assert made.error <= 0.01
+
+
+@pytest.mark.parametrize("number", [2, 4, 9, 12, 14, 20, 22, 30])
+def test_small_questions_keep_the_accuracy(number):
+    _, network, start, times, asked = question(number)
+    made = predict(network, None, start, times, accuracy=asked, seed=number, threads=1)
+    truth = solve(network, Transient(), start, times)
+    assert made.reached.is_reached
+    assert share_of_accuracy(asked, made.result, truth) <= 1
+
+
+def test_a_solution_that_is_off_is_seen_and_a_loose_bound_is_not_taken():
+    _, network, start, times, asked = question(9)
+    truth = solve(network, Transient(), start, times)
+    mixed = replace(truth, probabilities=0.9 * truth.probabilities + 0.1 * truth.probabilities[:, ::-1])
+    assert share_of_accuracy(asked, mixed, truth) > 1
+    tops = truth.space.states.max(axis=0)
+    assert error_reached(asked, truth, tops) < 1e-9
+    assert error_reached(asked, replace(truth, error=0.1), tops) > asked.value
+    assert error_reached(asked, replace(truth, is_bound=False), tops) == np.inf
+
+
+@pytest.mark.parametrize("of", ["mean", "sd", "distribution"])
+def test_a_bound_on_probabilities_bounds_every_figure(of):
+    """At worst all of the error is on the largest count: moved there, no figure is farther off than is claimed."""
+    truth = solve(DECAY, Transient(), {"A": 30}, [1.0, 20.0])
+    for error in (1e-6, 1e-3):
+        moved = truth.probabilities.copy()
+        moved[:, np.argmax(truth.probabilities[0])] -= error / 2
+        moved[:, 0] += error / 2
+        off = replace(truth, probabilities=moved, error=error)
+        asked = AskedAccuracy(1.0, False, of)
+        assert share_of_accuracy(asked, off, truth) <= error_reached(asked, off, np.array([30.0]))
+        needed = tolerance_for(AskedAccuracy(1e-3, False, of), np.array([30.0]))
+        assert error_reached(AskedAccuracy(1e-3, False, of), replace(truth, error=needed / 2), np.array([30.0])) <= 1e-3
+
+
+def test_distributions_take_as_many_runs_as_dvoretzky_kiefer_wolfowitz_and_massart_say():
+    assert runs_for_distributions(0.05, 1) == int(np.ceil(np.log(2 / 0.05) / (2 * 0.05**2)))
+    made = sampled(AskedAccuracy(0.1, False, "distribution"), DECAY, {"A": 20}, TIMES, 1)
+    assert made.statistics.runs == runs_for_distributions(0.1, 3)
+    assert made.error == pytest.approx(0.1)
+
+
+def test_what_was_chosen_is_the_cheaper_and_is_told():
+    cheap = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="20%", seed=1)
+    dear = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="0.01%", seed=1)
+    assert cheap.method == "auto (lockstep)"
+    assert dear.method == "exact"
+    for made in (cheap, dear):
+        seconds = {each.method: each.seconds for each in made.reached.candidates if each.seconds is not None}
+        assert made.method in seconds
+        assert any(note.startswith("ten times the accuracy: about") for note in made.notes)
+        assert made.reached.headline in made.headline
+        assert f"chosen: {made.method}" in str(made.notes)
+    assert dear.reached.is_proven
+    assert cheap.reached.confidence == LEVEL
+    assert cheap.reached.tenfold.seconds > 0
+
+
+def test_the_same_seed_gives_the_same_for_any_number_of_threads():
+    one, two = (predict(line(), None, [300, 0, 0, 0], [100.0, 900.0], accuracy="2%", seed=4, threads=n) for n in (1, 2))
+    assert one.runs == two.runs
+    assert_array_equal(one.mean, two.mean)
+    assert one.reached == two.reached
+    other = predict(line(), None, [300, 0, 0, 0], [100.0, 900.0], accuracy="2%", seed=5)
+    assert (other.mean != one.mean).any()
+
+
+def test_relative_is_to_the_largest_mean_of_the_species_or_one_copy():
+    asked = AskedAccuracy(0.1, is_relative=True)
+    figures = np.array([[50.0, 0.0, 0.2], [20.0, 0.0, 0.1]])
+    # less by a factor 1.1, so that no more than a tenth of the true ones is meant
+    assert asked.tolerances(figures).tolist() == pytest.approx([5 / 1.1, 0.1 / 1.1, 0.1 / 1.1])
+    assert AskedAccuracy(0.5).tolerances(figures).tolist() == [0.5] * 3
+
+
+def test_observables_alone_are_held_to_the_accuracy():
+    network = bare_line().with_rates(line().rate_constants)
+    sums = Observables.of(network, {"monomer": {"monomer": 1}})
+    times = np.array([0.0, 20.0])
+    made = predict(network, None, [300, 0, 0, 0], times, observables=sums, accuracy="1%", seed=2)
+    truth = simulate_statistics(network, "auto", [300, 0, 0, 0], times, 40_000, seed=9)
+    assert made.network.species == ("monomer",)
+    assert abs(made.mean[1, 0] - truth.mean()[1, 0]) < 0.01 * 300
+    all_shown = predict(network, None, [300, 0, 0, 0], times, accuracy="1%", seed=2)
+    assert all_shown.runs > made.runs
+
+
+def test_with_evidence_the_interval_stands_beside_what_was_asked():
+    measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
+    rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    network = Network.from_text("decay: A -> 0, 1")
+    made = predict(network, rates, {"A": 100}, [10.0], accuracy="1%", seed=1, draws=50)
+    constant = rates.expected(network).rate_constants[0]
+    assert made.mean[0, 0] == pytest.approx(100 * np.exp(-10 * constant), rel=0.01)
+    assert made.low[0, 0] < made.mean[0, 0] < made.high[0, 0]
+    assert made.high[0, 0] - made.low[0, 0] > 10  # not what was asked for, and not mixed with it
+    assert "mean, sd and band are those at the posterior mean of each rate constant" in made.notes
+
+
+def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
+    lines = []
+
+    def interrupt(text):
+        lines.append(text)
+        if "about" in text and text.endswith("runs") and len(lines) > 6:
+            raise KeyboardInterrupt
+
+    made = predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.1%", seed=1, progress=interrupt)
+    assert not made.is_complete
+    assert made.runs > 10
+    assert made.reached.error > 0.001
+    assert "NOT reached" in str(made.notes)
+
+
+def test_what_the_budget_ends_is_told():
+    made = sampled(AskedAccuracy(0.01), DECAY, {"A": 100}, TIMES, 1, most=500)
+    assert made.statistics.runs == 500
+    assert made.error > 0.01
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("0%", "accuracy = 0 %; expected a finite error above 0"),
+        ("-1", "accuracy = -1 copies; expected a finite error above 0"),
+        (float("nan"), "accuracy = nan copies; expected a finite error above 0"),
+        ("inf", "accuracy = inf copies; expected a finite error above 0"),
+        (1e-30, "expected at least 1e-12"),
+        ("101%", "accuracy = 101 %; expected at most 100 %"),
+        ("one", "accuracy 'one'; expected a share such as 1%"),
+    ],
+)
+def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        accuracy_of(given)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"accuracy": "1%", "method": "ssa"}, "an accuracy chooses method and runs itself"),
+        ({"accuracy": "1%", "runs": 10}, "an accuracy chooses method and runs itself"),
+        ({"budget": 3.0}, "no accuracy; a budget limits what an accuracy may cost"),
+        ({"accuracy": "1%", "budget": 0.0}, "expected a positive number of seconds"),
+    ],
+)
+def test_contradictions_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        predict(DECAY, None, {"A": 10}, [1.0], **options)
+
+
+def test_an_accuracy_of_what_is_refused():
+    with pytest.raises(ValueError, match="accuracy of 'median'; expected that of mean, sd, distribution"):
+        AskedAccuracy(0.1, of="median")
+
+
+def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
+    lines = []
+    with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
+        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.001%", budget=1.0, progress=lines.append)
+    assert not any("of about" in text for text in lines)  # the first look alone
+
+
+def test_rates_that_depend_on_time_are_sampled():
+    driven = Network.from_text("0 -> A, 5 * (1 + sin(t))\nA -> 0, 1")
+    made = predict(driven, None, {"A": 0}, [2.0], accuracy="10%", seed=1)
+    assert made.method == "auto (general)"
+    assert "depends on the time" in str(made.notes)
+
+
+def test_events_of_a_run_are_foretold_also_where_they_crowd():
+    network, grid = DECAY, np.array([10.0, 1000.0])
+    per_event = 1e-9 * Auto().choose(network).cost(NetworkSize.of(network))
+    some, none = (run_seconds(network, np.array([n]), grid, 2, np.inf, 1) for n in (1000, 0))
+    assert some - none == pytest.approx(1000 * per_event, rel=0.1)
+
+
+def test_conserved_cubes_limit_counts():
+    assert largest_counts(line(), np.array([60, 0, 0, 0])).tolist() == [60, 30, 20, 15]
+    assert largest_counts(DECAY, np.array([60])).tolist() == [np.inf]
+
+
+def test_a_plain_prediction_imports_nothing_of_it():
+    code = (
+        "import sys; from kinetics import Network, predict; "
+        "predict(Network.from_text('A -> 0, 1'), None, {'A': 5}, [1.0], runs=5); "
+        "print([m for m in sys.modules if m.split('.')[-1] in "
+        "('accuracy', 'reaching', 'looks', 'enough_runs', 'run_cost', 'solved_errors')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_reach_answers_a_question_by_itself():
+    answer = reach(AskedCounts(DECAY, np.array([100]), TIMES), AskedAccuracy(0.01, True))
+    assert answer.method == "exact"
+    assert answer.reached.is_reached
