@@ -94,7 +94,6 @@ class RunsUntil:
 
     def finish(self, most: int) -> Sampled:
         """All the runs, but no more than `most`; after Ctrl-C those that were made."""
-        asked = self.needed
         try:
             if self.asked.of == "distribution":
                 self._make(min(self._for_distributions, most))
@@ -107,16 +106,22 @@ class RunsUntil:
                     self._look(chance)
                 else:
                     self._look(next(self._planning))
-            asked = self.tally.runs
         except KeyboardInterrupt:
-            if self.tally.runs < 2:
-                raise
-            if self.asked.of != "distribution":
-                self._look(self._chance)  # not spent yet
-            asked = max(asked, self.tally.runs + 1)
+            return self.interrupted()
+        return self._made(self.tally.runs)
+
+    def interrupted(self) -> Sampled:
+        """The runs that were made; KeyboardInterrupt where these are none to speak of."""
+        if self.tally.runs < 2:
+            raise KeyboardInterrupt
+        if self.asked.of != "distribution":
+            self._look(self._chance)  # not spent yet
+        return self._made(max(ceil(self.needed), self.tally.runs + 1))
+
+    def _made(self, wanted: int) -> Sampled:
         if self.asked.of == "distribution":
             self.error = self.asked.value * sqrt(self._for_distributions / self.tally.runs)
-        return Sampled(self.tally.statistics(ceil(asked), self.method.name_for(self.shown, self.initial)), self.error)
+        return Sampled(self.tally.statistics(wanted, self.method.name_for(self.shown, self.initial)), self.error)
 
     def _make(self, runs: int) -> None:
         """Go on until there are so many."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, AskedAccuracy, ForetoldWay, Reached
-from kinetics.predicting.enough_runs import RunsUntil
+from kinetics.predicting.enough_runs import RunsUntil, Sampled
 from kinetics.predicting.looks import FIRST_RUNS
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.run_cost import STATISTICS, run_seconds
@@ -125,6 +125,16 @@ class _Reaching:
             if made:
                 return made
         self._weigh_sampling()
+        try:
+            made = self._weigh_solutions()
+        except KeyboardInterrupt:
+            if self.runs is None:
+                raise
+            return self._sampled(self.runs.interrupted())
+        return made or self._sample()
+
+    def _weigh_solutions(self) -> ReachedAnswer | None:
+        """By a solution where that is foretold to be cheaper than runs, or turns out to be."""
         if self.space is None and self.sampling.seconds is not None:
             limit = min(self.sampling.seconds, self.budget)
             allowed = int(min(LISTING * limit / LIST_SECONDS, MAX_STATES))
@@ -134,7 +144,7 @@ class _Reaching:
         made = self._project(min(PROJECTING * best, self.budget)) if best > TRIED else None
         if not made and _cost(self.exact) <= min(_cost(self.sampling), self.budget):
             made = self._solve()
-        return made or self._sample()
+        return made
 
     def _list(self, most: int, limit: float) -> None:
         """List so many states, and foretell the solution over them; one of more seconds than `limit` is none."""
@@ -251,7 +261,11 @@ class _Reaching:
         if self.runs is None or self.sampling.seconds is None or self.sampling.seconds > self.budget:
             raise ValueError(self._refusal())
         most = max(int(self.budget / self.run_seconds), FIRST_RUNS)
-        statistics, error = self.runs.finish(most)
+        return self._sampled(self.runs.finish(most))
+
+    def _sampled(self, made: Sampled) -> ReachedAnswer:
+        """The answer that runs give."""
+        statistics, error = made
         is_proven, name = self.asked.of == "distribution", self.sampling.method
         tenfold = self._tenfold_sampling(statistics.runs * self.run_seconds * (error / self.asked.value) ** 2)
         if self.exact.seconds is not None:

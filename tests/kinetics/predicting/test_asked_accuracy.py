@@ -220,6 +220,21 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
     assert "NOT reached" in str(made.notes)
 
 
+@pytest.mark.parametrize("at", ["trying a projection", "listing up to"])
+def test_ctrl_c_while_a_solution_is_tried_keeps_the_first_runs(at):
+    lines = []
+
+    def interrupt(text):
+        lines.append(text)
+        if text.startswith(at) and len(lines) > 3:
+            raise KeyboardInterrupt
+
+    made = predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.1%", seed=1, progress=interrupt)
+    assert not made.is_complete
+    assert made.runs >= 16
+    assert made.reached.error > 0.001
+
+
 def test_what_the_budget_ends_is_told():
     made = sampled(AskedAccuracy(0.01), DECAY, {"A": 100}, TIMES, 1, most=500)
     assert made.statistics.runs == 500
