@@ -196,7 +196,7 @@ def test_a_method_that_refuses_is_reported():
 
 def test_table_plot_and_numbers(small):
     table = small.to_dataframe()
-    assert len(table) == len(small.points) == 2 * 2 + 3 * 6 + 3
+    assert len(table) == len(small.points) == 3 * 2 + 3 * 6 + 3
     assert json.loads(json.dumps(small.as_dict()["points"], default=float))[0]["method"] == "SSA, direct"
     ax = Figure().add_subplot()
     assert draw(small, ax) is ax
