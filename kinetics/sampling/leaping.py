@@ -37,11 +37,11 @@ class Leaping(SamplingMethod):
     doi:10.1002/nav.3800260304); where their order could matter, it is followed by bisection, down to single events if
     need be. So no event is decided by an approximation: counts at all times together have the distribution of the
     direct method, at small counts too. A leap costs about 2 us plus 0.25 us per channel and holds of the order of
-    sqrt(copies) events, the smallest count that matters deciding; each time of the output costs some 4 us more. Single
+    sqrt(copies) events, the smallest count that matters deciding; each time of the output costs some 3 us more. Single
     events cost as much as in `Direct` where that computes all propensities, up to some 20 channels.
 
     Choose it for mass action with 1e5 copies and more of all that reacts often. It counts up to 2**53 copies, beyond
-    which it starts no run. Paths event by event cost some 0.5 us an event: `Direct` is better at those.
+    which it starts no run. Paths event by event cost some 1 us an event: `Direct` is better at those.
 
     >>> from kinetics import Leaping, Network, simulate
     >>> decay = Network.from_text("A -> 0, 1")

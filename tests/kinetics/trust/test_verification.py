@@ -136,7 +136,7 @@ def references():
 @each_network
 @pytest.mark.parametrize("method", SAMPLING_METHODS)
 def test_samplers_follow_the_exact_distribution(method, net, initial, times, references):
-    """Each of the checks on 32 networks and six methods gives a false alarm one time in a million, so all of
+    """Each of the checks on 32 networks and seven methods gives a false alarm one time in a million, so all of
     them together do less than once in 5000.
     """
     paths = 0.1 if any(net is one for _, one, _, _ in FEW) else 0.03  # waits are seen on the few; else, 30 paths each
