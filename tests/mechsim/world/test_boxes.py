@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from mechsim.world import engine
 from mechsim.world.boxes import boxes_of
+from mechsim.world.engines import pybullet_engine
 
 LINE = tuple((x, 0, 0) for x in range(4))
 TEE = ((0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0))
@@ -59,7 +59,7 @@ def squeezes(make_world, scene, trials):
 def test_no_collision_squeezes_a_line_at_a_seam(make_world, line4, monkeypatch):
     """Convex bodies push each other apart one way, so the pushes add up to their resultant."""
     whole = squeezes(make_world, line4, 1500)
-    monkeypatch.setattr(engine, "boxes_of", cube_by_cube)
+    monkeypatch.setattr(pybullet_engine, "boxes_of", cube_by_cube)
     parts = squeezes(make_world, line4, 1500)
     assert whole.max() < 1.05
     assert (parts > 1.5).sum() > 10  # the control
