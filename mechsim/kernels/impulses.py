@@ -8,21 +8,19 @@ both momenta are kept to rounding.
 
 import math
 
-import numpy as np
-
 from kinetics.kernels.compiled import compiled
 from mechsim.kernels.motion import rotation_of
 
-# A row is what an impulse of 1 along d does at a contact: d, its levers about both bodies and the changes of their spins
-# (3 each), the impulse that changes the speed along d by 1, and the speed wanted.
+# A row is what an impulse of 1 along d does at a contact: d, its levers about both bodies, the changes of their spins
+# (3 numbers each), the impulse that changes the speed along d by 1, and the speed wanted.
 LEVER_A, LEVER_B, TURN_A, TURN_B, EASE, WANTED = 3, 6, 9, 12, 15, 16
 SETTLED = 1e-9  # length / tu: a round that changes no speed by more is the last one
 
 
 @compiled(nogil=False, error_model="python")
 def exchange(
-    n, who, contact, position, orientation, velocity, spin, mass, inertia, restitution, friction, least_bounce, recovery,
-    slop, step, iterations, seen, inverse, rows, impulse,
+    n, who, contact, position, orientation, velocity, spin, mass, inertia, restitution, friction, least_bounce,
+    recovery, slop, step, iterations, seen, inverse, rows, impulse,
 ):  # fmt: skip
     """Exchange impulses at the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the
     first body of each contact to `impulse` (M, 3).
@@ -52,9 +50,8 @@ def exchange(
             tx, ty, tz = ny / length, -nx / length, 0.0
         _row(rows[c, 0], contact[c], a, b, nx, ny, nz, position, mass, inverse)
         _row(rows[c, 1], contact[c], a, b, tx, ty, tz, position, mass, inverse)
-        _row(
-            rows[c, 2], contact[c], a, b, ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx, position, mass, inverse
-        )  # fmt: skip
+        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        _row(rows[c, 2], contact[c], a, b, sx, sy, sz, position, mass, inverse)
         speed = _speed(rows[c, 0], a, b, velocity, spin)
         wanted = -restitution * speed if -speed >= least_bounce else 0.0
         beyond = contact[c, 6] - slop

@@ -138,9 +138,7 @@ def _touch(a, b, slot, half, centre, axes, turned, corners, clipped, who, contac
     best, kind = -math.inf, -1
     for i in range(3):
         for j in range(3):
-            turned[i, j] = (
-                axes[a, 0, i] * axes[b, 0, j] + axes[a, 1, i] * axes[b, 1, j] + axes[a, 2, i] * axes[b, 2, j]
-            )
+            turned[i, j] = axes[a, 0, i] * axes[b, 0, j] + axes[a, 1, i] * axes[b, 1, j] + axes[a, 2, i] * axes[b, 2, j]
     for i in range(3):
         away = abs(dx * axes[a, 0, i] + dy * axes[a, 1, i] + dz * axes[a, 2, i])
         gap = away - half[a, i] - half[b, 0] * abs(turned[i, 0])
@@ -216,8 +214,8 @@ def _edges_touch(a, b, i, j, half, centre, axes, nx, ny, nz, depth, slot, who, c
 
 @compiled(nogil=False, error_model="python")
 def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, who, contact, found):
-    """Contacts of a face of box a, across its `axis`, with the face of b that looks at it most; sign -1.0: b is the first
-    of the two bodies."""
+    """Contacts of a face of box a, across its `axis`, with the face of b that looks at it most; sign -1.0: b is the
+    first of the two bodies."""
     dx, dy, dz = centre[b, 0] - centre[a, 0], centre[b, 1] - centre[a, 1], centre[b, 2] - centre[a, 2]
     nx, ny, nz = axes[a, 0, axis], axes[a, 1, axis], axes[a, 2, axis]
     if dx * nx + dy * ny + dz * nz < 0.0:
@@ -243,7 +241,7 @@ def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, 
     pn = axes[b, 0, p] * nx + axes[b, 1, p] * ny + axes[b, 2, p] * nz
     qn = axes[b, 0, q] * nx + axes[b, 1, q] * ny + axes[b, 2, q] * nz
     for k in range(4):
-        f = half[b, p] if k == 1 or k == 2 else -half[b, p]
+        f = half[b, p] if k in {1, 2} else -half[b, p]
         g = half[b, q] if k > 1 else -half[b, q]
         corners[k, 0], corners[k, 1] = mu + f * pu + g * qu, mv + f * pv + g * qv
     n = _clipped(corners, 4, 0, half[a, u], clipped)

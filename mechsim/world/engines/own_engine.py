@@ -51,7 +51,7 @@ class OwnEngine(Engine):
         """Let cubes collide with each other; the coefficients between any two surfaces, walls included."""
         self.restitution, self.friction, self._do_collide = restitution, friction, True
 
-    def build_walls(self, half: np.ndarray, thickness: float) -> None:
+    def build_walls(self, half: np.ndarray, thickness: float) -> None:  # noqa: ARG002 - planes have none
         """The six planes around the space -half..half; of any thickness, for they have no back."""
         self._wall = half.copy()
 
