@@ -14,13 +14,13 @@ from mechsim.kernels.motion import rotation_of
 # A row is what an impulse of 1 along d does at a contact: d, its levers about both bodies, the changes of their spins
 # (3 numbers each), the impulse that changes the speed along d by 1, and the speed wanted.
 LEVER_A, LEVER_B, TURN_A, TURN_B, EASE, WANTED = 3, 6, 9, 12, 15, 16
-SETTLED = 1e-9  # length / tu: a round that changes no speed by more is the last one
+SETTLED = 1e-7  # length / tu: a contact whose speeds change by less is left until a body of it is pushed elsewhere
 
 
 @compiled(nogil=False, error_model="python")
 def exchange(
     n, who, contact, position, orientation, velocity, spin, mass, inertia, restitution, friction, least_bounce,
-    recovery, slop, step, iterations, seen, inverse, rows, impulse,
+    recovery, slop, step, iterations, pushed, inverse, rows, impulse,
 ):  # fmt: skip
     """Exchange impulses at the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the
     first body of each contact to `impulse` (M, 3).
@@ -29,15 +29,15 @@ def exchange(
     restitution, friction : of any two surfaces; least_bounce : speed below which approaches do not bounce
     recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce
     iterations : rounds at most
-    seen (B,) bool, False; inverse (B, 3, 3), rows (M, 3, 17) : room to work
+    pushed (B,) : -1; inverse (B, 3, 3), rows (M, 3, 17) : room to work
     Bodies of unequal moments precess in a step before they touch, and again in the free flight that follows: their
     spins are left such that this flight gives those that the contacts made.
     """
     for c in range(n):
         for side in range(2):
             body = who[c, side]
-            if body >= 0 and not seen[body]:
-                seen[body] = True
+            if body >= 0 and pushed[body] < 0:
+                pushed[body] = 0  # the last round that pushed it
                 _prepare(body, orientation, spin, inertia, step, inverse)
     for c in range(n):
         a, b = who[c, 0], who[c, 1]
@@ -57,29 +57,42 @@ def exchange(
         beyond = contact[c, 6] - slop
         rows[c, 0, WANTED] = wanted + (recovery * beyond if beyond > 0.0 else beyond) / step
         impulse[c, 0] = impulse[c, 1] = impulse[c, 2] = 0.0
-    for _ in range(iterations):
-        largest = 0.0
+    for turn in range(1, iterations + 1):
+        is_settled = True
         for c in range(n):
             a, b = who[c, 0], who[c, 1]
+            if pushed[a] < turn - 1 and (b < 0 or pushed[b] < turn - 1):
+                continue
             normal = rows[c, 0]
-            change = normal[WANTED] - _speed(normal, a, b, velocity, spin)
-            push = max(impulse[c, 0] + change * normal[EASE], 0.0)
-            largest = max(largest, abs(push - impulse[c, 0]) / normal[EASE])
-            _push(normal, push - impulse[c, 0], a, b, velocity, spin, mass)
+            push = max(impulse[c, 0] + (normal[WANTED] - _speed(normal, a, b, velocity, spin)) * normal[EASE], 0.0)
+            change = push - impulse[c, 0]
+            _push(normal, change, a, b, velocity, spin, mass)
             impulse[c, 0] = push
+            if abs(change) > SETTLED * normal[EASE]:
+                is_settled = False
+                pushed[a] = turn
+                if b >= 0:
+                    pushed[b] = turn
         for c in range(n):
             a, b = who[c, 0], who[c, 1]
+            if pushed[a] < turn - 1 and (b < 0 or pushed[b] < turn - 1):
+                continue
             one, two = rows[c, 1], rows[c, 2]
             p = impulse[c, 1] - _speed(one, a, b, velocity, spin) * one[EASE]
             q = impulse[c, 2] - _speed(two, a, b, velocity, spin) * two[EASE]
             rub, most = math.sqrt(p * p + q * q), friction * impulse[c, 0]
             if rub > most:
                 p, q = p * most / rub, q * most / rub
-            largest = max(largest, abs(p - impulse[c, 1]) / one[EASE], abs(q - impulse[c, 2]) / two[EASE])
-            _push(one, p - impulse[c, 1], a, b, velocity, spin, mass)
-            _push(two, q - impulse[c, 2], a, b, velocity, spin, mass)
+            change, other = p - impulse[c, 1], q - impulse[c, 2]
+            _push(one, change, a, b, velocity, spin, mass)
+            _push(two, other, a, b, velocity, spin, mass)
             impulse[c, 1], impulse[c, 2] = p, q
-        if largest <= SETTLED:
+            if abs(change) > SETTLED * one[EASE] or abs(other) > SETTLED * two[EASE]:
+                is_settled = False
+                pushed[a] = turn
+                if b >= 0:
+                    pushed[b] = turn
+        if is_settled:
             break
     for c in range(n):
         push, one, two = impulse[c, 0], impulse[c, 1], impulse[c, 2]
@@ -87,8 +100,8 @@ def exchange(
             impulse[c, k] = push * rows[c, 0, k] + one * rows[c, 1, k] + two * rows[c, 2, k]
         for side in range(2):
             body = who[c, side]
-            if body >= 0 and seen[body]:
-                seen[body] = False
+            if body >= 0 and pushed[body] >= 0:
+                pushed[body] = -1
                 _leave(body, orientation, spin, inertia, step)
 
 

@@ -58,25 +58,96 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
             m -= 1
         order[m + 1] = box
     found = 0
-    turned = np.empty((3, 3))
+    turned, far = np.empty((3, 3)), np.empty((3, 3))
     corners, clipped = np.empty((16, 2)), np.empty((16, 2))
     for k in range(n):
         i = order[k]
         x, y, z, reach = centre[i, 0], centre[i, 1], centre[i, 2], radius[i]
-        found = _touch_walls(i, slot, half, centre, axes, reach, wall, who, contact, found)
+        if abs(x) + reach > wall[0] or abs(y) + reach > wall[1] or abs(z) + reach > wall[2]:
+            for axis in range(3):
+                extent = 0.0
+                for m in range(3):
+                    extent += abs(axes[i, axis, m]) * half[i, m]
+                if centre[i, axis] + extent > wall[axis]:
+                    found = _touches_wall(i, axis, 1.0, slot, half, centre, axes, wall, who, contact, found)
+                if extent - centre[i, axis] > wall[axis]:
+                    found = _touches_wall(i, axis, -1.0, slot, half, centre, axes, wall, who, contact, found)
         if not with_bodies:
             continue
         for m in range(k + 1, n):
             j = order[m]
-            dz, far = centre[j, 2] - z, reach + radius[j]
-            if dz > far:
+            dz, near = centre[j, 2] - z, reach + radius[j]
+            if dz > near:
                 if centre[j, 2] - radius[j] > z + reach:
                     break
                 continue
             dx, dy = centre[j, 0] - x, centre[j, 1] - y
-            if dx * dx + dy * dy + dz * dz < far * far and slot[i] != slot[j]:
-                found = _touch(i, j, slot, half, centre, axes, turned, corners, clipped, who, contact, found)
+            if dx * dx + dy * dy + dz * dz >= near * near or slot[i] == slot[j]:
+                continue
+            kind, gap = _overlap(i, j, dx, dy, dz, half, axes, turned, far)
+            if kind >= 6:
+                found = _edges_touch(i, j, kind - 6, -gap, half, centre, axes, slot, who, contact, found)
+            elif kind >= 3:
+                found = _face_touches(
+                    j, i, kind - 3, -1.0, half, centre, axes, corners, clipped, slot, who, contact, found
+                )
+            elif kind >= 0:
+                found = _face_touches(i, j, kind, 1.0, half, centre, axes, corners, clipped, slot, who, contact, found)
     return found
+
+
+@compiled(nogil=False, error_model="python", inline="always")
+def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
+    """Along which axis two boxes, b away from a by d, overlap least, and the gap there, which is below 0.
+
+    Of 0 to 2 the axes of a, of 3 to 5 those of b, of 6 on the products of both; -1 where one of these parts the boxes.
+    turned, far (3, 3) : room for the axes of b in the frame of a, and their sizes
+    """
+    best, kind = -math.inf, 0
+    for i in range(3):
+        ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
+        away = abs(dx * ux + dy * uy + dz * uz) - half[a, i]
+        for j in range(3):
+            turned[i, j] = ux * axes[b, 0, j] + uy * axes[b, 1, j] + uz * axes[b, 2, j]
+            far[i, j] = abs(turned[i, j])
+            away -= half[b, j] * far[i, j]
+        if away > 0.0:
+            kind = -1
+            break
+        if away > best:
+            best, kind = away, i
+    if kind >= 0:
+        for j in range(3):
+            away = abs(dx * axes[b, 0, j] + dy * axes[b, 1, j] + dz * axes[b, 2, j]) - half[b, j]
+            for i in range(3):
+                away -= half[a, i] * far[i, j]
+            if away > 0.0:
+                kind = -1
+                break
+            if away > best:
+                best, kind = away, 3 + j
+    if kind >= 0:
+        for i in range(3):
+            i1, i2 = (1, 2) if i == 0 else (2, 0) if i == 1 else (0, 1)
+            p = dx * axes[a, 0, i1] + dy * axes[a, 1, i1] + dz * axes[a, 2, i1]
+            q = dx * axes[a, 0, i2] + dy * axes[a, 1, i2] + dz * axes[a, 2, i2]
+            for j in range(3):
+                square = 1.0 - far[i, j] * far[i, j]
+                if square < PARALLEL:
+                    continue
+                j1, j2 = (1, 2) if j == 0 else (2, 0) if j == 1 else (0, 1)
+                away = abs(q * turned[i1, j] - p * turned[i2, j])
+                away -= half[a, i1] * far[i2, j] + half[a, i2] * far[i1, j]
+                away -= half[b, j1] * far[i, j2] + half[b, j2] * far[i, j1]
+                if away > 0.0:
+                    kind = -1
+                    break
+                away /= math.sqrt(square)
+                if FLAT * away > best:
+                    best, kind = away, 6 + 3 * i + j
+            if kind < 0:
+                break
+    return kind, best
 
 
 @compiled(nogil=False, error_model="python")
@@ -91,103 +162,46 @@ def _note(found, who, contact, a, b, x, y, z, nx, ny, nz, depth):
 
 
 @compiled(nogil=False, error_model="python")
-def _touch_walls(box, slot, half, centre, axes, reach, wall, who, contact, found):
-    """Contacts of a box with the six planes -wall..wall: the corners beyond one, of the face that looks at it."""
-    for axis in range(3):
-        if abs(centre[box, axis]) + reach <= wall[axis]:
-            continue
-        side = 1.0 if centre[box, axis] > 0.0 else -1.0
-        for _ in range(2 if reach > wall[axis] else 1):  # in a tank that narrow a box meets both walls
-            extent, facing = 0.0, 0
-            for k in range(3):
-                extent += abs(axes[box, axis, k]) * half[box, k]
-                if abs(axes[box, axis, k]) > abs(axes[box, axis, facing]):
-                    facing = k
-            if side * centre[box, axis] + extent > wall[axis]:
-                one, two = (facing + 1) % 3, (facing + 2) % 3
-                up = half[box, facing] if side * axes[box, axis, facing] > 0.0 else -half[box, facing]
-                for corner in range(4):
-                    p = half[box, one] if corner & 1 else -half[box, one]
-                    q = half[box, two] if corner & 2 else -half[box, two]
-                    place = (
-                        centre[box, 0] + up * axes[box, 0, facing] + p * axes[box, 0, one] + q * axes[box, 0, two],
-                        centre[box, 1] + up * axes[box, 1, facing] + p * axes[box, 1, one] + q * axes[box, 1, two],
-                        centre[box, 2] + up * axes[box, 2, facing] + p * axes[box, 2, one] + q * axes[box, 2, two],
-                    )
-                    depth = side * place[axis] - wall[axis]
-                    if depth > 0.0:
-                        nx = -side if axis == 0 else 0.0
-                        ny = -side if axis == 1 else 0.0
-                        nz = -side if axis == 2 else 0.0
-                        h = 0.5 * depth
-                        found = _note(
-                            found, who, contact, slot[box], -1,
-                            place[0] + h * nx, place[1] + h * ny, place[2] + h * nz, nx, ny, nz, depth,
-                        )  # fmt: skip
-            side = -side
+def _touches_wall(box, axis, side, slot, half, centre, axes, wall, who, contact, found):
+    """Contacts of a box with the plane at side * wall along an axis: the corners beyond it, of the face towards it."""
+    facing = 0
+    for k in range(1, 3):
+        if abs(axes[box, axis, k]) > abs(axes[box, axis, facing]):
+            facing = k
+    one, two = (facing + 1) % 3, (facing + 2) % 3
+    up = half[box, facing] if side * axes[box, axis, facing] > 0.0 else -half[box, facing]
+    nx = -side if axis == 0 else 0.0
+    ny = -side if axis == 1 else 0.0
+    nz = -side if axis == 2 else 0.0
+    for corner in range(4):
+        p = half[box, one] if corner & 1 else -half[box, one]
+        q = half[box, two] if corner & 2 else -half[box, two]
+        x = centre[box, 0] + up * axes[box, 0, facing] + p * axes[box, 0, one] + q * axes[box, 0, two]
+        y = centre[box, 1] + up * axes[box, 1, facing] + p * axes[box, 1, one] + q * axes[box, 1, two]
+        z = centre[box, 2] + up * axes[box, 2, facing] + p * axes[box, 2, one] + q * axes[box, 2, two]
+        depth = -(nx * x + ny * y + nz * z) - wall[axis]
+        if depth > 0.0:
+            h = 0.5 * depth
+            found = _note(
+                found, who, contact, slot[box], -1, x + h * nx, y + h * ny, z + h * nz, nx, ny, nz, depth
+            )  # fmt: skip
     return found
 
 
 @compiled(nogil=False, error_model="python")
-def _touch(a, b, slot, half, centre, axes, turned, corners, clipped, who, contact, found):
-    """Contacts of two boxes, along the axis on which they overlap least; none where one of the fifteen parts them.
-
-    turned (3, 3) : the axes of b in the frame of a; corners, clipped (16, 2) : room to work
-    """
-    dx, dy, dz = centre[b, 0] - centre[a, 0], centre[b, 1] - centre[a, 1], centre[b, 2] - centre[a, 2]
-    best, kind = -math.inf, -1
-    for i in range(3):
-        for j in range(3):
-            turned[i, j] = axes[a, 0, i] * axes[b, 0, j] + axes[a, 1, i] * axes[b, 1, j] + axes[a, 2, i] * axes[b, 2, j]
-    for i in range(3):
-        away = abs(dx * axes[a, 0, i] + dy * axes[a, 1, i] + dz * axes[a, 2, i])
-        gap = away - half[a, i] - half[b, 0] * abs(turned[i, 0])
-        gap -= half[b, 1] * abs(turned[i, 1]) + half[b, 2] * abs(turned[i, 2])
-        if gap > 0.0:
-            return found
-        if gap > best:
-            best, kind = gap, i
-    for j in range(3):
-        away = abs(dx * axes[b, 0, j] + dy * axes[b, 1, j] + dz * axes[b, 2, j])
-        gap = away - half[b, j] - half[a, 0] * abs(turned[0, j])
-        gap -= half[a, 1] * abs(turned[1, j]) + half[a, 2] * abs(turned[2, j])
-        if gap > 0.0:
-            return found
-        if gap > best:
-            best, kind = gap, 3 + j
-    nx = ny = nz = 0.0
-    for i in range(3):
-        for j in range(3):
-            square = 1.0 - turned[i, j] * turned[i, j]
-            if square < PARALLEL:
-                continue
-            x = axes[a, 1, i] * axes[b, 2, j] - axes[a, 2, i] * axes[b, 1, j]
-            y = axes[a, 2, i] * axes[b, 0, j] - axes[a, 0, i] * axes[b, 2, j]
-            z = axes[a, 0, i] * axes[b, 1, j] - axes[a, 1, i] * axes[b, 0, j]
-            i1, i2, j1, j2 = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            gap = abs(dx * x + dy * y + dz * z)
-            gap -= half[a, i1] * abs(turned[i2, j]) + half[a, i2] * abs(turned[i1, j])
-            gap -= half[b, j1] * abs(turned[i, j2]) + half[b, j2] * abs(turned[i, j1])
-            if gap > 0.0:
-                return found
-            length = math.sqrt(square)
-            if FLAT * gap > best * length:
-                best, kind = gap / length, 6 + 3 * i + j
-                nx, ny, nz = x / length, y / length, z / length
-    if kind >= 6:
-        if nx * dx + ny * dy + nz * dz > 0.0:
-            nx, ny, nz = -nx, -ny, -nz
-        return _edges_touch(
-            a, b, (kind - 6) // 3, (kind - 6) % 3, half, centre, axes, nx, ny, nz, -best, slot, who, contact, found
-        )
-    if kind >= 3:
-        return _face_touches(b, a, kind - 3, -1.0, half, centre, axes, corners, clipped, slot, who, contact, found)
-    return _face_touches(a, b, kind, 1.0, half, centre, axes, corners, clipped, slot, who, contact, found)
-
-
-@compiled(nogil=False, error_model="python")
-def _edges_touch(a, b, i, j, half, centre, axes, nx, ny, nz, depth, slot, who, contact, found):
-    """The contact of an edge of a along its axis i with one of b along j; the normal points from b to a."""
+def _edges_touch(a, b, pair, depth, half, centre, axes, slot, who, contact, found):
+    """The contact of an edge of a along its axis i with one of b along j, pair = 3 i + j."""
+    i, j = pair // 3, pair % 3
+    ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
+    vx, vy, vz = axes[b, 0, j], axes[b, 1, j], axes[b, 2, j]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if (
+        nx * (centre[b, 0] - centre[a, 0]) + ny * (centre[b, 1] - centre[a, 1]) + nz * (centre[b, 2] - centre[a, 2])
+        > 0.0
+    ):
+        length = -length
+    nx, ny, nz = nx / length, ny / length, nz / length
     ax, ay, az = centre[a, 0], centre[a, 1], centre[a, 2]
     bx, by, bz = centre[b, 0], centre[b, 1], centre[b, 2]
     for k in range(3):
@@ -199,8 +213,6 @@ def _edges_touch(a, b, i, j, half, centre, axes, nx, ny, nz, depth, slot, who, c
             side = nx * axes[b, 0, k] + ny * axes[b, 1, k] + nz * axes[b, 2, k]
             h = half[b, k] if side > 0.0 else -half[b, k]
             bx, by, bz = bx + h * axes[b, 0, k], by + h * axes[b, 1, k], bz + h * axes[b, 2, k]
-    ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
-    vx, vy, vz = axes[b, 0, j], axes[b, 1, j], axes[b, 2, j]
     px, py, pz = bx - ax, by - ay, bz - az
     uv = ux * vx + uy * vy + uz * vz
     pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
