@@ -20,7 +20,7 @@ SETTLED = 1e-7  # length / tu: a contact whose speeds change by less is left unt
 @compiled(nogil=False, error_model="python")
 def exchange(
     n, who, contact, position, orientation, velocity, spin, mass, inertia, restitution, friction, least_bounce,
-    recovery, slop, step, iterations, pushed, inverse, rows, impulse,
+    recovery, slop, step, iterations, pushed, ready, rows, impulse,
 ):  # fmt: skip
     """Exchange impulses at the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the
     first body of each contact to `impulse` (M, 3).
@@ -29,7 +29,7 @@ def exchange(
     restitution, friction : of any two surfaces; least_bounce : speed below which approaches do not bounce
     recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce
     iterations : rounds at most
-    pushed (B,) : -1; inverse (B, 3, 3), rows (M, 3, 17) : room to work
+    pushed (B,) : -1; ready (B, 5, 3), rows (M, 3, 17) : room to work
     Bodies of unequal moments precess in a step before they touch, and again in the free flight that follows: their
     spins are left such that this flight gives those that the contacts made.
     """
@@ -38,7 +38,7 @@ def exchange(
             body = who[c, side]
             if body >= 0 and pushed[body] < 0:
                 pushed[body] = 0  # the last round that pushed it
-                _prepare(body, orientation, spin, inertia, step, inverse)
+                _prepare(body, orientation, spin, inertia, step, ready)
     for c in range(n):
         a, b = who[c, 0], who[c, 1]
         nx, ny, nz = contact[c, 3], contact[c, 4], contact[c, 5]
@@ -48,10 +48,10 @@ def exchange(
         else:
             length = math.sqrt(nx * nx + ny * ny)
             tx, ty, tz = ny / length, -nx / length, 0.0
-        _row(rows[c, 0], contact[c], a, b, nx, ny, nz, position, mass, inverse)
-        _row(rows[c, 1], contact[c], a, b, tx, ty, tz, position, mass, inverse)
+        _row(rows[c, 0], contact[c], a, b, nx, ny, nz, position, mass, ready)
+        _row(rows[c, 1], contact[c], a, b, tx, ty, tz, position, mass, ready)
         sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        _row(rows[c, 2], contact[c], a, b, sx, sy, sz, position, mass, inverse)
+        _row(rows[c, 2], contact[c], a, b, sx, sy, sz, position, mass, ready)
         speed = _speed(rows[c, 0], a, b, velocity, spin)
         wanted = -restitution * speed if -speed >= least_bounce else 0.0
         beyond = contact[c, 6] - slop
@@ -102,24 +102,26 @@ def exchange(
             body = who[c, side]
             if body >= 0 and pushed[body] >= 0:
                 pushed[body] = -1
-                _leave(body, orientation, spin, inertia, step)
+                _leave(body, orientation, spin, inertia, step, ready)
 
 
 @compiled(nogil=False, error_model="python")
-def _prepare(body, orientation, spin, inertia, step, inverse):
-    """Write a body's inverse inertia tensor in the world; let it precess as its free flight would."""
+def _prepare(body, orientation, spin, inertia, step, ready):
+    """Let a body precess as its free flight would; write to `ready` its inverse inertia tensor in the world, and its
+    spins before and after (a row each)."""
     x, y, z, w = orientation[body]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(x, y, z, w)
     i0, i1, i2 = inertia[body]
     j0, j1, j2 = 1.0 / i0, 1.0 / i1, 1.0 / i2
-    inverse[body, 0, 0] = r00 * r00 * j0 + r01 * r01 * j1 + r02 * r02 * j2
-    inverse[body, 1, 1] = r10 * r10 * j0 + r11 * r11 * j1 + r12 * r12 * j2
-    inverse[body, 2, 2] = r20 * r20 * j0 + r21 * r21 * j1 + r22 * r22 * j2
-    inverse[body, 0, 1] = inverse[body, 1, 0] = r00 * r10 * j0 + r01 * r11 * j1 + r02 * r12 * j2
-    inverse[body, 0, 2] = inverse[body, 2, 0] = r00 * r20 * j0 + r01 * r21 * j1 + r02 * r22 * j2
-    inverse[body, 1, 2] = inverse[body, 2, 1] = r10 * r20 * j0 + r11 * r21 * j1 + r12 * r22 * j2
+    ready[body, 0, 0] = r00 * r00 * j0 + r01 * r01 * j1 + r02 * r02 * j2
+    ready[body, 1, 1] = r10 * r10 * j0 + r11 * r11 * j1 + r12 * r12 * j2
+    ready[body, 2, 2] = r20 * r20 * j0 + r21 * r21 * j1 + r22 * r22 * j2
+    ready[body, 0, 1] = ready[body, 1, 0] = r00 * r10 * j0 + r01 * r11 * j1 + r02 * r12 * j2
+    ready[body, 0, 2] = ready[body, 2, 0] = r00 * r20 * j0 + r01 * r21 * j1 + r02 * r22 * j2
+    ready[body, 1, 2] = ready[body, 2, 1] = r10 * r20 * j0 + r11 * r21 * j1 + r12 * r22 * j2
+    wx, wy, wz = spin[body]
+    ready[body, 3, 0], ready[body, 3, 1], ready[body, 3, 2] = wx, wy, wz
     if i0 != i1 or i1 != i2:
-        wx, wy, wz = spin[body]
         u0, u1, u2 = r00 * wx + r10 * wy + r20 * wz, r01 * wx + r11 * wy + r21 * wz, r02 * wx + r12 * wy + r22 * wz
         g0 = step * (i1 - i2) / i0 * u1 * u2
         g1 = step * (i2 - i0) / i1 * u2 * u0
@@ -127,13 +129,20 @@ def _prepare(body, orientation, spin, inertia, step, inverse):
         spin[body, 0] = wx + r00 * g0 + r01 * g1 + r02 * g2
         spin[body, 1] = wy + r10 * g0 + r11 * g1 + r12 * g2
         spin[body, 2] = wz + r20 * g0 + r21 * g1 + r22 * g2
+    for k in range(3):
+        ready[body, 4, k] = spin[body, k]
 
 
 @compiled(nogil=False, error_model="python")
-def _leave(body, orientation, spin, inertia, step):
-    """Take back the precession of the free flight that follows, by the fixed point of its explicit step."""
+def _leave(body, orientation, spin, inertia, step, ready):
+    """Take back the precession of the free flight that follows, by the fixed point of its explicit step; exactly, where
+    the contacts made nothing of it."""
     i0, i1, i2 = inertia[body]
     if i0 == i1 and i1 == i2:
+        return
+    if spin[body, 0] == ready[body, 4, 0] and spin[body, 1] == ready[body, 4, 1] and spin[body, 2] == ready[body, 4, 2]:
+        for k in range(3):
+            spin[body, k] = ready[body, 3, k]
         return
     x, y, z, w = orientation[body]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(x, y, z, w)
@@ -154,7 +163,7 @@ def _leave(body, orientation, spin, inertia, step):
 
 
 @compiled(nogil=False, error_model="python")
-def _row(row, contact, a, b, dx, dy, dz, position, mass, inverse):
+def _row(row, contact, a, b, dx, dy, dz, position, mass, ready):
     """Fill a row, but for the speed wanted."""
     row[0], row[1], row[2] = dx, dy, dz
     against = 0.0
@@ -171,9 +180,7 @@ def _row(row, contact, a, b, dx, dy, dz, position, mass, inverse):
         against += 1.0 / mass[body]
         for k in range(3):
             row[turn + k] = (
-                inverse[body, k, 0] * row[lever]
-                + inverse[body, k, 1] * row[lever + 1]
-                + inverse[body, k, 2] * row[lever + 2]
+                ready[body, k, 0] * row[lever] + ready[body, k, 1] * row[lever + 1] + ready[body, k, 2] * row[lever + 2]
             )
             against += row[turn + k] * row[lever + k]
     row[EASE] = 1.0 / against

@@ -40,7 +40,7 @@ class OwnEngine(Engine):
         self._slot, self._radius = np.zeros(n, np.int64), np.zeros(n)
         self._half, self._offset, self._turn = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._centre, self._axes = np.zeros((n, 3)), np.zeros((n, 3, 3))
-        self._pushed, self._inverse = np.full(n, -1), np.zeros((n, 3, 3))
+        self._pushed, self._ready = np.full(n, -1), np.zeros((n, 5, 3))
         self._found = 0
         self._make_room(FIRST_ROOM)
 
@@ -98,7 +98,7 @@ class OwnEngine(Engine):
             exchange(
                 self._found, self._who, self._contact, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
                 self.restitution, self.friction, LEAST_BOUNCE, RECOVERY, SLOP, self.step_size, self.iterations,
-                self._pushed, self._inverse, self._rows, self._impulse,
+                self._pushed, self._ready, self._rows, self._impulse,
             )  # fmt: skip
 
     def near_contacts(self) -> Iterable[int]:

@@ -2,13 +2,10 @@
 
 import pytest
 
-from mechsim.scene import Scene
 from mechsim.world.engines import ENGINES
 
 
-@pytest.fixture(scope="session", params=ENGINES, ids=lambda entry: entry.name)
-def line4(request):
+@pytest.fixture(scope="session", params=[entry.name for entry in ENGINES])
+def line4(request, by_engine):
     """The shipped scene, computed by one engine after the other."""
-    data = Scene.load("line4").model_dump(mode="json")
-    data["numerics"]["engine"] = request.param.name
-    return Scene.model_validate(data)
+    return by_engine(request.param)
