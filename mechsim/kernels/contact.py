@@ -62,19 +62,24 @@ def facing_pairs(
             order[m + 1] = order[m]
             m -= 1
         order[m + 1] = cube
+    place = np.empty((order.shape[0], 3))  # in that order, one after the other in memory
+    for k in range(order.shape[0]):
+        for axis in range(3):
+            place[k, axis] = centre[order[k], axis]
     for k in range(order.shape[0]):
         for m in range(k + 1, order.shape[0]):
-            i, j = min(order[k], order[m]), max(order[k], order[m])
-            if abs(centre[j, 2] - centre[i, 2]) > wide:
+            dz = place[m, 2] - place[k, 2]
+            if dz > wide:
                 break
-            if body[i] == body[j]:
-                continue
-            dx = centre[j, 0] - centre[i, 0]
-            dy = centre[j, 1] - centre[i, 1]
-            dz = centre[j, 2] - centre[i, 2]
+            dx, dy = place[m, 0] - place[k, 0], place[m, 1] - place[k, 1]
             d2 = dx * dx + dy * dy + dz * dz
             if d2 > wide * wide:
                 continue
+            i, j = min(order[k], order[m]), max(order[k], order[m])
+            if body[i] == body[j]:
+                continue
+            if i == order[m]:
+                dx, dy, dz = -dx, -dy, -dz
             back_x = back_y = back_z = turn = 0.0
             is_followed = born[body[i]] < since and born[body[j]] < since
             if is_followed:

@@ -60,9 +60,13 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
     found = 0
     turned, far = np.empty((3, 3)), np.empty((3, 3))
     corners, clipped = np.empty((16, 2)), np.empty((16, 2))
+    ball = np.empty((n, 4))  # in that order, one after the other in memory
+    for k in range(n):
+        box = order[k]
+        ball[k, 0], ball[k, 1], ball[k, 2], ball[k, 3] = centre[box, 0], centre[box, 1], centre[box, 2], radius[box]
     for k in range(n):
         i = order[k]
-        x, y, z, reach = centre[i, 0], centre[i, 1], centre[i, 2], radius[i]
+        x, y, z, reach = ball[k]
         if abs(x) + reach > wall[0] or abs(y) + reach > wall[1] or abs(z) + reach > wall[2]:
             for axis in range(3):
                 extent = 0.0
@@ -75,14 +79,14 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
         if not with_bodies:
             continue
         for m in range(k + 1, n):
-            j = order[m]
-            dz, near = centre[j, 2] - z, reach + radius[j]
-            if dz > near:
-                if centre[j, 2] - radius[j] > z + reach:
-                    break
+            dz, near = ball[m, 2] - z, reach + ball[m, 3]
+            if dz > near:  # as the lower ends are in order, no later box is nearer
+                break
+            dx, dy = ball[m, 0] - x, ball[m, 1] - y
+            if dx * dx + dy * dy + dz * dz >= near * near:
                 continue
-            dx, dy = centre[j, 0] - x, centre[j, 1] - y
-            if dx * dx + dy * dy + dz * dz >= near * near or slot[i] == slot[j]:
+            j = order[m]
+            if slot[i] == slot[j]:
                 continue
             kind, gap = _overlap(i, j, dx, dy, dz, half, axes, turned, far)
             if kind >= 6:
