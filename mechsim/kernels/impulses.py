@@ -30,8 +30,8 @@ def exchange(
     recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce
     iterations : rounds at most
     pushed (B,) : -1; ready (B, 5, 3), rows (M, 3, 17) : room to work
-    Bodies of unequal moments precess in a step before they touch, and again in the free flight that follows: their
-    spins are left such that this flight gives those that the contacts made.
+    Bodies of unequal moments take up Euler's gyroscopic term before they touch, and again in the free flight that
+    follows: their spins are left such that this flight gives those that the contacts made.
     """
     for c in range(n):
         for side in range(2):
@@ -107,8 +107,8 @@ def exchange(
 
 @compiled(nogil=False, error_model="python")
 def _prepare(body, orientation, spin, inertia, step, ready):
-    """Let a body precess as its free flight would; write to `ready` its inverse inertia tensor in the world, and its
-    spins before and after (a row each)."""
+    """Give a body Euler's gyroscopic term, as its free flight would; write to `ready` its inverse inertia tensor in the
+    world, and its spins before and after (a row each)."""
     x, y, z, w = orientation[body]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(x, y, z, w)
     i0, i1, i2 = inertia[body]
@@ -135,8 +135,8 @@ def _prepare(body, orientation, spin, inertia, step, ready):
 
 @compiled(nogil=False, error_model="python")
 def _leave(body, orientation, spin, inertia, step, ready):
-    """Take back the precession of the free flight that follows, by the fixed point of its explicit step; exactly, where
-    the contacts made nothing of it."""
+    """Take back the gyroscopic term of the free flight that follows, by the fixed point of its explicit step; exactly,
+    where the contacts made nothing of it."""
     i0, i1, i2 = inertia[body]
     if i0 == i1 and i1 == i2:
         return

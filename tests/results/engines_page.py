@@ -1,10 +1,10 @@
 """The trials, the figure and the tables of docs/engines.md: what depends on the engine of contacts.
 
     python -m tests.results.engines_page              # figure and tables anew, from results/engines
-    python -m tests.results.engines_page --measure    # the trials, too: an hour of CPU time
+    python -m tests.results.engines_page --measure    # the trials, too: a quarter of an hour of CPU time
 
 Both engines get the same tanks of line4, each with a seed of its own, so that errors of the two are independent. Rates
-are those of every tenth calibration run of results/line4, made again by our own engine, beside all of PyBullet's.
+are those of every twentieth calibration run of results/line4, made again by our own engine, beside all of PyBullet's.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FOLDER = ROOT / "results" / "engines"
 STUDY = ROOT / "results" / "line4"
 TANKS = {"single cubes": (SINGLE, 100), "a mixture": (MIXED, 250)}  # and how many blocks are measured
 BLOCK = 10.0  # tu
-EVERY = 10  # of the study's calibration runs, which one is made again
+EVERY = 20  # of the study's calibration runs, which one is made again
 BLOCKS = re.compile(r"(<!-- engines: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 GROUPS = {  # how names of quantities begin -> what the page calls them
     "speed": "mean speed, by size of the body",
@@ -75,7 +75,7 @@ def changes(stored: pd.DataFrame) -> pd.DataFrame:
 
 
 def rates() -> pd.DataFrame:
-    """Rate constants of the study by PyBullet, and of every tenth of its calibration runs by our own engine."""
+    """Rate constants of the study by PyBullet, and of every twentieth of its calibration runs by our own engine."""
     plan = StudyPlan.load(STUDY / "plan.toml")
     specs = plan.specs(plan.calibration)[::EVERY]
     ours = estimate([execute(replace(spec, scene=by_engine(spec.scene, "own"))).path for spec in specs])
