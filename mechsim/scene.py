@@ -7,11 +7,12 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from kinetics.support.config import Settings, find, is_path, read_toml, validated
 from mechsim.effects import AnyEffect
 from mechsim.effects.base import Effect, EventKind
+from mechsim.world.engines import ENGINES, engine_named
 
 SCENES = Path(__file__).parent / "scenes"
 Length = Annotated[float, Field(gt=0)]
@@ -56,10 +57,21 @@ class Cubes(Settings):
 
 
 class Numerics(Settings):
-    """How finely the engine computes. step : tu; solver_iterations : of the engine's contact solver."""
+    """By what, and how finely, motions and contacts are computed.
+
+    step : tu; solver_iterations : of the engine's contact solver
+    engine : a name of `mechsim.world.engines`: what finds the contacts and exchanges their impulses
+    """
 
     step: float = Field(ge=1e-9)  # shorter ones take years for a tu
     solver_iterations: int = Field(default=50, ge=1, le=1000)
+    # Written only where it is another: a run by the first engine keeps the name that it had before there were several.
+    engine: str = Field(default=ENGINES[0].name, exclude_if=lambda value: value == ENGINES[0].name)
+
+    @field_validator("engine")
+    @classmethod
+    def _is_known(cls, name: str) -> str:
+        return engine_named(name).name
 
 
 class Guard(Settings):
@@ -80,7 +92,8 @@ class Scene(Settings):
     tank, cubes : their sizes, length
     numerics, guard : how finely the engine computes, and when a run is stopped
     effects : the physics, in the order in which they act; what is not listed is not simulated
-    ValueError: an effect that is listed twice, lacks one that it needs, or contradicts another
+    ValueError: an effect that is listed twice, lacks one that it needs, contradicts another, or is none that the engine
+        can do
 
     >>> from mechsim import Scene
     >>> scene = Scene.load("line4")
@@ -117,6 +130,14 @@ class Scene(Settings):
         checked: tuple[Effect, ...] = self.effects
         for effect in checked:
             effect.check(self)
+        engine = engine_named(self.numerics.engine)
+        for name in names:
+            if name in engine.lacks:
+                able = ", ".join(other.name for other in ENGINES if name not in other.lacks)
+                raise ValueError(
+                    f"engine {engine.name!r} lacks effect {name!r}, which the scene lists; leave the effect out, or "
+                    f"choose numerics.engine from {able}"
+                )
         return self
 
     @classmethod
@@ -133,6 +154,11 @@ class Scene(Settings):
     def provider(self, what: str) -> Any | None:
         """Settings of the listed effect that has this name or provides it (`drag`: drag or explicit-drag), or None."""
         return next((e for e in self.effects if what in (e.effect, e.provides)), None)
+
+    @property
+    def packages(self) -> tuple[str, ...]:
+        """Packages whose versions decide the numbers of a run, beside our own."""
+        return (*engine_named(self.numerics.engine).packages, "numpy")
 
     def openers(self, kind: EventKind) -> tuple[str, ...]:
         """Names of the listed effects that make events of this kind happen."""

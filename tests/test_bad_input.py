@@ -306,7 +306,7 @@ def test_damaged_runs_are_set_aside_and_made_again(wellmixed, wellmixed_here, tm
 
 def test_a_missing_extra_is_named(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    for name in ("mechsim.world.engine", "mechsim.world.world"):
+    for name in ("mechsim.world.engines.pybullet_engine", "mechsim.world.world"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     assert "this needs pybullet; install it by: pip install 'wellmixed[mech]'" in refused(*SIMULATE)
 

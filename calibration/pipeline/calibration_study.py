@@ -107,7 +107,7 @@ class CalibrationStudy:
             "runs_left_out": len(self.problems),
             "runs_digest": self.outcome.digest,
             "cpu_seconds": round(self.cpu_seconds, 1),
-            "versions": {name: version(name) for name in ("wellmixed", "pybullet", "numpy")},
+            "versions": {name: version(name) for name in ("wellmixed", *self.scene.packages)},
             "doubtful_tests": self.diagnosis.doubtful,
             "paper_estimator": paper,
         }

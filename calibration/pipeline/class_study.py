@@ -78,6 +78,7 @@ class ClassStudy:
     def rates(self) -> ClassRates:
         """The class rates with their evidence, ready to be saved."""
         scenes = {record.spec.scene.name: record.spec.scene for record in self.sound}
+        packages = dict.fromkeys(name for scene in scenes.values() for name in scene.packages)
         evidence = {
             "scenes": list(scenes),
             "scene_hashes": [scene.fingerprint for scene in scenes.values()],
@@ -87,7 +88,7 @@ class ClassStudy:
             "runs_left_out": len(self.problems),
             "runs_digest": self.outcome.digest,
             "cpu_seconds": round(self._cpu_seconds, 1),
-            "versions": {name: version(name) for name in ("wellmixed", "pybullet", "numpy")},
+            "versions": {name: version(name) for name in ("wellmixed", *packages)},
         }
         return self.calibration.rates(evidence)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Literal
+from itertools import product
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +15,7 @@ from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.bridges import Bridges
 from mechsim.effects.hits import Hit
 from mechsim.effects.view import ViewOfScene, ViewOfTouch, ViewOfWorld
-from mechsim.kernels.loads import bond_loads, hit_bound
+from mechsim.kernels.loads import SLACK, bond_loads, hit_bound
 
 
 def _pull(load: np.ndarray) -> np.ndarray:
@@ -81,11 +82,44 @@ class Breaking(Effect):
         return _Breaking(self, world)
 
 
+class _Known(NamedTuple):
+    """What hits do to a structure: bridges, their levers, cubes (k, 3) in edges; `most`: what a push of 1 counts as."""
+
+    bridges: Bridges
+    levers: np.ndarray
+    cubes: np.ndarray
+    most: float
+
+
+def most_of_a_push(bridges: Bridges, levers: np.ndarray, cubes: np.ndarray, bound: tuple[float, float, float]) -> float:
+    """At least what `hit_bound` gives for an impulse of 1, wherever on the structure it hits.
+
+    bound : of pull and shear, of the moment, of the impulse itself. For a given impulse both loads are norms of affine
+        functions of the place, so they are largest at a corner; of boxes that hold each cube however it is turned (.87
+        edges to its corners), and more than how far apart bodies that touch may be.
+    """
+    of_pull, of_moment, of_impulse = bound
+    most = 0.0
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    for lever, side in zip(levers, bridges.sides, strict=True):
+        for struck, who in enumerate((~side, side)):
+            places = (cubes[who][:, None] + corners).reshape(-1, 3)
+            turns = np.array([[np.zeros(len(places)), -places[:, 2], places[:, 1]],
+                              [places[:, 2], np.zeros(len(places)), -places[:, 0]],
+                              [-places[:, 1], places[:, 0], np.zeros(len(places))]])  # fmt: skip
+            loads = lever[struck, :, :3, None] + np.einsum("ij,jkp->ikp", lever[struck, :, 3:], turns)
+            sizes = np.linalg.norm(loads.reshape(2, 3, 3, -1), ord=2, axis=(1, 2))  # of pull and shear, of the moment
+            most = max(most, float((of_pull * sizes[0] + of_moment * sizes[1]).max()))
+    farthest = float(np.abs(cubes).sum(axis=1).max()) + 3.0
+    return (1.0 + SLACK) * (most + of_impulse + SLACK * ((of_pull + of_moment) * (2.0 + farthest) + of_impulse))
+
+
 class _Breaking(Action):
     def __init__(self, settings: Breaking, world: ViewOfWorld):
         self.settings, self.world = settings, world
         self.notable = settings.threshold if settings.log_above is None else settings.log_above
-        self.known: dict[Structure, tuple[Bridges, np.ndarray, np.ndarray]] = {}  # and their levers, cubes in edges
+        self.known: dict[Structure, _Known] = {}
+        self.of_slot: list[_Known | None] = [None] * world.bodies.n_cubes
         world.on_change(self.renew)
 
     def renew(self, slot: int) -> None:
@@ -94,7 +128,11 @@ class _Breaking(Action):
         structure = bodies.held(slot)
         if structure not in self.known:
             bridges, cubes = Bridges.of(structure), bodies.offset[list(bodies.members[slot])] / bodies.edge
-            self.known[structure] = bridges, bridges.levers(cubes), cubes
+            levers = bridges.levers(cubes)
+            of_pull, of_moment, of_change = BOUNDS[self.settings.criterion]
+            bound = of_pull, of_moment, of_change / float(bodies.mass[slot])
+            self.known[structure] = _Known(bridges, levers, cubes, most_of_a_push(bridges, levers, cubes, bound))
+        self.of_slot[slot] = self.known[structure]
 
     def after_step(self) -> None:
         """Judge all bodies that were hit hard enough, then break bonds: partners are seen as they were."""
@@ -113,24 +151,27 @@ class _Breaking(Action):
 
     def may_matter(self, slot: int, touches: list[ViewOfTouch]) -> bool:
         """False only where no bond can carry a notable load, by the sum of bounds of its contacts; mostly so."""
-        bodies = self.world.bodies
-        bridges, levers, cubes = self.known[bodies.held(slot)]
+        bodies, known = self.world.bodies, self.of_slot[slot]
+        assert known is not None  # noqa: S101 - a body that was touched has a structure
+        bridges, levers, cubes, most = known
         if not len(levers) or self.world.time - bodies.born[slot] < self.settings.grace:
             return False
+        if sum(math.hypot(*touch.impulse) for touch in touches) * most <= self.notable:
+            return False
         of_pull, of_moment, of_change = BOUNDS[self.settings.criterion]
-        most = 0.0
+        total = 0.0
         for touch in touches:
-            most += hit_bound(
+            total += hit_bound(
                 levers, bridges.sides, cubes, bodies.position, bodies.orientation, slot, touch.place, touch.impulse,
                 1.0 if touch.a == slot else -1.0, bodies.edge, of_pull, of_moment, of_change / bodies.mass[slot],
             )  # fmt: skip
-        return most > self.notable
+        return total > self.notable
 
     def judge(self, slot: int, touches: list[ViewOfTouch]) -> Hit | None:
         """The load on the most loaded bond of a body, and who put it there; None where it is not notable."""
         bodies = self.world.bodies
         structure = bodies.held(slot)
-        bridges, _, _ = self.known[structure]
+        bridges = self.known[structure].bridges
         loads = np.zeros((len(bridges.bonds), 3))
         place = np.array([touch.place for touch in touches])
         impulse = np.array([t.impulse if t.a == slot else [-x for x in t.impulse] for t in touches])

@@ -38,6 +38,7 @@ class FacesWithinReach:
         self.cosine = -math.cos(math.radians(angle))
         self.kind = np.zeros((world.bodies.n_cubes, 6), np.int64)
         self.allowed = np.ones((1, 1), bool)
+        self.order = np.arange(world.bodies.n_cubes)
         self.found = np.zeros((64, 4), np.int64)
         self.looked = -math.inf  # time of the last search; the poses then:
         self.centre, self.axes = world.bodies.centre.copy(), world.bodies.axes.copy()
@@ -48,7 +49,8 @@ class FacesWithinReach:
         while True:
             count = facing_pairs(
                 b.body, b.centre, b.axes, self.kind, self.allowed, b.edge, self.distance, self.cosine, self.sideways,
-                b.born, self.looked, self.centre, self.axes, self.finest, self.found,
+                b.born, self.looked, self.centre, self.axes, self.finest, self.order,
+                self.found,
             )  # fmt: skip
             if count <= len(self.found):
                 break

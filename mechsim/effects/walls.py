@@ -13,7 +13,7 @@ from mechsim.effects.view import ViewOfWorld
 class Walls(Effect):
     """The walls of the tank: six fixed boxes, thick enough that a fast cube is pushed back and does not pass through.
 
-    thickness : thickness of a wall, length
+    thickness : thickness of a wall, length; the walls of the engine `own` have no back, whatever it is
     """
 
     effect: Literal["walls"] = "walls"

@@ -17,7 +17,6 @@ from kinetics.support.tables import text_table
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.scene import Scene
 from mechsim.world.bodies import Bodies
-from mechsim.world.engine import Engine
 from mechsim.world.world import World
 
 WARM_UP = 200  # steps: code compiled or loaded, caches filled, cubes moving
@@ -261,7 +260,7 @@ def _damping(world: World) -> dict[str, float]:
     cube: Structure = world.book.monomer()
     bodies.fill(0, cube, (0,))
     bodies.index()
-    engine = Engine(bodies, world.step_size, world.scene.numerics.solver_iterations)
+    engine = type(world.engine)(bodies, world.step_size, world.scene.numerics.solver_iterations)
     try:
         engine.create(0)
         bodies.velocity[0] = bodies.spin[0] = [1.0, 0.0, 0.0]

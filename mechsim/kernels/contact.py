@@ -23,6 +23,7 @@ def facing_pairs(
     last_centre,
     last_axes,
     finest,
+    order,
     found,
 ):
     """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns their number.
@@ -41,7 +42,8 @@ def facing_pairs(
     body (C,) : slot of each cube; cubes of one body are never a pair
     kind (C, 6) : what the rules distinguish in a face, -1 where it is covered; allowed (kinds, kinds) : may they bond
     born (B,) : time at which the body got its structure; last_centre (C, 3), last_axes (C, 3, 3) : at the last look
-    found.shape[0] is a limit: the caller checks for a full table.
+    order (C,) : all cubes; sorted here along z, from how they were last time, so that few pairs are looked at
+    found.shape[0] is a limit: the caller checks for a full table. Rows come by i, j and faces.
     """
     count = 0
     # Supports are largest at the largest tilt of a face to the normal between the two, along a face's diagonal.
@@ -53,16 +55,31 @@ def facing_pairs(
             furthest = max(furthest, _distance2(centre, last_centre, i))
     wide = reach + 2.0 * math.sqrt(furthest)
     between = np.empty((2, 3, 3))
-    for i in range(body.shape[0]):
-        for j in range(i + 1, body.shape[0]):
-            if body[i] == body[j]:
-                continue
-            dx = centre[j, 0] - centre[i, 0]
-            dy = centre[j, 1] - centre[i, 1]
-            dz = centre[j, 2] - centre[i, 2]
+    for k in range(1, order.shape[0]):
+        cube = order[k]
+        m = k - 1
+        while m >= 0 and centre[order[m], 2] > centre[cube, 2]:
+            order[m + 1] = order[m]
+            m -= 1
+        order[m + 1] = cube
+    place = np.empty((order.shape[0], 3))  # in that order, one after the other in memory
+    for k in range(order.shape[0]):
+        for axis in range(3):
+            place[k, axis] = centre[order[k], axis]
+    for k in range(order.shape[0]):
+        for m in range(k + 1, order.shape[0]):
+            dz = place[m, 2] - place[k, 2]
+            if dz > wide:
+                break
+            dx, dy = place[m, 0] - place[k, 0], place[m, 1] - place[k, 1]
             d2 = dx * dx + dy * dy + dz * dz
             if d2 > wide * wide:
                 continue
+            i, j = min(order[k], order[m]), max(order[k], order[m])
+            if body[i] == body[j]:
+                continue
+            if i == order[m]:
+                dx, dy, dz = -dx, -dy, -dz
             back_x = back_y = back_z = turn = 0.0
             is_followed = born[body[i]] < since and born[body[j]] < since
             if is_followed:
@@ -93,10 +110,10 @@ def facing_pairs(
                         back += max(free, finest)
                         if back >= 1.0:
                             break
-                        for k in range(3):
-                            for m in range(3):
-                                between[0, k, m] = axes[i, k, m] + back * (last_axes[i, k, m] - axes[i, k, m])
-                                between[1, k, m] = axes[j, k, m] + back * (last_axes[j, k, m] - axes[j, k, m])
+                        for p in range(3):
+                            for q in range(3):
+                                between[0, p, q] = axes[i, p, q] + back * (last_axes[i, p, q] - axes[i, p, q])
+                                between[1, p, q] = axes[j, p, q] + back * (last_axes[j, p, q] - axes[j, p, q])
                         free = _out_of_reach(
                             between, 0, 1, f, g, dx + back * back_x, dy + back * back_y, dz + back * back_z,
                             edge, capture, cosine, sideways, move, turn,
@@ -105,7 +122,21 @@ def facing_pairs(
                         if count < found.shape[0]:
                             found[count, 0], found[count, 1], found[count, 2], found[count, 3] = i, f, j, g
                         count += 1
+    if count <= found.shape[0]:
+        _sort_pairs(found, count)
     return count
+
+
+@compiled(nogil=False, error_model="python")
+def _sort_pairs(found, n):
+    """Put the first n rows (i, face, j, face) in order of i, j, and the faces."""
+    for k in range(1, n):
+        i, f, j, g = found[k]
+        m = k - 1
+        while m >= 0 and (found[m, 0], found[m, 2], found[m, 1], found[m, 3]) > (i, j, f, g):
+            found[m + 1] = found[m]
+            m -= 1
+        found[m + 1, 0], found[m + 1, 1], found[m + 1, 2], found[m + 1, 3] = i, f, j, g
 
 
 @compiled(nogil=False, error_model="python")
@@ -160,13 +191,13 @@ def _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways,
     return free
 
 
-@compiled(nogil=False, error_model="python")
+@compiled(nogil=False, error_model="python", inline="always")
 def _distance2(a, b, i):
     """Square of the distance of two points."""
     return (a[i, 0] - b[i, 0]) ** 2 + (a[i, 1] - b[i, 1]) ** 2 + (a[i, 2] - b[i, 2]) ** 2
 
 
-@compiled(nogil=False, error_model="python")
+@compiled(nogil=False, error_model="python", inline="always")
 def _turn(a, b, i):
     """Largest change of a unit vector between two rotations: 2 sin(t / 2) for the angle t between them."""
     total = 0.0

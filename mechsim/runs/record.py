@@ -148,7 +148,7 @@ class RunSpec:
             "run": self.run,
             "restart": self.restart,
             "poses": self.poses,
-            "physics": {"wellmixed": PHYSICS, "pybullet": version("pybullet"), "numpy": version("numpy")},
+            "physics": {"wellmixed": PHYSICS} | {name: version(name) for name in self.scene.packages},
         }
         if self.scene.provider("drag") is None:
             inputs["physics"] |= {"free_spin": FREE_SPIN}

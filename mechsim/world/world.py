@@ -16,7 +16,7 @@ from mechsim.kernels.contact import blocked
 from mechsim.kernels.motion import TROUBLES, coast, not_finite, trouble
 from mechsim.scene import Scene
 from mechsim.world.bodies import Bodies
-from mechsim.world.engine import Engine
+from mechsim.world.engines import Engine, engine_named
 from mechsim.world.free_spin import FreeSpin
 from mechsim.world.placement import scatter
 
@@ -59,7 +59,8 @@ class World:
         self.half = np.asarray(scene.tank.size) / 2
         self.limit = np.full(3, np.inf)  # beyond it a body has escaped; walls set it
         self.bodies = Bodies(n_cubes, scene.cubes.edge, scene.cubes.density * scene.cubes.edge**3)
-        self.engine = Engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
+        engine = engine_named(scene.numerics.engine).load()
+        self.engine: Engine = engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
         self.set_drag_points(np.zeros((0, 3)))
         self.listeners: list[Callable[[BondEvent], None]] = []
         self.hit_listeners: list[Callable[[Hit], None]] = []

@@ -28,6 +28,13 @@ def act(world):
         part()
 
 
+def collide(world):
+    """The engine's part of a step and the bodies' flight; nothing of effects, nor of the guard."""
+    names = [name for name, _ in world.parts]
+    for _, part in world.parts[names.index("motions into the engine") : names.index("reading back") + 1]:
+        part()
+
+
 def put(world, slot, position, axes=None, velocity=(0, 0, 0), spin=(0, 0, 0)):
     b = world.bodies
     b.position[slot], b.velocity[slot], b.spin[slot] = position, velocity, spin

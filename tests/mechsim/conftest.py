@@ -6,6 +6,7 @@ import pytest
 from kinetics.assembly import RuleBook, derive
 from kinetics.support.config import validated
 from mechsim.scene import Scene
+from mechsim.world.engines import engine_named
 from mechsim.world.world import World
 
 
@@ -22,6 +23,20 @@ def derivation(book):
 @pytest.fixture(scope="session")
 def line4():
     return Scene.load("line4")
+
+
+@pytest.fixture(scope="session")
+def by_engine():
+    """by_engine(name): the shipped scene, computed by this engine; skips where it cannot be installed."""
+
+    def make(name):
+        for package in engine_named(name).packages:
+            pytest.importorskip(package)
+        data = Scene.load("line4").model_dump(mode="json")
+        data["numerics"]["engine"] = name
+        return validated(Scene, data, "scene")
+
+    return make
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ def find(centre, axes, body=None, before=None, born=None, sideways=SIDEWAYS):
     count = facing_pairs(
         body, centre, axes, np.zeros((n, 6), np.int64), np.ones((1, 1), bool),
         EDGE, CAPTURE, COSINE, sideways, np.zeros(n) if born is None else np.array(born, float),
-        -math.inf if before is None else 1.0, *last, 1 / 64, found,
+        -math.inf if before is None else 1.0, *last, 1 / 64, np.arange(n)[::-1].copy(), found,
     )  # fmt: skip
     return {tuple(row) for row in found[:count].tolist()}
 

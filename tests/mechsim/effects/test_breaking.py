@@ -7,7 +7,7 @@ from kinetics.assembly import Structure
 from mechsim.effects.breaking import CRITERIA
 from mechsim.effects.bridges import Bridges
 from mechsim.kernels.loads import bond_loads
-from mechsim.world.engine import Touch
+from mechsim.world.engines import Touch
 
 MASS, EDGE = 0.7, 0.3
 LINE = np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * EDGE

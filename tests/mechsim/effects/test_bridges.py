@@ -5,7 +5,7 @@ import pytest
 
 from kinetics.assembly import Structure
 from kinetics.runs import NO_BREAK
-from mechsim.effects.breaking import BOUNDS, CRITERIA
+from mechsim.effects.breaking import BOUNDS, CRITERIA, most_of_a_push
 from mechsim.effects.bridges import Bridges
 from mechsim.kernels.loads import bond_loads, hit_bound
 from mechsim.runs.record import RunSpec, execute
@@ -60,6 +60,28 @@ def test_no_hit_loads_a_bond_above_the_bound(criterion, shape):
     assert shares.max() > 0.9  # nine tenths of the bound would be none
     if criterion == "impulse":  # of one contact the bound is the load itself, but for rounding
         assert np.median(shares[contacts == 1]) > 1 - 1e-4
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_push_anywhere_counts_as_no_more_than_the_most_of_a_push(criterion, shape):
+    """On the surface and a tenth of an edge off it; nor is that much more than what some push counts as."""
+    places = SHAPES[shape]
+    structure = Structure(places, (0,) * len(places), ("a",) * len(places))
+    bridges, shape_of, rng = Bridges.of(structure), BodyShape.of(places), np.random.default_rng(8)
+    cubes, levers = shape_of.offset, bridges.levers(shape_of.offset)
+    of_pull, of_moment, of_change = BOUNDS[criterion]
+    bound = of_pull, of_moment, of_change / (MASS * len(places))
+    most, largest = most_of_a_push(bridges, levers, cubes, bound), 0.0
+    pose = np.zeros((1, 3)), np.array([[0.0, 0, 0, 1]])
+    for _ in range(3000):
+        off = rng.choice([-0.6, -0.5, 0.5, 0.6], 3) * rng.choice([1.0, rng.random()], 3)
+        place = EDGE * (cubes[rng.integers(len(places))] + off @ shape_of.frame)
+        push = rng.standard_normal(3)
+        push /= np.linalg.norm(push)
+        counts = hit_bound(levers, bridges.sides, cubes, *pose, 0, tuple(place), tuple(push), 1.0, EDGE, *bound)
+        largest = max(largest, counts)
+    assert 0.4 * most < largest <= most
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)

@@ -9,7 +9,7 @@ from kinetics.assembly import RuleBook, Structure, derive
 from mechsim.effects.breaking import BOUNDS, CRITERIA, Breaking
 from mechsim.effects.bridges import Bridges
 from mechsim.kernels.loads import SLACK, bond_loads, hit_bound
-from mechsim.world.engine import Touch
+from mechsim.world.engines import Touch
 
 EDGE, CUBE_MASS = 0.3, 0.4
 RNG = np.random.default_rng(11)

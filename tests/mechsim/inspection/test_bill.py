@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import mechsim.inspection.bill as bills
 from mechsim.commands.simulate import simulate
 from mechsim.inspection.bill import BY_PAIRS, bill
-from mechsim.world.engine import LEAST_BOUNCE, RECOVERY
+from mechsim.world.engines.base import LEAST_BOUNCE, RECOVERY
 
 
 class FakeTime:

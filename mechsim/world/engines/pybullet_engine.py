@@ -1,4 +1,4 @@
-"""The interface to PyBullet, used nowhere else: rigid boxes, their contacts, one step at a time.
+"""The engine PyBullet, used nowhere else: rigid boxes, their contacts, one step at a time.
 
 What this module rests on, each held by a test:
 - velocities are set and no forces used: the velocity after a step minus the one set is the contact impulse over mass;
@@ -17,12 +17,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
 from mechsim.world.boxes import boxes_of
+from mechsim.world.engines.base import CONTINUOUS, LEAST_BOUNCE, RECOVERY, SLEEPING, Engine, Touch
 
 
 @contextmanager
@@ -43,24 +43,8 @@ with _quiet():
 
 CUBES, WALLS = 1, 2  # collision groups
 
-# What the engine has in force, though it cannot be read back and we do not set it; tests measure both.
-LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
-RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
-SLEEPING = 0.0  # speed below which a body is put to rest: switched off
-CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
 
-
-class Touch(NamedTuple):
-    """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the
-    opposite)."""
-
-    a: int
-    b: int
-    place: tuple[float, float, float]
-    impulse: tuple[float, float, float]
-
-
-class Engine:
+class PyBulletEngine(Engine):
     """The engine's side of a table of bodies: one engine body a filled slot, kept in step with `bodies`.
 
     step : tu; iterations : of the contact solver
