@@ -44,6 +44,7 @@ class World:
 
     scene, book : what is simulated, and the rules its cubes follow
     seed : of all streams of this world; each part draws from its own, so leaving one out does not change the others
+    engine : what finds contacts and exchanges their impulses
 
     Effects see of it what `effects.view.ViewOfWorld` names. `fluid` (C, P, 3) is the velocity of the fluid at the drag
     points, the sum of what the sources of flow keep each for itself; it is renewed in every step, after the last of
@@ -51,7 +52,14 @@ class World:
     `parts` : what a step does, in order, each with the name of the effect, or of the work, that it is
     """
 
-    def __init__(self, scene: Scene, book: RuleBook, n_cubes: int, seed: np.random.SeedSequence):
+    def __init__(
+        self,
+        scene: Scene,
+        book: RuleBook,
+        n_cubes: int,
+        seed: np.random.SeedSequence,
+        engine: type[Engine] = Engine,
+    ):
         self.scene, self.book, self._seed = scene, book, seed
         self.step_size = scene.numerics.step
         self.step_count = 0
@@ -59,7 +67,7 @@ class World:
         self.half = np.asarray(scene.tank.size) / 2
         self.limit = np.full(3, np.inf)  # beyond it a body has escaped; walls set it
         self.bodies = Bodies(n_cubes, scene.cubes.edge, scene.cubes.density * scene.cubes.edge**3)
-        self.engine = Engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
+        self.engine = engine(self.bodies, self.step_size, scene.numerics.solver_iterations)
         self.set_drag_points(np.zeros((0, 3)))
         self.listeners: list[Callable[[BondEvent], None]] = []
         self.hit_listeners: list[Callable[[Hit], None]] = []
