@@ -206,7 +206,7 @@ def plain_python(module, *changes):
     name = f"mutant_{module.__name__.rpartition('.')[2]}"
     made = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader=None))
     sys.modules[name] = made  # NamedTuple looks its module up
-    compiler, compiled.compiled = compiled.compiled, lambda function: function
+    compiler, compiled.compiled = compiled.compiled, lambda function=None, **_: function or (lambda inlined: inlined)
     try:
         exec(compile(text, name, "exec"), made.__dict__)
     finally:
@@ -249,7 +249,6 @@ def mutant_states(net, module, changes, initial, end, runs):
 PICK = "target = max(target - which * uppers[bin_], 0.0)"
 KEPT = "if target >= groups[group].total:"
 WALKED = "copies[channels[chosen].partner] - less"
-LIKE = "(others - lessened[chosen] if others >= needed[chosen] else 0)"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
     (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
@@ -266,8 +265,8 @@ MUTANTS = [
         ("[channels[chosen].partner] - less", "[channels[chosen].partner]"),
         ("(owners - 1.0)", "owners"),
     ),
-    (partial, "a stale partial propensity", ("partials[i] += row[i] * gained", "pass")),
-    (partial, "s * s for s (s - 1)", (LIKE, "others"), ("(copies[i] - less[i])", "copies[i]")),
+    (partial, "a stale partial propensity", ("partials[i] += couplings[s, i] * gained", "pass")),
+    (partial, "s * s for s (s - 1)", ("count - less[s]", "count")),
     (partial, "an owner too many", ("share = target / copies[owner]", "share = target / (copies[owner] + 1)")),
 ]
 
