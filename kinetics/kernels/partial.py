@@ -14,9 +14,9 @@ channel's owner is found from the largest down, and the channel by a walk over t
 owner, eight at a time.
 
 L_i is carried from event to event, so it gathers rounding. It therefore starts a little too large, by more than all
-that rounding could take away until it is next made afresh: it bounds the true value from above. A walk that ends without
-a channel is an event at which nothing happens (thinning), so rounding cannot let a channel fire that could not, nor bias
-the others.
+that rounding could take away until it is next made afresh: it bounds the true value from above. A walk that ends
+without a channel is an event at which nothing happens (thinning), so rounding cannot let a channel fire that could not,
+nor bias the others.
 
 A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
 """

@@ -23,9 +23,8 @@ class PartialPropensities(SamplingMethod):
     """The partial-propensity method (Ramaswamy et al. 2009, doi:10.1063/1.3154624), an exact sampling method.
 
     It takes channels of at most two reactants. Choose it where many channels couple few species, as in polymerisation:
-    the cost of an event grows with the channels a species has, and is about 65 ns plus 1 ns per channel of a species and
-    0.08 ns per species.
-    Rounding of the running sums is made harmless by thinning.
+    an event costs about 65 ns, plus 1 ns per channel of a species and 0.08 ns per species. Rounding of the running sums
+    is made harmless by thinning.
 
     >>> from kinetics import Network, PartialPropensities, simulate
     >>> dimers = Network.from_text("2 A <-> AA, 0.01, 0.1")
