@@ -203,10 +203,10 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 partials[i] += couplings[s, i] * gained
                 sums[i] = copies[i] * (partials[i] + like[i] * copies[width + i])
             first, last = begin // side, (end - one) // side
-            for block in range(first, last + one):
-                blocks[block] = eight(sums, block * side)
-            for span in range(first // side, last // side + one):
-                spans[span] = eight(blocks, span * side)
+            for i in range(first, last + one):
+                blocks[i] = eight(sums, i * side)
+            for i in range(first // side, last // side + one):
+                spans[i] = eight(blocks, i * side)
         if is_over:
             outcome = OVERFLOW
             break
