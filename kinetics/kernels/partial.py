@@ -9,10 +9,14 @@ it changes, however many channels there are:
 with u_i the coefficients of channels of i alone, C_ij of pairs i, j and c_i of like pairs. Channels without a reactant
 belong to an owner of their own, number S, of which there is always one copy.
 
+An event renews the sums of the owners that it changes, and with them those of their blocks of 8 owners and of 64: the
+channel's owner is found from the largest down, and the channel by a walk over the exact partial propensities of its
+owner, eight at a time.
+
 L_i is carried from event to event, so it gathers rounding. It therefore starts a little too large, by more than all
-that rounding could take away until it is next made afresh: it bounds the true value from above. The channel is then
-found by a walk over the exact partial propensities of its owner; a walk that ends without one is an event at which
-nothing happens (thinning), so rounding cannot let a channel fire that could not, nor bias the others.
+that rounding could take away until it is next made afresh: it bounds the true value from above. A walk that ends
+without a channel is an event at which nothing happens (thinning), so rounding cannot let a channel fire that could not,
+nor bias the others.
 
 A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
 """
@@ -21,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.kernels.blocks import BLOCK, block_at
+from kinetics.kernels.blocks import BLOCK
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
@@ -33,14 +37,12 @@ UNIT = 2.0**-53  # largest relative error of one rounding
 class PartialModel(NamedTuple):
     """Owners are the species, then the one of channels without reactants; blocks are filled up with empty owners.
 
-    couplings (S, W) : C_ij at [j, i], W owners with those that fill up the last block
+    couplings (S, W) : C_ij at [j, i], W owners with those that fill up the last block of blocks
     reach (S, 2) int64 : first and last + 1 of the owners i that are coupled to species j
     alone (W,) : u_i
     like (W,), less (W,) : c_i and less_i of like pairs, which need two copies
     owned_starts (W + 1,) : first channel of each owner; channels are in the order of their owners
-    partners (R,) int64 : species j of a pair, S for the constant 1
-    lessened (R,) int64 : 1 for a like pair that is counted as n (n - 1)
-    needed (R,) int64 : copies of the partner below which the channel cannot fire
+    partners (R,) int32 : species j of a pair, S for the constant 1, W + i for a like pair
     coefficients (R,)
     change_starts (R + 1,), change_species, change_copies : what a channel changes
     largest_gain, most_changes : the most copies that one event adds of a species, and species that it changes
@@ -53,8 +55,6 @@ class PartialModel(NamedTuple):
     less: np.ndarray
     owned_starts: np.ndarray
     partners: np.ndarray
-    lessened: np.ndarray
-    needed: np.ndarray
     coefficients: np.ndarray
     change_starts: np.ndarray
     change_species: np.ndarray
@@ -66,16 +66,17 @@ class PartialModel(NamedTuple):
 class PartialWork(NamedTuple):
     """What one run keeps between calls.
 
-    copies (W,) : counts of the owners as doubles
+    copies (2 W,) : counts of the owners as doubles, then what a like pair takes beside one copy: n_i - less_i, or 0
     partials (W,) : L, a bound from above
-    sums (W,), upto (W / BLOCK,) : sums over the channels of an owner, and running over blocks of owners
+    sums (W,), blocks (W / 8,), spans (W / 64,) : sums over the channels of an owner, and of 8 and 64 owners
     age (1,) : steps since L was made afresh
     """
 
     copies: np.ndarray
     partials: np.ndarray
     sums: np.ndarray
-    upto: np.ndarray
+    blocks: np.ndarray
+    spans: np.ndarray
     age: np.ndarray
 
 
@@ -98,11 +99,24 @@ def refresh(model, work):
     total = 0.0
     updates = 2.0 * (REFRESH * model.most_changes + n_species + 2)
     for i in range(width):
-        like = model.like[i] * (work.copies[i] - model.less[i]) if work.copies[i] >= 2.0 else 0.0
+        like = model.like[i] * work.copies[width + i]
         total += work.copies[i] * (work.partials[i] + like)
         work.partials[i] += updates * UNIT * reached[i]
+        work.sums[i] = work.copies[i] * (work.partials[i] + like)
+    for block in range(work.blocks.size):
+        work.blocks[block] = eight(work.sums, np.uint64(BLOCK * block))
+    for span in range(work.spans.size):
+        work.spans[span] = eight(work.blocks, np.uint64(BLOCK * span))
     work.age[0] = 0
     return total
+
+
+@compiled(inline="always")
+def eight(parts, i):
+    """Sum of eight parts from i (unsigned) on; in pairs, so that no sum waits for the one before."""
+    low = (parts[i] + parts[i + np.uint64(1)]) + (parts[i + np.uint64(2)] + parts[i + np.uint64(3)])
+    high = (parts[i + np.uint64(4)] + parts[i + np.uint64(5)]) + (parts[i + np.uint64(6)] + parts[i + np.uint64(7)])
+    return low + high
 
 
 @compiled
@@ -112,10 +126,11 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     Arguments and result as of `kernels.grouped.advance`.
     """
     couplings, reach, like, less = model.couplings, model.reach, model.like, model.less
-    partners, lessened, needed, coefficients = model.partners, model.lessened, model.needed, model.coefficients
+    partners, coefficients, owned_starts = model.partners, model.coefficients, model.owned_starts
     change_starts, change_species, change_copies = model.change_starts, model.change_species, model.change_copies
-    copies, partials, sums, upto = work.copies, work.partials, work.sums, work.upto
-    width, n_blocks = copies.size, upto.size
+    copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
+    # Unsigned: indices need no check for negative ones.
+    one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
     is_frozen = False
     outcome = UNFINISHED
@@ -124,51 +139,74 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             refresh(model, work)
             age = 0
         age += 1
-        for i in range(width):
-            alike = like[i] * (copies[i] - less[i]) if copies[i] >= 2.0 else 0.0
-            sums[i] = copies[i] * (partials[i] + alike)
         total = 0.0
-        for block in range(n_blocks):
-            i = BLOCK * block
-            total += ((sums[i] + sums[i + 1]) + (sums[i + 2] + sums[i + 3])) + (
-                (sums[i + 4] + sums[i + 5]) + (sums[i + 6] + sums[i + 7])
-            )
-            upto[block] = total
+        for i in range(n_spans):
+            total += spans[i]
         t, passed, outcome = move_on(t, np.inf if is_frozen else waits[draw], total, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
-        block, target = block_at(upto, uniforms[draw] * total, total)
-        owner = BLOCK * block
-        last = owner + BLOCK - 1
+        target = uniforms[draw] * total
+        span = np.uint64(0)
+        while span + one < n_spans and spans[span] <= target:
+            target -= spans[span]
+            span += one
+        block = span * side
+        last = block + side - one
+        while block < last and blocks[block] <= target:
+            target -= blocks[block]
+            block += one
+        owner = block * side
+        last = owner + side - one
         while owner < last and sums[owner] <= target:
             target -= sums[owner]
-            owner += 1
+            owner += one
         share = target / copies[owner]
-        chosen = model.owned_starts[owner]
-        end = model.owned_starts[owner + 1]
+        chosen, end = np.uint64(owned_starts[owner]), np.uint64(owned_starts[owner + one])
         part = 0.0
+        while chosen + side <= end:
+            more = 0.0
+            for k in range(BLOCK):
+                r = chosen + np.uint64(k)
+                more += coefficients[r] * copies[np.uint64(partners[r])]
+            if part + more > share:
+                break
+            part += more
+            chosen += side
         while chosen < end:
-            others = counts[np.uint64(partners[chosen])]
-            part += coefficients[chosen] * (others - lessened[chosen] if others >= needed[chosen] else 0)
+            part += coefficients[chosen] * copies[np.uint64(partners[chosen])]
             if part > share:
                 break
-            chosen += 1
+            chosen += one
         if not part > share:
             is_frozen = refresh(model, work) == 0.0
             age = 0
             continue
 
         is_over = False
-        for k in range(change_starts[chosen], change_starts[chosen + 1]):
-            s = change_species[k]
-            counts[s] += change_copies[k]
-            is_over |= counts[s] < 0
-            copies[s] = counts[s]
+        for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
+            s = np.uint64(change_species[k])
+            count = counts[s] + change_copies[k]
+            counts[s] = count
+            is_over |= count < 0
+            copies[s] = count
+            copies[width + s] = count - less[s] if count >= 2 else 0.0
+            sums[s] = copies[s] * (partials[s] + like[s] * copies[width + s])
+            block = s // side
+            blocks[block] = eight(sums, block * side)
+            spans[block // side] = eight(blocks, (block // side) * side)
+            begin, end = np.uint64(reach[s, 0]), np.uint64(reach[s, 1])
+            if begin == end:
+                continue
             gained = float(change_copies[k])
-            row = couplings[s]
-            for i in range(np.uint64(reach[s, 0]), np.uint64(reach[s, 1])):
-                partials[i] += row[i] * gained
+            for i in range(begin, end):
+                partials[i] += couplings[s, i] * gained
+                sums[i] = copies[i] * (partials[i] + like[i] * copies[width + i])
+            first, last = begin // side, (end - one) // side
+            for i in range(first, last + one):
+                blocks[i] = eight(sums, i * side)
+            for i in range(first // side, last // side + one):
+                spans[i] = eight(blocks, i * side)
         if is_over:
             outcome = OVERFLOW
             break

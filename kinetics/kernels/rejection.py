@@ -32,22 +32,18 @@ BIN_BITS = np.int64(51)  # of a double below its exponent and the first bit afte
 NO_BIN = -1
 LARGEST_SUM = 2.0**1000  # so that all upper ends are finite
 
-# What an event reads together lies together: cache lines are much of what it costs.
-CHANNEL = np.dtype(
-    [("coefficient", "f8"), ("partner", "u4"), ("less", "i4"), ("change", "u4"), ("list", "u4")], align=True
-)
-CHANGE = np.dtype([("gain", "i8"), ("species", "u4"), ("list", "u4")], align=True)
+# What an event reads together lies together, and little of it: cache lines are much of what it costs.
+CHANNEL = np.dtype([("coefficient", "f8"), ("partner", "u4"), ("event", "u4")], align=True)
+PLAIN, LIKE, GENERAL = 0, 1, 2  # a channel's kind, in the two lowest bits of its partner
 GROUP = np.dtype(
     [
-        ("total", "f8"),
+        ("owners", "f8"),
         ("partial", "f8"),
         ("like", "f8"),
         ("owner", "u4"),
         ("start", "u4"),
         ("end", "u4"),
         ("bin", "i4"),
-        ("place", "u4"),
-        ("unused", "u4"),
     ],
     align=True,
 )
@@ -56,20 +52,21 @@ GROUP = np.dtype(
 class RejectionModel(NamedTuple):
     """Channels in the order of their groups. Species S stands for the constant 1.
 
-    channels (R + 1,) CHANNEL : the partial propensity is coefficient * (x[partner] - less), or takes the factors where
-        less is below 0. `change` is the row of its first change, the next channel's ends them; `list` is the list of
-        all groups to renew afterwards, or 0 where those of the species changed are to be taken one after the other
+    channels (R,) CHANNEL : partner is 4 * species + kind. The partial propensity is coefficient * x[species], or
+        coefficient * (x[species] - 1) for a like pair, or takes the factors. `event` is the word where its event begins
     factors (R, K, 3) int32 : see `sampling.mass_action`; the first factor is the owner's
-    changes (n,) CHANGE : copies gained of a species, and the list of groups that depend on it
-    lists (m,) uint32 : each list begins with its end, then come groups: 2 * group, and 1 more where L must be renewed.
-        The first one, at 0, is empty
+    words (n,) uint32 : of an event, the number of species that it changes and the end of its list, or 0 where the lists
+        of these species are to be taken one after the other; of each species its number, and the lower and the upper
+        half of the copies gained; then the list. Of a species, the end of its list, then the list. A list names the
+        groups to renew: 2 * group, and 1 more where L must be renewed
+    lists (S,) uint32 : the word where the list of each species begins
     groups (G,) GROUP : owner, first channel and end, coefficients of the plain like pairs, which L leaves out. The rest
         is for `RejectionWork`
     """
 
     channels: np.ndarray
     factors: np.ndarray
-    changes: np.ndarray
+    words: np.ndarray
     lists: np.ndarray
     groups: np.ndarray
 
@@ -77,16 +74,16 @@ class RejectionModel(NamedTuple):
 class RejectionWork(NamedTuple):
     """What one run keeps between calls.
 
-    copies (S + 1,) : counts as doubles
-    groups (G,) GROUP : total of the propensities of each group, partial (L), its bin, and where in the bin it lies
+    groups (G,) GROUP : count of each group's owner, partial (L) and bin
+    places (G,) uint32 : where in its bin each group lies
     members (N_BINS G,) uint32, sizes (N_BINS,) : groups in each bin
     uppers, inverses, masses (N_BINS,) : upper end of each bin, 1/tu, one over it, and it times the bin's size
     bins (3,) : what the bits of a double have for the first bin, lowest and highest bin in use
     total (1,) : sum of the masses; exact, for it is a whole number of the lowest bins' units below 2**53
     """
 
-    copies: np.ndarray
     groups: np.ndarray
+    places: np.ndarray
     members: np.ndarray
     sizes: np.ndarray
     uppers: np.ndarray
@@ -99,18 +96,17 @@ class RejectionWork(NamedTuple):
 @compiled
 def start(model, work, counts):
     """L, sums and bins for a run that begins at `counts` (S + 1,), the last one 1."""
-    channels, groups, copies = model.channels, work.groups, work.copies
-    copies[:] = counts
+    channels, groups = model.channels, work.groups
     for g in range(groups.size):
         part = 0.0
         for r in range(groups[g].start, groups[g].end):
-            if channels[r].less < 0:
+            kind, partner = channels[r].partner & 3, channels[r].partner >> 2
+            if kind == GENERAL:
                 part += general_partial(channels[r].coefficient, model.factors, r, counts)
-            elif channels[r].less == 0:
-                part += channels[r].coefficient * copies[channels[r].partner]
+            elif kind == PLAIN:
+                part += channels[r].coefficient * float(counts[partner])
         groups[g].partial = part
-        owners = copies[groups[g].owner]
-        groups[g].total = owners * (part + groups[g].like * (owners - 1.0))
+        groups[g].owners = counts[groups[g].owner]
     fill_bins(work)
 
 
@@ -127,12 +123,18 @@ def general_partial(coefficient, factors, r, counts):
 
 
 @compiled
+def sum_of(group):
+    """Sum of the propensities of a group, from what its record holds."""
+    return group.owners * (group.partial + group.like * (group.owners - 1.0))
+
+
+@compiled
 def fill_bins(work):
     """Lay the bins out anew around the largest sum; a total beyond double where that is beyond `LARGEST_SUM`."""
     groups = work.groups
     largest = 0.0
     for g in range(groups.size):
-        largest = max(largest, groups[g].total)
+        largest = max(largest, sum_of(groups[g]))
     if largest > LARGEST_SUM:
         work.total[0] = np.inf
         return
@@ -142,9 +144,10 @@ def fill_bins(work):
     work.sizes[:] = 0
     for g in range(groups.size):
         groups[g].bin = NO_BIN
-        if groups[g].total > 0.0:
-            bin_ = max((np.float64(groups[g].total).view(np.int64) >> BIN_BITS) - base, np.int64(0))
-            groups[g].bin, groups[g].place = bin_, work.sizes[bin_]
+        total = sum_of(groups[g])
+        if total > 0.0:
+            bin_ = max((np.float64(total).view(np.int64) >> BIN_BITS) - base, np.int64(0))
+            groups[g].bin, work.places[g] = bin_, work.sizes[bin_]
             work.members[bin_ * groups.size + work.sizes[bin_]] = g
             work.sizes[bin_] += 1
             lowest, highest = min(lowest, bin_), max(highest, bin_)
@@ -163,11 +166,11 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
 
     Arguments and result as of `kernels.grouped.advance`.
     """
-    channels, factors, changes, lists = model.channels, model.factors, model.changes, model.lists
-    copies, groups, members, sizes = work.copies, work.groups, work.members, work.sizes
+    channels, factors, words, lists = model.channels, model.factors, model.words, model.lists
+    groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
     # Unsigned: indices need no check for negative ones.
-    one, n_groups = np.uint64(1), np.uint64(groups.size)
+    one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
     t, total = clock[0], work.total[0]
     passed, n_events = seen[0], 0
@@ -189,20 +192,22 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             continue
         group = members[bin_ * n_groups + np.uint64(which)]
         target = max(target - which * uppers[bin_], 0.0)
-        if target >= groups[group].total:
+        owners = groups[group].owners
+        whole = owners * (groups[group].partial + groups[group].like * (owners - 1.0))
+        if target >= whole:
             if highest == 0:  # all sums have fallen below the bins
                 fill_bins(work)
                 base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
                 total = work.total[0]
             continue
-        owners = copies[groups[group].owner]
         chosen = np.uint64(groups[group].start)
         end = np.uint64(groups[group].end)
         part = 0.0
         while chosen < end:
-            less = channels[chosen].less
-            if less >= 0:
-                part += channels[chosen].coefficient * (copies[channels[chosen].partner] - less)
+            partner = channels[chosen].partner
+            kind = partner & np.uint32(3)
+            if kind != GENERAL:
+                part += channels[chosen].coefficient * (float(counts[partner >> np.uint32(2)]) - float(kind))
             else:
                 part += general_partial(channels[chosen].coefficient, factors, chosen, counts)
             if owners * part > target:
@@ -212,36 +217,45 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             continue
 
         is_over = False
-        first, last = np.uint64(channels[chosen].change), np.uint64(channels[chosen + one].change)
-        for k in range(first, last):
-            s = changes[k].species
-            count = counts[s] + changes[k].gain
+        event = np.uint64(channels[chosen].event)
+        first = event + two
+        begin = first + three * np.uint64(words[event])
+        for k in range(first, begin, three):
+            s = words[k]
+            gain = (np.uint64(words[k + two]) << np.uint64(32)) | np.uint64(words[k + one])
+            count = counts[s] + np.int64(gain)
             counts[s] = count
-            copies[s] = count
             is_over |= count < 0
         if is_over:
             outcome = OVERFLOW
             break
         is_beyond = False
-        head = np.uint64(channels[chosen].list)
-        following = last if head > 0 else first
+        stop = np.uint64(words[event + one])
+        is_joint = stop > 0
         while True:
-            for i in range(head + one, np.uint64(lists[head])):
-                code = lists[i]
+            if not is_joint:
+                if first == begin:
+                    break
+                head = np.uint64(lists[words[first]])
+                first += three
+                stop = np.uint64(words[head])
+            for i in range(begin if is_joint else head + one, stop):
+                code = words[i]
                 group = code >> np.uint32(1)
                 part = groups[group].partial
                 if code & np.uint32(1):
                     part = 0.0
                     for r in range(np.uint64(groups[group].start), np.uint64(groups[group].end)):
-                        less = channels[r].less
-                        if less == 0:
-                            part += channels[r].coefficient * copies[channels[r].partner]
-                        elif less < 0:
+                        partner = channels[r].partner
+                        kind = partner & np.uint32(3)
+                        if kind == PLAIN:
+                            part += channels[r].coefficient * float(counts[partner >> np.uint32(2)])
+                        elif kind == GENERAL:
                             part += general_partial(channels[r].coefficient, factors, r, counts)
                     groups[group].partial = part
-                owners = copies[groups[group].owner]
+                owners = float(counts[groups[group].owner])
+                groups[group].owners = owners
                 part = owners * (part + groups[group].like * (owners - 1.0))
-                groups[group].total = part
                 new = np.int64(NO_BIN)
                 if part > 0.0:
                     new = max((np.float64(part).view(np.int64) >> BIN_BITS) - base, np.int64(0))
@@ -258,8 +272,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                     masses[left] -= uppers[left]
                     total -= uppers[left]
                     last_one = members[left * n_groups + np.uint64(size)]
-                    members[left * n_groups + np.uint64(groups[group].place)] = last_one
-                    groups[last_one].place = groups[group].place
+                    members[left * n_groups + np.uint64(places[group])] = last_one
+                    places[last_one] = places[group]
                 groups[group].bin = new
                 if new != NO_BIN:
                     entered = np.uint64(new)
@@ -268,12 +282,10 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                     masses[entered] += uppers[entered]
                     total += uppers[entered]
                     members[entered * n_groups + np.uint64(size)] = group
-                    groups[group].place = size
+                    places[group] = size
                     lowest, highest = min(lowest, new), max(highest, new)
-            if following == last:
+            if is_joint:
                 break
-            head = np.uint64(changes[following].list)
-            following += one
         if is_beyond:
             fill_bins(work)
             base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]

@@ -46,8 +46,9 @@ class CompositionRejection(SamplingMethod):
     name: ClassVar[str] = "rejection"
 
     def cost(self, size: NetworkSize) -> float:
-        """Processor time of an event, ns; the last part is for memory out of reach of the caches."""
-        return 30.0 + size.update_cost + 0.0025 * size.n_channels
+        """Processor time of an event, ns, with the beginning of a run; the last part is for memory beyond caches."""
+        few, more = min(size.updated, 14.0), max(size.updated - 14.0, 0.0)
+        return 52.0 + 3.5 * few + 1.2 * more + 0.0025 * size.n_channels
 
     def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
         """Why the method does not take the network; there is a limit to the groups of channels, too."""
@@ -72,8 +73,8 @@ class CompositionRejection(SamplingMethod):
 
         def begin(counts: Ints) -> rejection.RejectionWork:
             work = rejection.RejectionWork(
-                np.empty(counts.size),
                 model.groups.view(np.uint8).copy().view(rejection.GROUP),  # as bytes: ten times as quick
+                np.empty(n_groups, dtype=np.uint32),
                 np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
                 np.empty(rejection.N_BINS, dtype=np.int64),
                 np.empty(rejection.N_BINS),
@@ -111,13 +112,10 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     groups["owner"], groups["start"], groups["end"] = owner[order][starts[:-1]], starts[:-1], starts[1:]
     groups["like"] = np.bincount(group[is_like], laws.coefficients[is_like], groups.size)
 
-    channels = np.zeros(n_channels + 1, dtype=rejection.CHANNEL)
-    channels["coefficient"][:-1], channels["partner"][:-1] = laws.coefficients[order], partner[order]
-    channels["less"][:-1] = np.where(laws.is_general, -1, laws.less)[order]
+    kind = np.where(laws.is_general, rejection.GENERAL, np.where(is_like, rejection.LIKE, rejection.PLAIN))
+    channels = np.zeros(n_channels, dtype=rejection.CHANNEL)
+    channels["coefficient"], channels["partner"] = laws.coefficients[order], (4 * partner + kind)[order]
     changed_by, entries = change.entries_of(order)
-    channels["change"] = np.searchsorted(changed_by, np.arange(n_channels + 1))
-    changes = np.zeros(entries.size, dtype=rejection.CHANGE)
-    changes["gain"], changes["species"] = change.copies[entries], change.columns[entries]
 
     is_general = laws.is_general[needed.rows]
     deep = LARGEST_GROUP + 1  # more than all owners of a group
@@ -130,11 +128,9 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
         (n_species + 1, groups.size), *(np.concatenate(part) for part in zip(*ways, strict=True))
     )
     kinds = np.where(readers.copies >= deep, DEEP, SHALLOW)
-    channels["list"][:-1], species_lists, lists = _lists(
-        changed_by, change.columns[entries], readers, kinds, n_channels
-    )
-    changes["list"] = species_lists[change.columns[entries]]
-    return rejection.RejectionModel(channels, laws.factors[order], changes, lists, groups), order
+    species, gained = change.columns[entries], change.copies[entries]
+    channels["event"], lists, words = _words(changed_by, species, gained, readers, kinds, n_channels)
+    return rejection.RejectionModel(channels, laws.factors[order], words, lists, groups), order
 
 
 def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:
@@ -148,32 +144,39 @@ def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:
     return np.where(swaps, second, first), np.where(swaps, first, second)
 
 
-def _lists(
-    changed_by: Ints, species: Ints, readers: SparseTable, kinds: Ints, n_channels: int
-) -> tuple[Ints, Ints, NDArray[np.uint32]]:
-    """Lists of groups to renew: of each channel, of each species, and the lists as `kernels.rejection` reads them.
+def _words(
+    changed_by: Ints, species: Ints, gained: Ints, readers: SparseTable, kinds: Ints, n_channels: int
+) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint32]]:
+    """Events and lists of groups as `kernels.rejection` reads them: where each event and each species' list begins.
 
-    changed_by, species : (n,) channel and species of each change
+    changed_by, species, gained : (n,) channel, species and copies of each change
     readers, kinds : groups that depend on each species, and how
 
     The groups of all species that a channel changes are put together, so that each is renewed once; but a list that
-    would be long is not, and the channel has 0.
+    would be long is not, and the species' own lists are taken.
     """
-    lengths = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels)
-    is_joint = lengths <= LONGEST_LIST
+    is_joint = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels) <= LONGEST_LIST
     joined = is_joint[changed_by]
     which, entries = readers.entries_of(species[joined])
     joint = SparseTable.of_entries(
         (n_channels, readers.n_columns), changed_by[joined][which], readers.columns[entries], kinds[entries]
     )
-    groups = np.concatenate([readers.columns, joint.columns])
-    is_deep = np.concatenate([kinds, joint.copies]) >= DEEP  # SHALLOW comes from the owner only
-    lengths = np.concatenate([[0], np.diff(readers.starts), np.diff(joint.starts)])
-    heads = np.cumsum(lengths + 1) - lengths - 1
-    lists = np.empty(heads.size + groups.size, dtype=np.uint32)
-    is_head = np.zeros(lists.size, dtype=bool)
-    is_head[heads] = True
-    lists[heads] = heads + 1 + lengths
-    lists[~is_head] = 2 * groups + is_deep
-    of_species, of_channels = np.split(heads[1:], [readers.shape[0]])
-    return np.where(is_joint, of_channels, 0), of_species, lists
+    n_listed, n_changes = np.diff(readers.starts), np.bincount(changed_by, minlength=n_channels)
+    heads = np.cumsum(n_listed + 1) - n_listed - 1
+    sizes = 2 + 3 * n_changes + np.diff(joint.starts)
+    events = np.cumsum(sizes) - sizes + heads.size + readers.columns.size
+    lists = events + 2 + 3 * n_changes
+    words = np.empty(heads.size + readers.columns.size + int(sizes.sum()), dtype=np.uint32)
+    words[heads] = heads + 1 + n_listed
+    words[_after(heads + 1, readers)] = 2 * readers.columns + (kinds >= DEEP)  # SHALLOW comes from the owner only
+    words[events], words[events + 1] = n_changes, np.where(is_joint, events + sizes, 0)
+    at = events[changed_by] + 2 + 3 * (np.arange(species.size) - np.searchsorted(changed_by, changed_by))
+    halves = np.ascontiguousarray(gained, dtype="<i8").view("<u4").reshape(-1, 2)
+    words[at], words[at + 1], words[at + 2] = species, halves[:, 0], halves[:, 1]
+    words[_after(lists, joint)] = 2 * joint.columns + (joint.copies >= DEEP)
+    return events, heads.astype(np.uint32), words
+
+
+def _after(starts: Ints, table: SparseTable) -> Ints:
+    """Places of the entries of a table whose rows begin at these places."""
+    return np.arange(table.columns.size) + np.repeat(starts - table.starts[:-1], np.diff(table.starts))

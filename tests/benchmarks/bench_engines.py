@@ -3,7 +3,8 @@
     python -m tests.benchmarks.bench_engines
 
 The same tanks of line4 with everything on, one world an engine; stretches of steps alternate between them, so that both
-see the same machine. Aim: by the own engine at most a third, with single cubes and in an assembled tank of 120.
+see the same machine. Aim: by the own engine at most a third, with single cubes and in an assembled tank of 120; by
+PyBullet with the bodies near a contact alone 1.5 times less, at 60 and 120 single cubes.
 """
 
 from __future__ import annotations

@@ -17,16 +17,26 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, stream_key
+from tests.benchmarks.published_networks import receptor
 from tests.benchmarks.ssa_peers import installed
 from tests.benchmarks.ssa_timing import print_race, race
-from tests.benchmarks.ssa_workloads import polymer, tanks_in_a_row
+from tests.benchmarks.ssa_workloads import Workload, polymer, tanks_in_a_row
 
 REPEATS = 5
+
+
+def receptor_of_three_sites() -> Workload:
+    """Of the size of the published egfr network; made here."""
+    model, end = receptor(3)
+    return model.network, model.initial, end
+
+
 # title, network, longer runs than its own by this factor, our methods, peers that finish in seconds
 WORKLOADS = (
     ("polymer, 5,000 channels", polymer, 10.0, ("partial", "rejection"), ("bngsim", "bioscrape")),
+    ("receptor, 434 species, 3,888 channels", receptor_of_three_sites, 1.0, ("partial", "rejection"), ("bngsim",)),
     ("1,040 tanks, 10,398 channels", lambda: tanks_in_a_row(1040), 1.0, ("rejection",), ("bngsim",)),
-    ("4,000 tanks, 39,998 channels", lambda: tanks_in_a_row(4000), 1.0, ("rejection",), ()),
+    ("4,000 tanks, 39,998 channels", lambda: tanks_in_a_row(4000), 1.0, ("rejection",), ("bngsim",)),
 )
 
 

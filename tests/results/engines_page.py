@@ -25,7 +25,6 @@ from calibration.pipeline.plan import StudyPlan
 from kinetics.support.plots import colour, save_figure
 from mechsim.runs.record import execute
 from mechsim.scene import Scene
-from mechsim.world.engines import ENGINES
 from tests.results.engine_trials import MIXED, SINGLE, by_engine, measure, names
 
 ROOT = Path(__file__).parents[2]
@@ -33,6 +32,7 @@ PAGE = ROOT / "docs" / "engines.md"
 FOLDER = ROOT / "results" / "engines"
 STUDY = ROOT / "results" / "line4"
 TANKS = {"single cubes": (SINGLE, 100), "a mixture": (MIXED, 250)}  # and how many blocks are measured
+COMPARED = ("pybullet", "own")
 BLOCK = 10.0  # tu
 EVERY = 30  # of the study's calibration runs, which one is made again
 BLOCKS = re.compile(r"(<!-- engines: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -54,21 +54,21 @@ def trials(share: float = 1.0, tanks: dict[str, tuple[dict[str, int], int]] | No
     scene, rows = Scene.load("line4"), []
     for tank, (composition, most) in (tanks or TANKS).items():
         blocks = max(2, round(share * most))
-        for number, entry in enumerate(ENGINES):
+        for number, engine in enumerate(COMPARED):
             seen = pd.DataFrame(
-                list(measure(by_engine(scene, entry.name), composition, blocks, BLOCK, seed=1 + number)),
+                list(measure(by_engine(scene, engine), composition, blocks, BLOCK, seed=1 + number)),
                 columns=names(composition),
             ).fillna(0.0)
             for name in seen:
                 values = seen[name].to_numpy()
                 error = values.std(ddof=1) / np.sqrt(len(values))
-                rows.append((tank, name, entry.name, values.mean(), error, blocks * BLOCK))
+                rows.append((tank, name, engine, values.mean(), error, blocks * BLOCK))
     return pd.DataFrame(rows, columns=["tank", "quantity", "engine", "mean", "error", "tu"])
 
 
 def changes(stored: pd.DataFrame) -> pd.DataFrame:
     """By tank and quantity: what our own engine makes of it, relative to the first, and the standard error."""
-    first, other = (stored[stored["engine"] == entry.name].set_index(["tank", "quantity"]) for entry in ENGINES[:2])
+    first, other = (stored[stored["engine"] == engine].set_index(["tank", "quantity"]) for engine in COMPARED)
     ratio = other["mean"] / first["mean"]
     error = ratio * np.hypot(other["error"] / other["mean"], first["error"] / first["mean"])
     return pd.DataFrame({"change": ratio - 1, "error": error}).loc[first.index].reset_index()

@@ -121,17 +121,23 @@ class PyBulletEngine(Engine):
 
     def put(self, slot: int) -> None:
         """Hand a slot's pose and motion to the engine."""
-        b, body = self.bodies, self._body[slot]
-        pybullet.resetBasePositionAndOrientation(
-            body, b.position[slot].tolist(), b.orientation[slot].tolist(), self.client
-        )
-        pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
+        b = self.bodies
+        self.place(slot, b.position[slot].tolist(), b.orientation[slot].tolist())
+        pybullet.resetBaseVelocity(self._body[slot], b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
+
+    def place(self, slot: int, position: Sequence[float], orientation: Sequence[float]) -> None:
+        """Let the engine's body of a slot be here, at rest."""
+        pybullet.resetBasePositionAndOrientation(self._body[slot], position, orientation, self.client)
 
     def set_motions(self) -> None:
         """Hand the velocities and spins of all bodies to the engine."""
+        self.move(self.bodies.live)
+
+    def move(self, slots: np.ndarray) -> None:
+        """Hand the velocities and spins of these slots to the engine."""
         b = self.bodies
-        ids = map(self._body.__getitem__, b.live.tolist())
-        motions = b.velocity[b.live].tolist(), b.spin[b.live].tolist()
+        ids = map(self._body.__getitem__, slots.tolist())
+        motions = b.velocity[slots].tolist(), b.spin[slots].tolist()
         # One call a body is all that there is, and a third of a step: no loop of ours around it.
         deque(map(pybullet.resetBaseVelocity, ids, *motions, repeat(self.client)), maxlen=0)
 

@@ -54,7 +54,8 @@ def test_joint_law_where_long_lists_of_groups_are_shared(monkeypatch):
     monkeypatch.setattr(rejection_method, "LONGEST_LIST", 2)
     states = final_states(MIXED, CompositionRejection(), [9, 1, 2], 1.5, 8000, seed=21)
     assert_joint_law(MIXED, [9, 1, 2], 1.5, states)
-    heads = rejection_method.model_of(MIXED)[0].channels["list"][:-1]
+    model, _ = rejection_method.model_of(MIXED)
+    heads = model.words[model.channels["event"] + 1]
     assert 0 in heads
     assert np.any(heads > 0)
 
@@ -153,10 +154,11 @@ def test_bins_hold_the_groups_of_the_counts(net, initial):
     counts = np.append(net.state(initial), 1)
     work = sampler.begin(counts)
     advance_some(sampler, work, counts)
-    sums, bins, places = work.groups["total"], work.groups["bin"], work.groups["place"].astype(int)
+    groups, bins, places = work.groups, work.groups["bin"], work.places.astype(int)
+    assert_array_equal(groups["owners"], counts[groups["owner"]])
+    sums = groups["owners"] * (groups["partial"] + groups["like"] * (groups["owners"] - 1.0))
     exact = np.add.reduceat(net.propensities(counts[:-1])[sampler.order], work.groups["start"].astype(int))
     assert_allclose(sums, exact, rtol=1e-14)
-    assert_array_equal(work.copies, counts)
     lodged = bins != rejection.NO_BIN
     assert_array_equal(lodged, sums > 0)
     n_groups = sums.size
@@ -206,7 +208,7 @@ def plain_python(module, *changes):
     name = f"mutant_{module.__name__.rpartition('.')[2]}"
     made = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader=None))
     sys.modules[name] = made  # NamedTuple looks its module up
-    compiler, compiled.compiled = compiled.compiled, lambda function: function
+    compiler, compiled.compiled = compiled.compiled, lambda function=None, **_: function or (lambda inlined: inlined)
     try:
         exec(compile(text, name, "exec"), made.__dict__)
     finally:
@@ -247,27 +249,26 @@ def mutant_states(net, module, changes, initial, end, runs):
 
 
 PICK = "target = max(target - which * uppers[bin_], 0.0)"
-KEPT = "if target >= groups[group].total:"
-WALKED = "copies[channels[chosen].partner] - less"
-LIKE = "(others - lessened[chosen] if others >= needed[chosen] else 0)"
+KEPT = "if target >= whole:"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
     (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
     (grouped, "coarse waits", ("t, waits[draw]", "t, np.floor(waits[draw] * 4) / 4 + 1e-9")),
     (rejection, "a stale partial propensity", ("part = 0.0\n                    for r", "for r in range(0): #")),
-    (rejection, "a stale sum", (16 * " " + "groups[group].total = part", 16 * " " + "pass")),
+    (rejection, "a stale sum", (16 * " " + "groups[group].owners = owners", 16 * " " + "pass")),
     (rejection, "a stale bin", ("if new == old:", "if old != NO_BIN and new != NO_BIN:")),
-    (rejection, "a bin too low", ("target >= groups[group].total", "target >= 0.8 * groups[group].total")),
+    (rejection, "a bin too low", ("target >= whole", "target >= 0.8 * whole")),
     (rejection, "a biased redraw", (KEPT, f"{KEPT}\n            t -= waits[draw] / total")),
-    (rejection, "no rejection", (PICK, "target = (target / uppers[bin_] - which) * groups[group].total")),
+    (rejection, "no rejection", (PICK, "target = (target / uppers[bin_] - which) * sum_of(groups[group])")),
     (
         rejection,
         "s * s for s (s - 1)",
-        ("[channels[chosen].partner] - less", "[channels[chosen].partner]"),
+        (" - float(kind)", ""),
         ("(owners - 1.0)", "owners"),
+        ("(group.owners - 1.0)", "group.owners"),
     ),
-    (partial, "a stale partial propensity", ("partials[i] += row[i] * gained", "pass")),
-    (partial, "s * s for s (s - 1)", (LIKE, "others"), ("(copies[i] - less[i])", "copies[i]")),
+    (partial, "a stale partial propensity", ("partials[i] += couplings[s, i] * gained", "pass")),
+    (partial, "s * s for s (s - 1)", ("count - less[s]", "count")),
     (partial, "an owner too many", ("share = target / copies[owner]", "share = target / (copies[owner] + 1)")),
 ]
 
