@@ -86,7 +86,7 @@ class NearEngine(PyBulletEngine):
         for slot in changed:
             if is_in[slot]:
                 self._let_in(slot)
-        self.move(is_in.nonzero()[0])
+        self.hand_over(is_in.nonzero()[0])
 
     def _take_out(self, slot: int) -> None:
         """Set a slot's body aside, for the next one of its shape."""

@@ -131,9 +131,9 @@ class PyBulletEngine(Engine):
 
     def set_motions(self) -> None:
         """Hand the velocities and spins of all bodies to the engine."""
-        self.move(self.bodies.live)
+        self.hand_over(self.bodies.live)
 
-    def move(self, slots: np.ndarray) -> None:
+    def hand_over(self, slots: np.ndarray) -> None:
         """Hand the velocities and spins of these slots to the engine."""
         b = self.bodies
         ids = map(self._body.__getitem__, slots.tolist())
