@@ -19,7 +19,7 @@ TRIALS = 16
 def events_of_leap(network: Network, initial: Ints) -> float:
     """Events that a leap from `initial` (S,) is expected to hold; 0 where none pays, or not all are of mass action.
 
-    Leaps are as long as leaves `OPEN_EVENTS` undecided: `kernels.leaping.plan_leap`, which does the same, says how.
+    Leaps are as long as leaves `OPEN_EVENTS` undecided: `kernels.leap_plan.plan_leap`, which does the same, says how.
     """
     is_worth_it = FEWEST_COPIES <= initial.max(initial=0) <= LARGEST_COUNT
     if not is_worth_it or not network.is_mass_action or order_refusal(network):

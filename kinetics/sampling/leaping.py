@@ -20,7 +20,7 @@ from kinetics.support.arrays import Floats, Ints
 if TYPE_CHECKING:
     import numpy as np
 
-    from kinetics.kernels import leaping
+    from kinetics.kernels import leap_plan
 
 MARGIN = 1.5  # times the events of the direct method that cost as much as a leap, a leap should hold
 CAUTION = 2.0  # counts may fall after the start, by which `auto` chooses
@@ -78,12 +78,12 @@ class LeapingSampler:
     """Runs by leaps, and by single events where leaps would be short."""
 
     def __init__(self, network: Network, fewest: float | None):
-        from kinetics.kernels import leaping
+        from kinetics.kernels import leap_plan
 
         size = NetworkSize.of(network)
         laws, merging, change = mass_action(network), Merging.of(network), network.sparse_stoichiometry
         self.species = network.species
-        self.model: leaping.LeapModel = leaping.LeapModel(
+        self.model: leap_plan.LeapModel = leap_plan.LeapModel(
             laws.coefficients,
             laws.factors,
             change.starts,

@@ -1,0 +1,154 @@
+"""The next exact leap: its length and the box of counts in which it is followed, see `leaping`."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.kernels.compiled import compiled
+
+MOST_EVENTS = 2.0**40  # of a leap
+LARGEST_COUNT = 2.0**53  # up to which doubles are whole numbers
+WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
+DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
+TRIALS = 16  # lengths of a leap that are tried; `sampling.leap_length` has the same
+
+
+class LeapModel(NamedTuple):
+    """What does not change during a run.
+
+    coefficients (R,), factors (R, K, 3) : see `sampling.mass_action.MassAction`
+    starts (R + 1,), species, gains (n,) : channel r changes species[starts[r] : starts[r + 1]] by gains
+    open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
+    merged, changes, members : for `direct.advance` and `members.name_events`
+    """
+
+    coefficients: np.ndarray
+    factors: np.ndarray
+    starts: np.ndarray
+    species: np.ndarray
+    gains: np.ndarray
+    open_events: float
+    fewest: float
+    merged: NamedTuple
+    changes: np.ndarray
+    members: NamedTuple
+
+
+class LeapWork(NamedTuple):
+    """What does: counts, the box of the leap, and the cells that are still to come, each deeper one before the others.
+
+    counts (S + 1,) int64, the last one 1; box_low, box_high, at_least, at_most (S + 1,) in doubles: of the leap, and of
+    the cell at hand
+    sure, open (D, R) int64 : events of each cell; low, high (D, R) : between which the marks of the open ones lie
+    begins, ends (D,) : of each cell, tu after the leap's start; keys (D, 4) : of its random words
+    means (R,) : events of a leap that are expected
+    """
+
+    counts: np.ndarray
+    box_low: np.ndarray
+    box_high: np.ndarray
+    at_least: np.ndarray
+    at_most: np.ndarray
+    sure: np.ndarray
+    open: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    begins: np.ndarray
+    ends: np.ndarray
+    keys: np.ndarray
+    means: np.ndarray
+
+
+@compiled
+def work_for(n_channels, n_species):
+    """A fresh workspace."""
+    return LeapWork(
+        np.ones(n_species + 1, dtype=np.int64),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.ones(n_species + 1),
+        np.zeros((DEEPEST, n_channels), dtype=np.int64),
+        np.zeros((DEEPEST, n_channels), dtype=np.int64),
+        np.zeros((DEEPEST, n_channels)),
+        np.zeros((DEEPEST, n_channels)),
+        np.zeros(DEEPEST),
+        np.zeros(DEEPEST),
+        np.zeros((DEEPEST, 4), dtype=np.uint64),
+        np.zeros(n_channels),
+    )
+
+
+@compiled
+def propensity(model, r, copies):
+    """Of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it never falls where a count rises."""
+    value = model.coefficients[r]
+    for j in range(model.factors.shape[1]):
+        here = copies[model.factors[r, j, 0]]
+        value *= here - model.factors[r, j, 1] if here >= model.factors[r, j, 2] else 0.0
+    return value
+
+
+@compiled
+def set_box(model, work, length):
+    """The box of a leap of this length, by the events expected of it, `work.means` per unit of time."""
+    n_species = work.counts.size - 1
+    box_low, box_high, falls, rises = work.box_low, work.box_high, work.at_least, work.at_most
+    box_low[:n_species] = 0.0  # means and variances, until the end
+    box_high[:n_species] = 0.0
+    falls[:n_species] = 0.0
+    rises[:n_species] = 0.0
+    for r in range(work.means.size):
+        mean = work.means[r] * length
+        for i in range(model.starts[r], model.starts[r + 1]):
+            s, gain = model.species[i], float(model.gains[i])
+            if gain > 0.0:
+                box_high[s] += mean * gain
+                rises[s] += mean * gain * gain
+            else:
+                box_low[s] -= mean * gain
+                falls[s] += mean * gain * gain
+    for s in range(n_species):
+        here = float(work.counts[s])
+        box_low[s] = max(here - math.ceil(box_low[s] + WIDE * math.sqrt(falls[s])), 0.0)
+        box_high[s] = here + math.ceil(box_high[s] + WIDE * math.sqrt(rises[s]))
+
+
+@compiled
+def plan_leap(model, work, length):
+    """Choose a leap from the counts: its length, and the events expected of it, 0 where there should be none.
+
+    length : that of the leap before, from which the search starts; the new box and its propensities are left in `work`
+    """
+    n_channels, n_species = work.means.size, work.counts.size - 1
+    low, high = work.low[0], work.high[0]
+    copies = work.at_least
+    for s in range(n_species):
+        copies[s] = work.counts[s]
+        if copies[s] > LARGEST_COUNT:
+            return length, 0.0
+    total = 0.0
+    for r in range(n_channels):
+        work.means[r] = propensity(model, r, copies)
+        total += work.means[r]
+    if not 0.0 < total < np.inf:
+        return length, 0.0
+    longest = MOST_EVENTS / total
+    length = min(max(length, 1.0 / total), longest)
+    for _ in range(TRIALS):
+        set_box(model, work, length)
+        undecided = 0.0
+        for r in range(n_channels):
+            low[r] = propensity(model, r, work.box_low)
+            high[r] = propensity(model, r, work.box_high)
+            undecided += (high[r] - low[r]) * length
+        ratio = model.open_events / undecided if undecided > 0.0 else np.inf
+        if 0.67 < ratio < 1.5 or (ratio > 1.0 and length == longest):
+            break
+        length = min(length * min(max(math.sqrt(ratio), 0.125), 8.0), longest)
+    events = total * length
+    fits = undecided < 4.0 * model.open_events
+    for s in range(n_species):
+        fits &= work.box_high[s] <= LARGEST_COUNT
+    return length, events if fits and events >= model.fewest else 0.0
