@@ -119,7 +119,7 @@ class _Breaking(Action):
         self.settings, self.world = settings, world
         self.notable = settings.threshold if settings.log_above is None else settings.log_above
         self.known: dict[Structure, _Known] = {}
-        self.of_slot: list[_Known | None] = [None] * world.bodies.n_cubes
+        self.of_slot: dict[int, _Known] = {}
         world.on_change(self.renew)
 
     def renew(self, slot: int) -> None:
@@ -151,9 +151,8 @@ class _Breaking(Action):
 
     def may_matter(self, slot: int, touches: list[ViewOfTouch]) -> bool:
         """False only where no bond can carry a notable load, by the sum of bounds of its contacts; mostly so."""
-        bodies, known = self.world.bodies, self.of_slot[slot]
-        assert known is not None  # noqa: S101 - a body that was touched has a structure
-        bridges, levers, cubes, most = known
+        bodies = self.world.bodies
+        bridges, levers, cubes, most = self.of_slot[slot]
         if not len(levers) or self.world.time - bodies.born[slot] < self.settings.grace:
             return False
         if sum(math.hypot(*touch.impulse) for touch in touches) * most <= self.notable:

@@ -29,10 +29,11 @@ def act(world):
 
 
 def collide(world):
-    """The engine's part of a step and the bodies' flight; nothing of effects, nor of the guard."""
+    """The engine's part of a step, the bodies' flight and the places of their cubes; nothing of effects or the guard."""
     names = [name for name, _ in world.parts]
     for _, part in world.parts[names.index("motions into the engine") : names.index("reading back") + 1]:
         part()
+    world.bodies.locate()
 
 
 def put(world, slot, position, axes=None, velocity=(0, 0, 0), spin=(0, 0, 0)):

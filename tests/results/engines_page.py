@@ -67,11 +67,11 @@ def trials(share: float = 1.0, tanks: dict[str, tuple[dict[str, int], int]] | No
 
 
 def changes(stored: pd.DataFrame) -> pd.DataFrame:
-    """By tank and quantity: what our own engine makes of it, relative to the first, and the standard error."""
+    """By tank and quantity: what our own engine makes of it, relative to the first, and the standard error (of the
+    difference, so that it holds for counts of a few as well)."""
     first, other = (stored[stored["engine"] == engine].set_index(["tank", "quantity"]) for engine in COMPARED)
-    ratio = other["mean"] / first["mean"]
-    error = ratio * np.hypot(other["error"] / other["mean"], first["error"] / first["mean"])
-    return pd.DataFrame({"change": ratio - 1, "error": error}).loc[first.index].reset_index()
+    error = np.hypot(other["error"], first["error"]) / first["mean"]
+    return pd.DataFrame({"change": other["mean"] / first["mean"] - 1, "error": error}).loc[first.index].reset_index()
 
 
 def rates() -> pd.DataFrame:

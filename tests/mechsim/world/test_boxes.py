@@ -49,6 +49,7 @@ def squeezes(make_world, scene, trials):
             b.position[slot] = side, *rng.uniform(-0.15, 0.15, 2)
             b.velocity[slot], b.spin[slot] = (-2.5 * side, 0.0, 0.0), 4 * rng.standard_normal(3)
             world.engine.put(slot)
+        b.locate()
         for _ in range(80):
             collide(world)
             pushes = np.array([touch.impulse for touch in world.engine.touches()])
