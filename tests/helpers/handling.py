@@ -29,7 +29,7 @@ def act(world):
 
 
 def collide(world):
-    """The engine's part of a step, the bodies' flight and the places of their cubes; nothing of effects or the guard."""
+    """The engine's part of a step, the bodies' flight and their cubes; nothing of effects or the guard."""
     names = [name for name, _ in world.parts]
     for _, part in world.parts[names.index("motions into the engine") : names.index("reading back") + 1]:
         part()
