@@ -5,7 +5,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
-CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py
+CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py \
+	tests/contracts/test_engines.py tests/mechsim/world/test_own_engine.py
 
 .PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study pyramid clean
 

@@ -73,7 +73,9 @@ def run_tests(tree: Path, arguments: tuple[str, ...], seconds: float = 3600.0, p
     for name in (*LIBRARIES, "pytest", "_pytest.assertion.rewrite"):
         with suppress(ImportError):
             importlib.import_module(name)
-    command = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *arguments]
+    # The fork has imported hypothesis before pytest could rewrite its assertions, which are none of ours.
+    quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+    command = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *quiet, *arguments]
     outcome, code = _in_fork(lambda: _pytest(tree, command, plain), tree, seconds)
     if code in (4, 5):  # what was asked for is no test; whatever else it says, a test has failed
         raise RuntimeError(f"pytest ended with {code}: {outcome.said}")

@@ -1,6 +1,8 @@
 """Mutants are what they claim to be, and a test that cannot fail lets them live."""
 
 import ast
+import subprocess
+import sys
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -134,3 +136,10 @@ def test_score():
     fates = ["killed", "killed", "lives", "accepted"]
     assert Score("", 9, 1, tuple(Verdict("m.py", 1, "", "", fate) for fate in fates)).share == pytest.approx(2 / 3)
     assert Score("", 9, 1, ()).share == 1.0
+
+
+def test_a_test_passes_in_a_process_that_pytest_did_not_start():
+    """There the fork's own imports come before pytest's, which warns of them; and a warning is an error."""
+    one = "tests/mutation/test_mutation.py::test_score"
+    code = f"from tests.mutation.judging import ROOT, run_tests\nassert run_tests(ROOT, ({one!r},)).passed"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)

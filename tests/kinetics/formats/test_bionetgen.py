@@ -353,7 +353,7 @@ def test_parameters_keep_their_names(tmp_path):
     assert_array_equal(chosen.network.propensities(states), again.network.propensities(states))
     assert not np.any(np.all(chosen.network.propensities(states) == model.network.propensities(states), axis=1))
     assert chosen.with_parameters(N=5).initial.tolist() == [5, 10, 9]
-    with pytest.raises(ValueError, match="unknown parameter 'A'"):
+    with pytest.raises(ValueError, match="'A' is a species; counts at time 0 are given by initial"):
         model.with_parameters(A=5)
     path.write_text(NAMED.replace("2*2\n", "K*2\n"))  # a weight is a number; so are then all
     assert read(path).network.parameters == {}
