@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from kinetics.support.extras import EXTRAS
+from mechsim.world.engines import engine_named
+
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
 RATES = (ROOT / "kinetics" / "rates" / "tables" / "table3.toml").read_text(encoding="utf-8")
@@ -308,7 +311,10 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     for name in ("mechsim.world.engines.pybullet_engine", "mechsim.world.world"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    assert "this needs pybullet; install it by: pip install 'wellmixed[mech]'" in refused(*SIMULATE)
+    told = refused(*SIMULATE)
+    assert "this needs pybullet; install it by: pip install 'wellmixed[mech]', or let the scene name" in told
+    assert 'engine = "own" under [numerics]' in told
+    assert not set(engine_named("own").packages) & set(EXTRAS)
 
 
 def test_debug_shows_the_traceback(wellmixed_here, tmp_path):

@@ -132,9 +132,9 @@ def plan_leap(model, work, length):
     for r in range(n_channels):
         work.means[r] = propensity(model, r, copies)
         total += work.means[r]
-    if not 0.0 < total < np.inf:
+    longest = MOST_EVENTS / total if total > 0.0 else np.inf
+    if not (longest < np.inf and total < np.inf):
         return length, 0.0
-    longest = MOST_EVENTS / total
     length = min(max(length, 1.0 / total), longest)
     for _ in range(TRIALS):
         set_box(model, work, length)

@@ -267,12 +267,11 @@ def predict(
 def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
     """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
     if accuracy is None and budget is not None:
-        raise ValueError(f"budget = {budget}, but no accuracy; a budget limits what an accuracy may cost")
+        raise ValueError("a budget, but no accuracy; a budget limits what an accuracy may cost")
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(
-                f"{name} = {value!r} and accuracy = {accuracy!r}; an accuracy chooses method and runs itself: give one "
-                f"or the other"
+                f"{name} = {value!r} beside an accuracy, which chooses method and runs itself: give one or the other"
             )
 
 

@@ -125,6 +125,8 @@ class _Reaching:
             if made:
                 return made
         self._weigh_sampling()
+        if self.runs is not None and self.runs.error <= self.asked.value:  # the few that were followed are enough
+            return self._sample()
         try:
             made = self._weigh_solutions()
         except KeyboardInterrupt:
@@ -207,7 +209,7 @@ class _Reaching:
             self.asked, shown, sampler, start, grid, self.question.is_known, self.seed, self.threads, self.report,
             each,
         )  # fmt: skip
-        needed = self.runs.foretell()
+        needed = max(self.runs.foretell(), self.runs.tally.runs)
         self.run_seconds = each
         self.sampling = ForetoldWay(name, STATISTICS + needed * each, f"about {needed:.3g} runs")
 

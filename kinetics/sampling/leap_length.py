@@ -28,9 +28,9 @@ def events_of_leap(network: Network, initial: Ints) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         means = _propensities(laws, here)
         total = float(means.sum())
-        if not 0.0 < total < np.inf:
+        longest = MOST_EVENTS / total if total > 0.0 else np.inf
+        if not (longest < np.inf and total < np.inf):
             return 0.0
-        longest = MOST_EVENTS / total
         length = min(1.0 / total, longest)
         for _ in range(TRIALS):
             low, high = _box(network, here, means * length)

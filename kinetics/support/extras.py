@@ -21,11 +21,14 @@ EXTRAS = {
     "antimony": "antimony",
     "bionetgen": "bngl",
 }
+# what goes without such a package
+INSTEAD = {"pybullet": 'or let the scene name an engine that needs nothing more: engine = "own" under [numerics]'}
 
 
 def how_to_install(name: str) -> str:
     """What a user without this package does."""
-    return f"this needs {name}; install it by: pip install 'wellmixed[{EXTRAS[name]}]'"
+    install = f"this needs {name}; install it by: pip install 'wellmixed[{EXTRAS[name]}]'"
+    return f"{install}, {INSTEAD[name]}" if name in INSTEAD else install
 
 
 def require(name: str) -> str:

@@ -235,6 +235,14 @@ def test_ctrl_c_while_a_solution_is_tried_keeps_the_first_runs(at):
     assert made.reached.error > 0.001
 
 
+def test_runs_that_were_followed_to_foretell_are_used_at_once_and_counted():
+    made = predict(DECAY, None, {"A": 10**5}, [1.0], accuracy="10%", seed=1, threads=1)
+    *solutions, runs = made.reached.candidates
+    assert runs.remark == f"about {made.runs} runs"
+    assert [each.seconds for each in solutions] == [None, None]
+    assert made.is_complete
+
+
 def test_what_the_budget_ends_is_told():
     made = sampled(AskedAccuracy(0.01), DECAY, {"A": 100}, TIMES, 1, most=500)
     assert made.statistics.runs == 500
@@ -261,8 +269,8 @@ def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"accuracy": "1%", "method": "ssa"}, "an accuracy chooses method and runs itself"),
-        ({"accuracy": "1%", "runs": 10}, "an accuracy chooses method and runs itself"),
+        ({"accuracy": "1%", "method": "ssa"}, "beside an accuracy, which chooses method and runs itself"),
+        ({"accuracy": "1%", "runs": 10}, "beside an accuracy, which chooses method and runs itself"),
         ({"budget": 3.0}, "no accuracy; a budget limits what an accuracy may cost"),
         ({"accuracy": "1%", "budget": 0.0}, "expected a positive number of seconds"),
     ],

@@ -220,6 +220,13 @@ def test_counts_that_grow_beyond_exact_doubles_go_on_by_single_events():
     assert_follows_cdf(counts // (2**50 + 1), poisson(20.0).cdf)
 
 
+@pytest.mark.parametrize("rate", [1e-320, 1e-312, 1e-300])
+def test_events_that_hardly_ever_come_take_no_endless_leap(rate):
+    """Below about 6e-297 the longest leap would be longer than any double."""
+    counts = SHORT.simulate(Network.from_text(f"A -> 0, {rate}"), {"A": 10**6}, [1.0, 1e290], runs=2, seed=1).counts
+    assert (counts == 10**6).all()
+
+
 def test_settings_are_checked():
     for fewest in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="expected a number of events of at least 0, or None"):
