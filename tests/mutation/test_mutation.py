@@ -141,5 +141,8 @@ def test_score():
 def test_a_test_passes_in_a_process_that_pytest_did_not_start():
     """There the fork's own imports come before pytest's, which warns of them; and a warning is an error."""
     one = "tests/mutation/test_mutation.py::test_score"
-    code = f"from tests.mutation.judging import ROOT, run_tests\nassert run_tests(ROOT, ({one!r},)).passed"
+    code = (
+        "from tests.mutation.judging import copy_of, run_tests\n"
+        f"with copy_of() as tree: assert run_tests(tree, ({one!r},)).passed"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
