@@ -76,6 +76,7 @@ def test_every_file_of_an_engine_is_listed():
 @every_engine
 def test_another_engine_is_not_imported_with_it(entry):
     """Nor is a package that only another needs, so that one engine works where another cannot be installed."""
+    installed(entry)
     others = [other for other in ENGINES if other is not entry]
     extra = {package for other in others for package in other.packages} & set(EXTRAS) - set(entry.packages)
     code = (
@@ -90,6 +91,7 @@ def test_another_engine_is_not_imported_with_it(entry):
 @every_engine
 def test_a_scene_names_it_and_so_does_a_record(entry):
     """Except the first, whose scenes and runs keep the names that they had before there were several."""
+    installed(entry)
     scene, plain = scene_with(entry.name), Scene.load("line4")
     spec = RunSpec(scene, {"monomer": 2}, 1.0, seed=1, run=0)
     assert set(spec.inputs["physics"]) == {"wellmixed", "numpy", *entry.packages}
