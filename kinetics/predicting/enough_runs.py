@@ -33,7 +33,7 @@ FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work is done, and at most so ma
 
 
 class Sampled(NamedTuple):
-    """Statistics of the runs, the limit on the error in the unit of the accuracy, and whether all were made."""
+    """Statistics of the runs, and the limit on the error in the unit of the accuracy."""
 
     statistics: EnsembleStatistics
     error: float

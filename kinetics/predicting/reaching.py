@@ -289,7 +289,7 @@ class _Reaching:
         ways = "; ".join(each.in_words for each in self._candidates())
         advice = "ask for less, for fewer species or times, or allow more"
         seconds = self.sampling.seconds
-        if seconds is not None and self.asked.of:
+        if seconds is not None:
             within = 1.1 * self.asked.value * (seconds / self.budget) ** 0.5
             advice = f"allow more, or ask for {self.asked.words(within)}, which runs may reach"
         return (
