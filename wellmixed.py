@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import io
-import os
 import sys
 import warnings
 
@@ -32,9 +31,6 @@ def stranger() -> str | None:
             )
     return None
 
-
-# Settings are read by pydantic, which would look through all that is installed for plugins of others, and load them.
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 if (trouble := stranger()) is not None:
     click.echo(f"Error: {trouble}", err=True)

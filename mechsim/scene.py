@@ -5,17 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from msgspec import Meta
 
-from kinetics.support.config import Settings, find, is_path, read_toml, validated
+from kinetics.support.config import find, is_path, read_toml
+from kinetics.support.settings import Positive, Settings, validated
 from mechsim.effects import AnyEffect
 from mechsim.effects.base import Effect, EventKind
 from mechsim.world.engines import ENGINES, engine_named
 
 SCENES = Path(__file__).parent / "scenes"
-Length = Annotated[float, Field(gt=0)]
 LEAST_INERTIA, LARGEST_MASS = 1e-13, 1e9  # of a cube
 
 
@@ -30,7 +30,7 @@ class Units(Settings):
 class TankSize(Settings):
     """Inside of the tank. size : (x, y, z), length; the origin is its centre."""
 
-    size: tuple[Length, Length, Length]
+    size: tuple[Positive, Positive, Positive]
 
 
 class Cubes(Settings):
@@ -40,11 +40,10 @@ class Cubes(Settings):
     moments of inertia of 1e-16, with masses of 3e17), so such cubes are refused.
     """
 
-    edge: Length
-    density: float = Field(default=1.0, gt=0)
+    edge: Positive
+    density: Positive = 1.0
 
-    @model_validator(mode="after")
-    def _engine_can(self) -> Cubes:
+    def __post_init__(self) -> None:
         mass = self.density * self.edge * self.edge * self.edge
         inertia = mass * self.edge * self.edge / 6
         if not (inertia >= LEAST_INERTIA and mass <= LARGEST_MASS):
@@ -53,7 +52,6 @@ class Cubes(Settings):
                 f"inertia {inertia:.3g}; the engine finds collisions of masses up to {LARGEST_MASS:g} and moments from "
                 f"{LEAST_INERTIA:g} on"
             )
-        return self
 
 
 class Numerics(Settings):
@@ -63,15 +61,14 @@ class Numerics(Settings):
     engine : a name of `mechsim.world.engines`: what finds the contacts and exchanges their impulses
     """
 
-    step: float = Field(ge=1e-9)  # shorter ones take years for a tu
-    solver_iterations: int = Field(default=50, ge=1, le=1000)
-    # Written only where it is another: a run by the first engine keeps the name that it had before there were several.
-    engine: str = Field(default=ENGINES[0].name, exclude_if=lambda value: value == ENGINES[0].name)
+    step: Annotated[float, Meta(ge=1e-9)]  # shorter ones take years for a tu
+    solver_iterations: Annotated[int, Meta(ge=1, le=1000)] = 50
+    # A run by the first engine keeps the name that it had before there were several.
+    unless_usual: ClassVar[tuple[str, ...]] = ("engine",)
+    engine: str = ENGINES[0].name
 
-    @field_validator("engine")
-    @classmethod
-    def _is_known(cls, name: str) -> str:
-        return engine_named(name).name
+    def __post_init__(self) -> None:
+        engine_named(self.engine)
 
 
 class Guard(Settings):
@@ -80,8 +77,8 @@ class Guard(Settings):
     max_speed : of a body, length / tu; max_turn : rotation in one step, rad (the engine caps it at pi/4)
     """
 
-    max_speed: float = Field(default=40.0, gt=0)
-    max_turn: float = Field(default=0.7, gt=0, le=0.785)
+    max_speed: Positive = 40.0
+    max_turn: Annotated[float, Meta(gt=0, le=0.785)] = 0.7
 
 
 class Scene(Settings):
@@ -104,7 +101,7 @@ class Scene(Settings):
     (2.0, False)
     """
 
-    name: str = Field(min_length=1, max_length=80)
+    name: Annotated[str, Meta(min_length=1, max_length=80)]
     rules: str
     units: Units = Units()
     tank: TankSize
@@ -113,8 +110,7 @@ class Scene(Settings):
     guard: Guard = Guard()
     effects: tuple[AnyEffect, ...]
 
-    @model_validator(mode="after")
-    def _effects_agree(self) -> Scene:
+    def __post_init__(self) -> None:
         names = [e.effect for e in self.effects]
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
@@ -138,14 +134,13 @@ class Scene(Settings):
                     f"engine {engine.name!r} lacks effect {name!r}, which the scene lists; leave the effect out, or "
                     f"choose numerics.engine from {able}"
                 )
-        return self
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Scene:
         """Load a shipped scene by its name (`line4`), or a TOML file of your own."""
         path = find(name_or_path, SCENES, "scene")
         scene = validated(cls, read_toml(path), path.name)
-        return scene.model_copy(update={"rules": str(path.parent / scene.rules)}) if is_path(scene.rules) else scene
+        return scene.replace(rules=str(path.parent / scene.rules)) if is_path(scene.rules) else scene
 
     def effect(self, name: str) -> Any | None:
         """Settings of a listed effect, or None."""
@@ -166,13 +161,13 @@ class Scene(Settings):
 
     def without(self, *names: str) -> Scene:
         """The same scene without these effects and their physics. ValueError: another effect needs one of them."""
-        data = self.model_dump(mode="json")
+        data = self.as_dict()
         data["effects"] = [item for item in data["effects"] if item["effect"] not in names]
         return validated(Scene, data, f"scene {self.name} without {', '.join(names)}")
 
     def changed(self, effect: str, **settings: Any) -> Scene:
         """The same scene with other settings of one effect, validated again."""
-        data = self.model_dump(mode="json")
+        data = self.as_dict()
         found = [item for item in data["effects"] if item["effect"] == effect]
         if not found:
             listed = ", ".join(e.effect for e in self.effects)
@@ -183,7 +178,7 @@ class Scene(Settings):
     @property
     def content(self) -> dict[str, Any]:
         """All settings, ready for JSON; a book of one's own without its folder, so that it may be kept anywhere."""
-        return self.model_dump(mode="json") | {"rules": Path(self.rules).name}
+        return self.as_dict() | {"rules": Path(self.rules).name}
 
     @property
     def fingerprint(self) -> str:

@@ -83,7 +83,7 @@ network
 
 # %%
 scene = Scene.load("line4")
-{effect.effect: effect.model_dump(exclude={"effect"}) for effect in scene.effects}
+{effect.effect: effect.as_dict(without={"effect"}) for effect in scene.effects}
 
 # %%
 beginning = execute(RunSpec(scene, {"monomer": 60}, duration=30.0, seed=2, run=0, poses=30.0))

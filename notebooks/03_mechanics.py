@@ -51,8 +51,7 @@ scene = Scene.load("line4")
 pd.DataFrame(
     {
         "settings": {
-            e.effect: ", ".join(f"{k} = {v}" for k, v in e.model_dump(exclude={"effect"}).items())
-            for e in scene.effects
+            e.effect: ", ".join(f"{k} = {v}" for k, v in e.as_dict(without={"effect"}).items()) for e in scene.effects
         }
     }
 )
@@ -96,10 +95,10 @@ for effect in (
     {"effect": "ornstein-uhlenbeck", "sigma": 4.0, "correlation_time": 0.00525},
     {"effect": "random-field", "sigma": 0.6, "correlation_length": 0.5, "correlation_time": 0.5},
 ):
-    described = free.model_dump(mode="json")
+    described = free.as_dict()
     described["effects"] = [effect if e["effect"] == "agitation" else e for e in described["effects"]]
     tanks[effect["effect"]] = Poses.of(
-        execute(RunSpec(Scene.model_validate(described), {"monomer": 30}, 6.0, seed=1, run=0, poses=0.1))
+        execute(RunSpec(Scene(**described), {"monomer": 30}, 6.0, seed=1, run=0, poses=0.1))
     )
 
 fig, (left, right) = plt.subplots(1, 2, figsize=(8, 3))
@@ -120,10 +119,10 @@ left.legend(frameon=False)
 # Cubes that are not neutral rise or sink: one more effect in the list.
 
 # %%
-described = free.model_dump(mode="json")
+described = free.as_dict()
 described["cubes"]["density"] = 1.2
 described["effects"].append({"effect": "buoyancy", "gravity": 9.0})
-sinking = execute(RunSpec(Scene.model_validate(described), {"monomer": 40}, 10.0, seed=1, run=0, poses=0.5))
+sinking = execute(RunSpec(Scene(**described), {"monomer": 40}, 10.0, seed=1, run=0, poses=0.5))
 heights = Poses.of(sinking).centres[..., 2]
 fig, ax = plt.subplots(figsize=(5, 3))
 ax.plot(sinking.arrays["pose_times"], heights.mean(axis=1))

@@ -60,7 +60,7 @@ def test_documents_of_unknown_encodings_are_refused(tmp_path, encoding):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("step = 0.00525", "step = 1e-320", "numerics.step = 1e-320: should be greater than or equal to 0.000000001"),
+        ("step = 0.00525", "step = 1e-320", "numerics.step = 1e-320: should be a number at least 1e-09"),
         ("step = 0.00525", "step = 1e308", "is not a whole number of steps of 1e+308"),
         ("hold = 0.0105", "hold = 1e308", "agitation.hold = 1e+308 is inf steps"),
         ("hold = 0.0105", "hold = 1e300", "agitation.hold = 1e+300 is 1.9e+302 steps"),

@@ -15,6 +15,7 @@ from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.breaks import BreakModel, is_break
 from kinetics.network import Network
 from kinetics.runs import JumpPath
+from kinetics.support.settings import validated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -120,7 +121,7 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
         raise ValueError(f"{model.name} is no break model; give the result of `fit_breaks`")
     parts = fit.likelihood
     exposures = [evidence.exposure for evidence in parts.parts(model)]
-    channels = {name: channel.model_dump(exclude_none=True) for name, channel in plain.channels.items()}
+    channels = {name: channel.as_dict(none=False) for name, channel in plain.channels.items()}
     weights = model.mixture()[0]
     seen, watched = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
     places = [calibration.network.channel_places[name] for name in fit.channels]
@@ -142,5 +143,5 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
     posterior = shape_posterior(fit)
     breaks: dict[str, Any] = {"model": model.name, "shape": model.shape_values}
     if posterior is not None:
-        breaks["posterior"] = posterior.model_dump()
-    return Rates.model_validate(plain.model_dump(exclude_none=True) | {"channels": channels, "breaks": breaks})
+        breaks["posterior"] = posterior.as_dict()
+    return validated(Rates, plain.as_dict(none=False) | {"channels": channels, "breaks": breaks}, "fitted rates")

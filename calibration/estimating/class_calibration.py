@@ -136,7 +136,7 @@ class ClassCalibration:
     def table(self) -> list[dict[str, Any]]:
         """One row a key: events, exposure (tu), rate and 95 % limits (1/tu)."""
         return [
-            {"class": key, **entry.model_dump(exclude={"exposure_by_shape", "exposures"})}
+            {"class": key, **entry.as_dict(without={"exposure_by_shape", "exposures"})}
             for fit in (self.chosen_joins, self.chosen_breaks)
             if fit is not None
             for key, entry in fit.entries.items()

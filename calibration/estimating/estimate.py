@@ -169,22 +169,21 @@ class Calibration(Shown):
         A join or break that no run could fire gets a prior from the others, and is marked, see `ChannelRate.prior`.
         ValueError: no channel of its kind was measured either.
         """
-        from kinetics.rates import ChannelRate, Rates
+        from kinetics.rates import ChannelRate, Convention, Rates
 
         channels = {
-            row["channel"]: {key: row[key] for key in ChannelRate.model_fields if key in row} for row in self.table()
+            row["channel"]: {key: row[key] for key in ChannelRate.__struct_fields__ if key in row}
+            for row in self.table()
         }
         for name in self.not_measured:
             channels[name] |= prior_of(name, self.network, self.total.events, self.total.exposure)
         tank = self.total.tank
-        return Rates.model_validate(
-            {
-                "convention": {"combinations": self.network.combinations, "time_unit": self.network.time_unit},
-                "tank": None if tank is None else tank.size,
-                "channels": channels,
-                "network": self.network.fingerprint,
-                "evidence": dict(evidence or {}),
-            }
+        return Rates(
+            convention=Convention.of(self.network),
+            tank=None if tank is None else tank.size,
+            channels={name: ChannelRate(**row) for name, row in channels.items()},
+            network=self.network.fingerprint,
+            evidence=dict(evidence or {}),
         )
 
     def table(self, level: float = 0.95) -> list[dict[str, Any]]:

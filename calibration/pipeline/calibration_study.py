@@ -125,7 +125,7 @@ def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
         )
     for kind in dict.fromkeys(kinds(derivation)):
         if not scene.openers(kind):
-            able = [effect.model_fields["effect"].default for effect in EFFECTS if kind in effect.opens]
+            able = [effect.name() for effect in EFFECTS if kind in effect.opens]
             raise ValueError(
                 f"scene {scene.name} lists no effect that makes {kind}s happen ({', '.join(able)}); calibration "
                 f"measures every channel of book {scene.rules}"

@@ -22,8 +22,9 @@ from kinetics.assembly.compiler.target import TARGETS
 from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
-from kinetics.support.config import find, validated, write_toml
+from kinetics.support.config import find, write_toml
 from kinetics.support.output import new_folder, write_whole
+from kinetics.support.settings import validated
 from mechsim.scene import Scene
 
 LINE, OTHER = "line4", "t5"  # scenes whose physics a new study gets: bonds of a T are stronger, for it has levers
@@ -68,7 +69,7 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
         name = plain_name(target.name)
         scene = scene_for(name, derivation)
-        write_toml(scene.model_dump(mode="json", exclude_none=True), made / SCENE)
+        write_toml(scene.as_dict(none=False), made / SCENE)
         scale = math.prod(scene.tank.size) / math.prod(PLACE)
         least = 1 if compiled.book.seed() is None else SPARE * len(target)
         sizes = {
@@ -99,7 +100,7 @@ def scene_for(name: str, derivation: Derivation) -> Scene:
     like = Scene.load(LINE if is_line else OTHER)
     longest = max(extent(structure) for structure in derivation.structures.values())
     factor = max(1.0, ROOM * longest * like.cubes.edge / min(like.tank.size))
-    data = like.model_dump(mode="json") | {
+    data = like.as_dict() | {
         "name": name,
         "rules": BOOK,
         "tank": {"size": [round(factor * edge, 3) for edge in like.tank.size]},

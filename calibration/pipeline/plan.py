@@ -9,11 +9,12 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from msgspec import Meta
 
-from kinetics.support.config import Settings, is_path, read_toml, validated, write_toml
+from kinetics.support.config import is_path, read_toml, write_toml
+from kinetics.support.settings import AtLeastOne, Positive, Settings, validated
 from mechsim.runs.record import RunSpec
 from mechsim.scene import Scene
 
@@ -28,10 +29,10 @@ class Tanks(Settings):
     along : for the reader, the time on the predicted path at which the composition is expected, tu
     """
 
-    composition: dict[str, int] = Field(min_length=1)
+    composition: Annotated[dict[str, int], Meta(min_length=1)]
     tank: tuple[float, float, float] | None = None
-    runs: int = Field(ge=1)
-    duration: float = Field(gt=0)
+    runs: AtLeastOne
+    duration: Positive
     restart: bool = False
     along: float | None = None
 
@@ -39,8 +40,8 @@ class Tanks(Settings):
 class PlannedRuns(Settings):
     """Runs of one seed. Runs of different tanks have different numbers, so that none share random numbers."""
 
-    seed: int = Field(ge=0)
-    tanks: tuple[Tanks, ...] = Field(min_length=1)
+    seed: Annotated[int, Meta(ge=0)]
+    tanks: Annotated[tuple[Tanks, ...], Meta(min_length=1)]
 
 
 class VerdictRules(Settings):
@@ -70,17 +71,16 @@ class StudyPlan(Settings):
     purpose : for the reader, what the plan is to find out and how its numbers were chosen
     """
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
     purpose: str = ""
     scene: str
-    log_above: float | None = Field(default=None, gt=0)
+    log_above: Positive | None = None
     breaks: str = "auto"
     calibration: PlannedRuns
     held_out: PlannedRuns
     verdict: VerdictRules = VerdictRules()
 
-    @model_validator(mode="after")
-    def _held_out_is_held_out(self) -> Self:
+    def __post_init__(self) -> None:
         if self.calibration.seed == self.held_out.seed:
             raise ValueError(f"seed {self.calibration.seed} for both; held-out runs need a seed of their own")
         for tanks in self.held_out.tanks:
@@ -88,7 +88,6 @@ class StudyPlan(Settings):
                 raise ValueError("held-out runs are not restarted: they are to show a whole assembly")
             if tanks.runs < 2:
                 raise ValueError(f"runs = {tanks.runs} of a held-out tank; a scatter needs at least 2")
-        return self
 
     @classmethod
     def load(cls, path: str | Path) -> StudyPlan:
@@ -97,18 +96,18 @@ class StudyPlan(Settings):
         if not source.is_file():
             raise ValueError(f"plan {source} does not exist; give the path of a TOML file")
         plan = validated(cls, read_toml(source), source.name)
-        return plan.model_copy(update={"scene": str(source.parent / plan.scene)}) if is_path(plan.scene) else plan
+        return plan.replace(scene=str(source.parent / plan.scene)) if is_path(plan.scene) else plan
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
         target = Path(path)
         scene = os.path.relpath(self.scene, target.parent) if is_path(self.scene) else self.scene
-        write_toml(self.model_dump(exclude_none=True) | {"scene": scene}, target)
+        write_toml(self.as_dict(none=False) | {"scene": scene}, target)
 
     @property
     def fingerprint(self) -> str:
         """SHA-256 of the plan's content, the scene by its name: the same wherever plan and scene are kept."""
-        content = self.model_dump(mode="json") | {"scene": Path(self.scene).name}
+        content = self.as_dict() | {"scene": Path(self.scene).name}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def scene_of(self, tanks: Tanks) -> Scene:
@@ -134,7 +133,7 @@ def in_tank(scene: Scene, tank: tuple[float, float, float] | None) -> Scene:
     """The scene in a tank of these edges; None: in its own."""
     if tank is None:
         return scene
-    data = scene.model_dump(mode="json") | {"tank": {"size": tank}}
+    data = scene.as_dict() | {"tank": {"size": tank}}
     return validated(Scene, data, f"scene {scene.name} in a tank of {tank}")
 
 

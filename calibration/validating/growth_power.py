@@ -25,8 +25,8 @@ def scaled(rates: ClassRates, event: str, factor: float) -> ClassRates:
         for name in ("exposures", "exposure_by_shape"):
             parts = getattr(entry, name)
             moved[name] = None if parts is None else tuple(part / factor for part in parts)
-        classes[key] = entry.model_copy(update=moved)
-    return rates.model_copy(update={"classes": classes})
+        classes[key] = entry.replace(**moved)
+    return rates.replace(classes=classes)
 
 
 def growth_powers(

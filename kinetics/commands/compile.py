@@ -152,7 +152,7 @@ def compile_(
                     "dissociate": len(book.dissociate),
                     "internal": len(book.internal),
                 },
-                "senses": book.senses.model_dump(),
+                "senses": book.senses.as_dict(),
                 "joins": made.joins,
                 "searched": made.searched,
                 "verified": made.verified,

@@ -161,7 +161,7 @@ def rank(
 
         plots.save(plot_file, made.plot)
     if as_json:
-        echo_json({"rates": rates.model_dump(exclude_none=True, exclude={"evidence"}), **made.as_dict()})
+        echo_json({"rates": rates.as_dict(without={"evidence"}, none=False), **made.as_dict()})
     else:
         click.echo(str(made))
     if made.unfinished:

@@ -66,11 +66,7 @@ class Start:
         """How a propensity is put together, as a rates file states it."""
         from kinetics.rates import Convention
 
-        if self.rates is not None:
-            return self.rates.convention.model_dump()
-        return Convention.model_validate(
-            {"combinations": self.network.combinations, "time_unit": self.network.time_unit}
-        ).model_dump()
+        return (Convention.of(self.network) if self.rates is None else self.rates.convention).as_dict()
 
     @property
     def model(self) -> NetworkModel:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta, field
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
 
 from kinetics.breaks import BreakModel, ShapeParameter, SizeWeights, break_model
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.config import Settings
+from kinetics.support.settings import Settings
 
 
 class ShapePosterior(Settings):
@@ -27,11 +27,10 @@ class ShapePosterior(Settings):
     1.25
     """
 
-    points: tuple[tuple[float, ...], ...] = Field(min_length=1)
-    weights: tuple[float, ...] = Field(min_length=1)
+    points: Annotated[tuple[tuple[float, ...], ...], Meta(min_length=1)]
+    weights: Annotated[tuple[float, ...], Meta(min_length=1)]
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def __post_init__(self) -> None:
         if len(self.points) != len(self.weights) or len({len(point) for point in self.points}) != 1:
             raise ValueError(
                 f"{len(self.points)} points and {len(self.weights)} weights; expected one weight a point, and points "
@@ -39,7 +38,6 @@ class ShapePosterior(Settings):
             )
         if min(self.weights) < 0 or not np.isclose(sum(self.weights), 1, rtol=1e-6):
             raise ValueError(f"weights add up to {sum(self.weights):g}; expected probabilities, which add up to 1")
-        return self
 
 
 class BreakTerms(Settings):
@@ -56,17 +54,15 @@ class BreakTerms(Settings):
     """
 
     model: str = "first-order"
-    shape: dict[str, float] = Field(default_factory=dict)
+    shape: dict[str, float] = field(default_factory=dict)
     posterior: ShapePosterior | None = None
     like_pairs: Literal["either copy may break: x (x - 1)"] = "either copy may break: x (x - 1)"
 
-    @model_validator(mode="after")
-    def _known(self) -> Self:
+    def __post_init__(self) -> None:
         break_model(self.model)
         if self.posterior is not None and len(self.posterior.points[0]) != len(self.shape):
             known = ", ".join(self.shape) or "none"
             raise ValueError(f"points of {len(self.posterior.points[0])} shape parameters; expected {known}")
-        return self
 
     @property
     def break_model(self) -> BreakModel:
@@ -120,7 +116,7 @@ class BreakTerms(Settings):
         share = np.array(self.posterior.weights)
         drawn = rng.choice(share.size, size=n, p=share / share.sum())
         known = [
-            self.model_copy(update={"shape": dict(zip(self.shape, point, strict=True)), "posterior": None})
+            self.replace(shape=dict(zip(self.shape, point, strict=True)), posterior=None)
             for point in self.posterior.points
         ]
         return drawn, [known[i] for i in drawn]

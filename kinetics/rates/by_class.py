@@ -11,10 +11,11 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator
+from msgspec import Meta, field
+from msgspec.structs import force_setattr
 
 from kinetics.breaks import Expansion
 from kinetics.network import Network
@@ -22,8 +23,9 @@ from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.class_keys import are_by_class, class_keys, more_general, number_touched, plain_key
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
 from kinetics.support.arrays import Floats
-from kinetics.support.config import Settings, read_toml, validated, write_toml
+from kinetics.support.config import read_toml, write_toml
 from kinetics.support.intervals import exact_limits, posterior_draws
+from kinetics.support.settings import Settings, validated
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
@@ -72,20 +74,18 @@ class ClassRates(Settings):
     faces: str | None = None
     tank: tuple[float, float, float] | None = None
     breaks: BreakTerms = BreakTerms()
-    classes: dict[str, ClassRate] = Field(min_length=1)
-    evidence: dict[str, Any] = Field(default_factory=dict)
+    classes: Annotated[dict[str, ClassRate], Meta(min_length=1)]
+    evidence: dict[str, Any] = field(default_factory=dict)
 
-    @field_validator("classes")
-    @classmethod
-    def _with_plain_keys(cls, classes: Mapping[str, ClassRate]) -> dict[str, ClassRate]:
+    def __post_init__(self) -> None:
         """Keys with the smaller side first, as classes are printed."""
         found: dict[str, ClassRate] = {}
-        for written, entry in classes.items():
+        for written, entry in self.classes.items():
             key = plain_key(written)
             if key in found:
-                raise ValueError(f"{key!r} is there twice, once written as {written!r}; keep one of them")
+                raise ValueError(f"classes: {key!r} is there twice, once written as {written!r}; keep one of them")
             found[key] = entry
-        return found
+        force_setattr(self, "classes", found)
 
     @classmethod
     def load(cls, path: str | Path) -> ClassRates:
@@ -117,7 +117,7 @@ class ClassRates(Settings):
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
-        write_toml(self.model_dump(exclude_none=True), Path(path))
+        write_toml(self.as_dict(none=False), Path(path))
 
     @classmethod
     def uniform(cls, join: float, break_: float = 0.0) -> ClassRates:
@@ -208,11 +208,8 @@ class ClassRates(Settings):
             if by_shape is not None and entry.exposure is not None:
                 table[:, column] *= entry.exposure / by_shape[points]
         return [
-            self.model_copy(
-                update={
-                    "classes": {key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)},
-                    "breaks": breaks,
-                }
+            self.replace(
+                classes={key: ClassRate(rate=k) for key, k in zip(self.classes, row, strict=True)}, breaks=breaks
             )
             for row, breaks in zip(table.tolist(), drawn, strict=True)
         ]
@@ -367,4 +364,4 @@ def measured_class(rate: float, events: float, exposure: float, **parts: tuple[f
     """
     low, high = map(float, exact_limits(events, exposure))
     limits = {"low": min(low, rate), "high": max(high, rate)}
-    return ClassRate.model_validate({"rate": rate, "events": events, "exposure": exposure} | limits | parts)
+    return validated(ClassRate, {"rate": rate, "events": events, "exposure": exposure} | limits | parts, "a class")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from msgspec import Meta, field
 
 from kinetics.breaks import Expansion
 from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.support.arrays import Floats
-from kinetics.support.config import Settings, find, read_toml, validated, write_toml
+from kinetics.support.config import find, read_toml, write_toml
+from kinetics.support.settings import NotNegative, Positive, Settings, validated
 
 SHIPPED = Path(__file__).parent / "tables"
 
@@ -34,7 +35,12 @@ class Convention(Settings):
 
     propensity: Literal["rate * ways * combinations"] = "rate * ways * combinations"
     combinations: Literal["distinct", "ordered", "product"]
-    time_unit: str = Field(default="", max_length=40)
+    time_unit: Annotated[str, Meta(max_length=40)] = ""
+
+    @classmethod
+    def of(cls, network: Network) -> Convention:
+        """How the propensities of `network` are put together."""
+        return validated(cls, {"combinations": network.combinations, "time_unit": network.time_unit}, "the network")
 
 
 class MeasuredRate(Settings):
@@ -44,21 +50,19 @@ class MeasuredRate(Settings):
     events, exposure : firings n, and the integral of ways * combinations over the time observed, tu
     """
 
-    rate: float = Field(ge=0)
-    low: float | None = Field(default=None, ge=0)
-    high: float | None = Field(default=None, ge=0)
-    events: float | None = Field(default=None, ge=0)
-    exposure: float | None = Field(default=None, gt=0)
+    rate: NotNegative
+    low: NotNegative | None = None
+    high: NotNegative | None = None
+    events: NotNegative | None = None
+    exposure: Positive | None = None
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def __post_init__(self) -> None:
         if (self.low is None) != (self.high is None):
             raise ValueError("low and high come together")
         if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
             raise ValueError(f"expected low <= rate <= high; {self.low}, {self.rate}, {self.high} came")
         if (self.events is None) != (self.exposure is None):
             raise ValueError("events and exposure come together")
-        return self
 
 
 class ChannelRate(MeasuredRate):
@@ -76,8 +80,8 @@ class ChannelRate(MeasuredRate):
     True
     """
 
-    events: int | None = Field(default=None, ge=0)
-    ways: float = Field(gt=0)
+    events: Annotated[int, Meta(ge=0)] | None = None
+    ways: Positive
     exposures: tuple[float, ...] | None = None
     prior: Literal["joins", "breaks"] | None = None
 
@@ -102,9 +106,9 @@ class Rates(Settings):
     convention: Convention
     tank: tuple[float, float, float] | None = None
     breaks: BreakTerms = BreakTerms()
-    channels: dict[str, ChannelRate] = Field(min_length=1)
+    channels: Annotated[dict[str, ChannelRate], Meta(min_length=1)]
     network: str | None = None
-    evidence: dict[str, Any] = Field(default_factory=dict)
+    evidence: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Rates:
@@ -114,7 +118,7 @@ class Rates(Settings):
 
     def save(self, path: str | Path) -> None:
         """Write as TOML: whole or not at all, so that an older file stays until the new one is safely there."""
-        write_toml(self.model_dump(exclude_none=True), Path(path))
+        write_toml(self.as_dict(none=False), Path(path))
 
     def apply(self, network: Network, tank: Tank | None = None) -> Network:
         """`network` with the rates, ways and combinations of this table, its breaks expanded by their partners.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 from mechsim.accuracy.trial import with_numerics
 from mechsim.effects.drag import QuadraticDrag
 from mechsim.scene import Scene
@@ -92,7 +92,7 @@ def plan(scene: Scene) -> AccuracyPlan:
     for listed, other in (("drag", "explicit-drag"), ("explicit-drag", "drag")):
         drag = scene.effect(listed)
         if drag is not None:
-            same = {name: getattr(drag, name) for name in QuadraticDrag.model_fields} | {"effect": other}
+            same = {name: getattr(drag, name) for name in QuadraticDrag.__struct_fields__} | {"effect": other}
             for factor in DRAG_FACTORS:
                 add(numerical, f"step, {other}", step * factor, partial(_with, scene, listed, same, step * factor))
     drag = scene.effect("drag")
@@ -145,7 +145,7 @@ def plan(scene: Scene) -> AccuracyPlan:
 
 def _with(scene: Scene, effect: str, other: dict[str, Any], step: float) -> Scene:
     """The scene at another step, with another effect in the place of one that it lists."""
-    data = scene.model_dump(mode="json")
+    data = scene.as_dict()
     data["numerics"]["step"] = step
     data["effects"] = [other if item["effect"] == effect else item for item in data["effects"]]
     return validated(Scene, data, f"scene {scene.name} with {other['effect']}")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, field_validator
+from msgspec import Meta
 
-from kinetics.support.config import Settings, find, read_toml, validated, write_toml
+from kinetics.support.config import find, read_toml, write_toml
+from kinetics.support.settings import AtLeastOne, NotNegative, Positive, Settings, validated
 from mechsim.accuracy.plan import MOST_ITERATIONS
 from mechsim.accuracy.quantities import BY_NAME
 from mechsim.accuracy.trial import with_numerics
@@ -30,7 +31,7 @@ class Expected(Settings):
     """A measured relative error, and half the width of its 95 % interval."""
 
     error: float
-    half_width: float = Field(ge=0)
+    half_width: NotNegative
 
     def __str__(self) -> str:
         return f"{100 * self.error:+.2f} ± {100 * self.half_width:.2f} %"
@@ -44,18 +45,15 @@ class Preset(Settings):
     errors : of each quantity that was compared, by its name; see `quantities.QUANTITIES`
     """
 
-    step: float = Field(gt=0)
-    solver_iterations: int = Field(ge=1, le=MOST_ITERATIONS)
-    sub_cycles: int = Field(default=1, ge=1)
-    cpu_per_cube: float = Field(gt=0)
-    errors: dict[str, Expected] = Field(min_length=1)
+    step: Positive
+    solver_iterations: Annotated[int, Meta(ge=1, le=MOST_ITERATIONS)]
+    sub_cycles: AtLeastOne = 1
+    cpu_per_cube: Positive
+    errors: Annotated[dict[str, Expected], Meta(min_length=1)]
 
-    @field_validator("errors")
-    @classmethod
-    def _of_what_is_measured(cls, errors: dict[str, Expected]) -> dict[str, Expected]:
-        if unknown := sorted(set(errors) - set(BY_NAME)):
-            raise ValueError(f"an error of {unknown[0]!r}; expected one of {', '.join(BY_NAME)}")
-        return errors
+    def __post_init__(self) -> None:
+        if unknown := sorted(set(self.errors) - set(BY_NAME)):
+            raise ValueError(f"errors: an error of {unknown[0]!r}; expected one of {', '.join(BY_NAME)}")
 
 
 class Presets(Settings):
@@ -76,7 +74,7 @@ class Presets(Settings):
 
     def write(self, path: str | Path) -> None:
         """Keep them as TOML."""
-        write_toml(self.model_dump(mode="json", exclude_none=True), Path(path))
+        write_toml(self.as_dict(none=False), Path(path))
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ class Expectation:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        told = {"name": self.name, "physics": self.physics} | self.preset.model_dump(mode="json")
+        told = {"name": self.name, "physics": self.physics} | self.preset.as_dict()
         return told | {"expected_cpu_seconds": self.cpu_seconds}
 
 
@@ -193,7 +191,7 @@ def _error(point: SettingResult) -> float:
 
 def _but_for_steps(scene: Scene) -> dict[str, Any]:
     """What scenes have in common that differ in their steps, and in those of the drag within them, alone."""
-    data = scene.model_dump(mode="json")
+    data = scene.as_dict()
     del data["numerics"]["step"]
     for item in data["effects"]:
         item.pop("sub_cycles", None)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.assembly import Derivation
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 from mechsim.accuracy.quantities import QUANTITIES, TAIL, Quantity
 from mechsim.inspection.speeds import whole_holds
 from mechsim.runs.record import COMPLETED, PROGRESS_STEPS, RunRecord, RunSpec, book_of
@@ -55,7 +55,7 @@ class AccuracyTrial(RunSpec):
         same scene.
         """
         inputs = super().inputs | {
-            "scene": self.in_tank.model_dump(mode="json", exclude={"name", "rules"}),
+            "scene": self.in_tank.as_dict(without={"name", "rules"}),
             "trial": {"blocks": BLOCKS, "of": "whole holds", "warm_up": WARM_UP},
         }
         if self.has_structures:
@@ -64,7 +64,7 @@ class AccuracyTrial(RunSpec):
         del inputs["rules"]
         return inputs | {
             "composition": {"monomer": self.n_cubes},
-            "meetings": None if bonding is None else bonding.model_dump(mode="json"),
+            "meetings": None if bonding is None else bonding.as_dict(),
         }
 
 
@@ -109,7 +109,7 @@ def unbreakable(scene: Scene) -> Scene:
 
 def with_numerics(scene: Scene, **numerics: float) -> Scene:
     """The scene with another step or number of solver iterations, validated anew: ValueError where it is refused."""
-    data = scene.model_dump(mode="json")
+    data = scene.as_dict()
     data["numerics"].update(numerics)
     return validated(Scene, data, f"scene {scene.name}")
 

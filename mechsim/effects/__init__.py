@@ -4,9 +4,7 @@
 
 from functools import reduce
 from operator import or_
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from kinetics.support.families import members
 from mechsim.effects.agitation import Agitation
@@ -26,4 +24,4 @@ from mechsim.effects.walls import Walls
 
 EFFECTS: tuple[type[Effect], ...] = members(globals(), Effect)
 
-AnyEffect: Any = Annotated[reduce(or_, EFFECTS), Field(discriminator="effect")]
+AnyEffect: Any = reduce(or_, EFFECTS)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
-from pydantic import Field
-
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
-class Agitation(Effect):
+class Agitation(Effect, tag="agitation"):
     """Agitation by fluid velocities N(0, sigma) per component and drag point (paper, eqs. 1-3), redrawn every `hold`.
 
     The paper redraws at every step, which has no limit as the step shrinks. Holding the velocity for a physical time
@@ -21,12 +20,11 @@ class Agitation(Effect):
     hold : time for which a draw is held, tu; a whole number of steps
     """
 
-    effect: Literal["agitation"] = "agitation"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "hold": 0.0105}
-    sigma: float = Field(ge=0)
-    hold: float = Field(gt=0)
+    sigma: NotNegative
+    hold: Positive
 
     @property
     def held_for(self) -> float | None:

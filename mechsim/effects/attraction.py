@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
-from pydantic import Field
-
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.forces import attract
 
 
-class Attraction(Effect):
+class Attraction(Effect, tag="attraction"):
     """A short-range attraction F = strength / (1 + d / decay)^4 between the centres of two faces, d apart.
 
     It is the force between two coaxial magnetic dipoles (~ 1 / distance^4) that sit `decay / 2` behind their faces, so
@@ -27,12 +26,11 @@ class Attraction(Effect):
     reach : distance of the faces' centres beyond which there is no force, length; at most half an edge
     """
 
-    effect: Literal["attraction"] = "attraction"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # cubes that pass through each other would end in one place
     example: ClassVar[dict[str, Any]] = {"strength": 0.1}
-    strength: float = Field(ge=0)
-    decay: float = Field(default=0.02, gt=0)
-    reach: float = Field(default=0.05, gt=0)
+    strength: NotNegative
+    decay: Positive = 0.02
+    reach: Positive = 0.05
 
     def check(self, scene: ViewOfScene) -> None:
         """Check the reach: faces that are not turned towards each other cannot come within half an edge."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from kinetics.support.config import Settings
+from kinetics.support.settings import Settings
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 EventKind = Literal["join", "break"]
@@ -37,19 +37,28 @@ class FlowSource(Action):
     flow: np.ndarray
 
 
-class Effect(Settings):
+class Effect(Settings, tag_field="effect"):
     """One physical influence, as a scene describes it. If a scene does not list it, its physics is absent.
 
-    A new effect is one file, named as the effect is, with a subclass whose `effect` field is that name, and one line in
+    A new effect is one file, named as the effect is, with a subclass whose `tag` is that name, and one line in
     `mechsim/effects/__init__.py`, its import. tests/contracts/test_effects.py then tests what every effect must do, at
     the settings of `example`.
     """
 
-    effect: str
     provides: ClassVar[str | None] = None  # what several effects are ways of, of which a scene takes one; None: itself
     needs: ClassVar[tuple[str, ...]] = ()  # what it cannot act without: names of effects, or of what they provide
     opens: ClassVar[tuple[EventKind, ...]] = ()  # kinds of event that it makes happen
     example: ClassVar[dict[str, Any]] = {}  # settings without a default, as a scene may give them
+
+    @property
+    def effect(self) -> str:
+        """Its name."""
+        return self.name()
+
+    @classmethod
+    def name(cls) -> str:
+        """Its name, as a scene lists it."""
+        return str(cls.__struct_config__.tag)
 
     @property
     def held_for(self) -> float | None:

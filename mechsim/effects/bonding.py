@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from msgspec import Meta
 
+from kinetics.support.settings import Positive
 from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.latches import Encounter, MagnetDelay, Pair
 from mechsim.effects.view import ViewOfWorld
 
 
-class Bonding(Effect):
+class Bonding(Effect, tag="bonding"):
     """Bonding of two faces that look at each other within reach, if the rule book allows it (paper, III and IV).
 
     capture_distance : largest gap between the cubes along the faces' bisecting normal, length
@@ -25,14 +26,13 @@ class Bonding(Effect):
     two steps have met, too, and dock from where they are at the end of the step.
     """
 
-    effect: Literal["bonding"] = "bonding"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # cubes that pass through each other have no faces that meet
     opens: ClassVar[tuple[EventKind, ...]] = ("join",)
     example: ClassVar[dict[str, Any]] = {"latch": {"kind": "encounter", "probability": 0.1}}
-    capture_distance: float = Field(default=0.02, gt=0)
-    capture_angle: float = Field(default=135.0, ge=90, lt=180)
-    sideways: float = Field(default=0.5, gt=0, le=1)
-    latch: Annotated[Encounter | MagnetDelay, Field(discriminator="kind")]
+    capture_distance: Positive = 0.02
+    capture_angle: Annotated[float, Meta(ge=90, lt=180)] = 135.0
+    sideways: Annotated[float, Meta(gt=0, le=1)] = 0.5
+    latch: Encounter | MagnetDelay
 
     def attach(self, world: ViewOfWorld) -> Action:
         """Watch all pairs of uncovered faces."""

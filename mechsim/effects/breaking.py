@@ -8,9 +8,9 @@ from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from kinetics.assembly import Structure
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.bridges import Bridges
 from mechsim.effects.hits import Hit
@@ -40,7 +40,7 @@ BOUNDS = {
 }
 
 
-class Breaking(Effect):
+class Breaking(Effect, tag="breaking"):
     """Breaking of the most loaded bond of a structure, when its load in a collision exceeds a threshold.
 
     threshold : impulse, mass length / tu; for "velocity" a speed, length / tu
@@ -58,15 +58,14 @@ class Breaking(Effect):
     step squared, so it is no property of the collision. The impulse is, and the change of velocity.
     """
 
-    effect: Literal["breaking"] = "breaking"
     needs: ClassVar[tuple[str, ...]] = ("contact",)  # impulses come from collisions
     opens: ClassVar[tuple[EventKind, ...]] = ("break",)
     example: ClassVar[dict[str, Any]] = {"threshold": 0.008}
-    threshold: float = Field(gt=0)
+    threshold: Positive
     criterion: Literal["impulse", "wrench", "velocity"] = "impulse"
-    grace: float = Field(default=0.05, ge=0)
-    # Written only where it is asked for: a run without a log keeps its name.
-    log_above: float | None = Field(default=None, gt=0, exclude_if=lambda value: value is None)
+    grace: NotNegative = 0.05
+    unless_usual: ClassVar[tuple[str, ...]] = ("log_above",)  # a run without a log keeps its name
+    log_above: Positive | None = None
 
     def check(self, scene: ViewOfScene) -> None:
         """A hit that breaks a bond is always logged."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
-from pydantic import Field
-
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.view import ViewOfWorld
 
 
-class Buoyancy(Effect):
+class Buoyancy(Effect, tag="buoyancy"):
     """Gravity and buoyancy: F = -(m - rho_fluid V) g along z at the centre of mass, without torque (uniform cubes).
 
     All bodies are made of one material, so single cubes and structures accelerate alike, by -(1 - rho_fluid / rho) g.
@@ -22,10 +21,9 @@ class Buoyancy(Effect):
     fluid_density : rho_fluid, mass / length^3, 1 in the paper's units; the scene gives that of the cubes, cubes.density
     """
 
-    effect: Literal["buoyancy"] = "buoyancy"
     example: ClassVar[dict[str, Any]] = {"gravity": 1.0}
-    gravity: float = Field(gt=0)
-    fluid_density: float = Field(default=1.0, ge=0)
+    gravity: Positive
+    fluid_density: NotNegative = 1.0
 
     def attach(self, world: ViewOfWorld) -> Action:
         """Work out the change of velocity in a step."""

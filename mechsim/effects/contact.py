@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated
 
-from pydantic import Field
+from msgspec import Meta
 
+from kinetics.support.settings import NotNegative
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.view import ViewOfWorld
 
 
-class Contact(Effect):
+class Contact(Effect, tag="contact"):
     """Collisions of cubes with each other; without this effect they pass through one another, but not through walls.
 
     restitution : ratio of speeds after and before a collision, 0 to 0.9. Collisions are found once bodies overlap, by
@@ -20,9 +21,8 @@ class Contact(Effect):
     Both hold between any two surfaces, the walls' included.
     """
 
-    effect: Literal["contact"] = "contact"
-    restitution: float = Field(default=0.3, ge=0, le=0.9)
-    friction: float = Field(default=0.3, ge=0)
+    restitution: Annotated[float, Meta(ge=0, le=0.9)] = 0.3
+    friction: NotNegative = 0.3
 
     def attach(self, world: ViewOfWorld) -> Action:
         """Let cubes collide."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.view import ViewOfWorld
 
 
-class Current(Effect):
+class Current(Effect, tag="current"):
     """A steady uniform flow, u = velocity at every drag point, added to all other flow of the fluid.
 
     In this flow alone, a free cube that starts at rest and does not turn is accelerated by quadratic drag (paper,
@@ -18,7 +18,6 @@ class Current(Effect):
     velocity : (x, y, z), length / tu
     """
 
-    effect: Literal["current"] = "current"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     example: ClassVar[dict[str, Any]] = {"velocity": [0.5, 0.0, 0.0]}
     velocity: tuple[float, float, float]

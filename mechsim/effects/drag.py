@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from msgspec import Meta
 
 from kinetics.assembly import FACE_NORMALS
+from kinetics.support.settings import Positive
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.view import ViewOfWorld
 from mechsim.kernels.motion import drag
@@ -26,12 +27,12 @@ class QuadraticDrag(Effect):
     """
 
     provides: ClassVar[str | None] = "drag"
-    coefficient: float = Field(default=1.05, gt=0)
-    fluid_density: float = Field(default=1.0, gt=0)
+    coefficient: Positive = 1.05
+    fluid_density: Positive = 1.0
     points: Literal["sub-cubes", "sub-faces"] = "sub-cubes"
 
 
-class Drag(QuadraticDrag):
+class Drag(QuadraticDrag, tag="drag"):
     """Quadratic drag in semi-implicit steps, one 6x6 system per body: stable at any step, first order in the step.
 
     sub_cycles : semi-implicit steps of drag within one step of the engine, at the cost of the kernel alone. Fluid
@@ -43,16 +44,9 @@ class Drag(QuadraticDrag):
     Cost: one solution of a 6x6 system per body and sub-cycle. Choose it for everything but comparisons of schemes.
     """
 
-    effect: Literal["drag"] = "drag"
-    sub_cycles: int = Field(default=1, ge=1, le=64)
-
-    @model_serializer(mode="wrap")
-    def _as_before(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """One is not written: scenes and runs keep the names that they had before there was a choice."""
-        data = dump(self)
-        if self.sub_cycles == 1:
-            del data["sub_cycles"]
-        return data
+    # Scenes and runs keep the names that they had before there was a choice.
+    unless_usual: ClassVar[tuple[str, ...]] = ("sub_cycles",)
+    sub_cycles: Annotated[int, Meta(ge=1, le=64)] = 1
 
     def attach(self, world: ViewOfWorld) -> Action:
         """Lay out the drag points of every cube."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from mechsim.effects.base import Action, Stopped
 from mechsim.effects.drag import DragPoints, QuadraticDrag, drag_points
@@ -15,7 +14,7 @@ from mechsim.kernels.forces import explicit_drag
 BOUND = 0.9
 
 
-class ExplicitDrag(QuadraticDrag):
+class ExplicitDrag(QuadraticDrag, tag="explicit-drag"):
     """Quadratic drag by explicit Euler steps, dv = F h / m, with force and torque from the start of the step.
 
     In fluid agitated by sigma a free cube relaxes at the mean rate 4/3 c E|u| / m, E|u| = sigma sqrt(8/pi), c = Cd rho
@@ -25,8 +24,6 @@ class ExplicitDrag(QuadraticDrag):
     the step times twice the present rate of a body exceeds 2 is stopped. Below the bounds speeds are too high: by 11 %
     at 0.25, 25 % at 0.47. Choose it only to compare with `drag`.
     """
-
-    effect: Literal["explicit-drag"] = "explicit-drag"
 
     def check(self, scene: ViewOfScene) -> None:
         """Check that the step is within the bound of stability under agitation; other flow is guarded in the run."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field
+from msgspec import Meta
 
-from kinetics.support.config import Settings
+from kinetics.support.settings import NotNegative, Positive, Settings
 from mechsim.effects.view import ViewOfWorld
 
 Pair = tuple[int, int, int, int]  # cube, face, cube, face
 Latch = Callable[[Pair], bool]  # asked once a step for every pair within reach
 
 
-class Encounter(Settings):
+class Encounter(Settings, tag_field="kind", tag="encounter"):
     """Each meeting of two faces latches with a fixed probability, decided when they come within reach.
 
     probability : that a meeting latches
@@ -25,21 +25,19 @@ class Encounter(Settings):
     """
 
     in_passing: ClassVar[bool] = True  # a meeting counts also where it begins and ends between two steps
-    kind: Literal["encounter"] = "encounter"
-    probability: float = Field(gt=0, le=1)
-    refractory: float = Field(default=0.05, ge=0)
+    probability: Annotated[float, Meta(gt=0, le=1)]
+    refractory: NotNegative = 0.05
 
     def attach(self, world: ViewOfWorld, rng: np.random.Generator) -> Meetings:
         """Keep account of who meets whom."""
         return Meetings(self, world, rng)
 
 
-class MagnetDelay(Settings):
+class MagnetDelay(Settings, tag_field="kind", tag="delay"):
     """The magnet switches on after a memoryless delay while the faces stay within reach. rate : 1 / tu."""
 
     in_passing: ClassVar[bool] = False  # steps within reach add up to the time there, which more looks would overstate
-    kind: Literal["delay"] = "delay"
-    rate: float = Field(gt=0)
+    rate: Positive
 
     def attach(self, world: ViewOfWorld, rng: np.random.Generator) -> Latch:
         """The chance that the delay ends within this step."""

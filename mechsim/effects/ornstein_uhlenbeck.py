@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
-from pydantic import Field
-
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 
 
-class OrnsteinUhlenbeck(Effect):
+class OrnsteinUhlenbeck(Effect, tag="ornstein-uhlenbeck"):
     """Agitation by du = -u dt/T + sigma sqrt(2/T) dW, independently for each component and drag point.
 
     The update is exact at any step h: u(t+h) = r u(t) + sigma sqrt(1 - r^2) N(0, 1) with r = exp(-h/T) (Gillespie,
@@ -25,12 +24,11 @@ class OrnsteinUhlenbeck(Effect):
     correlation_time : T, tu; at least a step, for within a step the fluid's velocity is taken as constant
     """
 
-    effect: Literal["ornstein-uhlenbeck"] = "ornstein-uhlenbeck"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "correlation_time": 0.00525}
-    sigma: float = Field(ge=0)
-    correlation_time: float = Field(gt=0)
+    sigma: NotNegative
+    correlation_time: Positive
 
     def check(self, scene: ViewOfScene) -> None:
         """Check that the step resolves the correlation time."""

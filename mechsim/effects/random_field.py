@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field
+from msgspec import Meta
 
+from kinetics.support.settings import NotNegative, Positive
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.ornstein_uhlenbeck import check_memory
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
 from mechsim.kernels.fluid import flow, renew
 
 
-class RandomField(Effect):
+class RandomField(Effect, tag="random-field"):
     """An incompressible random flow, u(x) = sigma sqrt(3/M) sum over M modes of a cos(k.x + phase), a normal to k.
 
     Random Fourier modes (Kraichnan, Phys. Fluids 13, 22, 1970, doi:10.1063/1.1692799) with a Gaussian spectrum: k ~
@@ -34,14 +35,13 @@ class RandomField(Effect):
     modes : M, the number of modes
     """
 
-    effect: Literal["random-field"] = "random-field"
     provides: ClassVar[str | None] = "agitation"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     example: ClassVar[dict[str, Any]] = {"sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.00525}
-    sigma: float = Field(ge=0)
-    correlation_length: float = Field(gt=0)
-    correlation_time: float = Field(gt=0)
-    modes: int = Field(default=32, ge=8, le=4096)
+    sigma: NotNegative
+    correlation_length: Positive
+    correlation_time: Positive
+    modes: Annotated[int, Meta(ge=8, le=4096)] = 32
 
     def check(self, scene: ViewOfScene) -> None:
         """Check that the step resolves the field in time, and in space along the way of its own flow."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import field_validator
 
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.view import ViewOfWorld
@@ -13,7 +12,7 @@ from mechsim.effects.view import ViewOfWorld
 Row = tuple[float, float, float]
 
 
-class Shear(Effect):
+class Shear(Effect, tag="shear"):
     """A steady linear flow, u(x) = gradient (x - centre) at every drag point, added to all other flow of the fluid.
 
     A linear flow turns a fluid element at half its vorticity, curl u / 2, and strains it (Batchelor, An Introduction to
@@ -27,21 +26,18 @@ class Shear(Effect):
     centre : point at which the flow is zero, length; by default the middle of the tank
     """
 
-    effect: Literal["shear"] = "shear"
     needs: ClassVar[tuple[str, ...]] = ("drag",)  # moving fluid reaches the cubes through drag alone
     example: ClassVar[dict[str, Any]] = {"gradient": [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]}
     gradient: tuple[Row, Row, Row]
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    @field_validator("gradient")
-    @classmethod
-    def _keeps_volume(cls, gradient: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
-        trace = sum(gradient[i][i] for i in range(3))
-        if abs(trace) > 1e-9 * max(abs(entry) for row in gradient for entry in row):
+    def __post_init__(self) -> None:
+        trace = sum(self.gradient[i][i] for i in range(3))
+        if abs(trace) > 1e-9 * max(abs(entry) for row in self.gradient for entry in row):
             raise ValueError(
-                f"the trace du_x/dx + du_y/dy + du_z/dz is {trace:.4g}: such a flow compresses the fluid; expected 0"
+                f"gradient: its trace du_x/dx + du_y/dy + du_z/dz is {trace:.4g}: such a flow compresses the fluid; "
+                "expected 0"
             )
-        return gradient
 
     def attach(self, world: ViewOfWorld) -> FlowSource:
         """Make a flow that follows the positions of the cubes."""

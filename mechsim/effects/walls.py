@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
-from pydantic import Field
-
+from kinetics.support.settings import Positive
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.view import ViewOfWorld
 
 
-class Walls(Effect):
+class Walls(Effect, tag="walls"):
     """The walls of the tank: six fixed boxes, thick enough that a fast cube is pushed back and does not pass through.
 
     thickness : thickness of a wall, length; the walls of the engine `own` have no back, whatever it is
     """
 
-    effect: Literal["walls"] = "walls"
-    thickness: float = Field(default=0.5, gt=0)
+    thickness: Positive = 0.5
 
     def attach(self, world: ViewOfWorld) -> Action:
         """Build the six boxes; from now on a cube outside the tank is an escape."""

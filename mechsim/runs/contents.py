@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from msgspec import Meta
 
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
-from kinetics.support.config import Settings, validated
+from kinetics.support.settings import NotNegative, Settings, validated
 
 # Array -> kinds of its numbers and its shape, in which a letter is one number for all arrays of its line.
 NEEDED = {"initial": ("iu", "S"), "times": ("f", "E"), "channels": ("i", "E")}
@@ -31,13 +31,11 @@ OTHERS = {
 }
 LARGEST = 2**62  # of a count that a table is to hold
 
-Count = Annotated[int, Field(ge=0, le=LARGEST)]
+Count = Annotated[int, Meta(ge=0, le=LARGEST)]
 
 
-class _PartlyRead(BaseModel):
+class _PartlyRead(Settings, forbid_unknown_fields=False):
     """Settings of which only some are read by all who read runs."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
 
 class _Tank(_PartlyRead):
@@ -75,7 +73,7 @@ class RunInputs(_PartlyRead):
 
 
 class _Facts(_PartlyRead):
-    end: Annotated[float, Field(ge=0)]
+    end: NotNegative
     steps: Count
     species: tuple[str, ...]
     channels: tuple[str, ...]
@@ -97,7 +95,7 @@ class _RunManifest(_Manifest):
 
 class _TrialFacts(_PartlyRead):
     steps: Count
-    block: Annotated[float, Field(ge=0)]
+    block: NotNegative
 
 
 class _TrialManifest(_Manifest):

@@ -18,7 +18,8 @@ import numpy as np
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
-from kinetics.support.config import is_path, validated
+from kinetics.support.config import is_path
+from kinetics.support.settings import validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind
 from mechsim.effects.hits import Hit
@@ -177,7 +178,7 @@ class RunSpec:
                     f"{file} was made with a rule book {scene.rules}, which none of {', '.join(map(str, places))} "
                     "holds; put it beside the run"
                 )
-            scene = scene.model_copy(update={"rules": str(found[0])})
+            scene = scene.replace(rules=str(found[0]))
         return cls(**{f.name: inputs[f.name] for f in fields(cls) if f.name in inputs} | {"scene": scene})
 
     @property

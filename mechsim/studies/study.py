@@ -12,12 +12,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from msgspec import Meta, field
 
-from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.config import find, read_toml
 from kinetics.support.output import checked_name
+from kinetics.support.settings import AtLeastOne, Positive, Settings, validated
 from kinetics.support.stream_keys import seed_of
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, species_of
@@ -39,17 +40,16 @@ class Factor(Settings):
     paper_speeds : the paper's mean speed at each level, length / tu
     """
 
-    name: str = Field(pattern=r"^[a-z][a-z-]*$")
+    name: Annotated[str, Meta(pattern=r"^[a-z][a-z-]*$")]
     label: str
     setting: str | None = None
-    levels: tuple[float, ...] = Field(min_length=1)
-    also: dict[str, float] = Field(default_factory=dict)
+    levels: Annotated[tuple[float, ...], Meta(min_length=1)]
+    also: dict[str, float] = field(default_factory=dict)
     is_speed: bool = False
     paper_exponent: float | None = None
     paper_speeds: tuple[float, ...] = ()
 
-    @model_validator(mode="after")
-    def _levels_differ(self) -> Factor:
+    def __post_init__(self) -> None:
         if any(level <= 0 for level in self.levels):
             raise ValueError(f"levels {list(self.levels)}; expected numbers above 0")
         if len(set(self.levels)) < len(self.levels):
@@ -58,14 +58,13 @@ class Factor(Settings):
             raise ValueError(f"{len(self.paper_speeds)} paper_speeds for {len(self.levels)} levels; expected one each")
         if self.setting is None and not self.also:
             raise ValueError("expected a `setting`, or an `also` that says what the level multiplies")
-        return self
 
 
 class PaperMedian(Settings):
     """A median of the paper, to stand beside ours. at : one level of each factor; median : tu."""
 
     at: tuple[float, ...]
-    median: float = Field(gt=0)
+    median: Positive
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class StudyPoint:
         return [RunSpec(self.scene, start, cap, own, run, until=target) for run in range(runs)]
 
 
-class Study(Settings):
+class Study(Settings, dict=True):
     """Time to the first target of a scene's book, at all combinations of the factors' levels.
 
     name : of its tables and figures, so it may name a file; cubes : in the tank, where no factor says otherwise
@@ -99,20 +98,15 @@ class Study(Settings):
     name: str
     title: str
     scene: str
-    cubes: int = Field(ge=1)
-    runs: int = Field(ge=1)
-    cap: float = Field(gt=0)
-    typical: float = Field(gt=0)
-    factors: tuple[Factor, ...] = Field(min_length=1)
+    cubes: AtLeastOne
+    runs: AtLeastOne
+    cap: Positive
+    typical: Positive
+    factors: Annotated[tuple[Factor, ...], Meta(min_length=1)]
     paper: tuple[PaperMedian, ...] = ()
 
-    @field_validator("name")
-    @classmethod
-    def _names_files(cls, name: str) -> str:
-        return checked_name(name, "study name")
-
-    @model_validator(mode="after")
-    def _can_be_expanded(self) -> Study:
+    def __post_init__(self) -> None:
+        checked_name(self.name, "study name")
         names = [factor.name for factor in self.factors]
         if len(set(names)) < len(names):
             raise ValueError(f"factors {', '.join(names)}: a name stands twice")
@@ -128,7 +122,6 @@ class Study(Settings):
                 raise ValueError(f"paper: at = {list(known.at)} is no point of the study")
         for point in self.points:
             point.specs(self.cap, 1, 0)  # a RunSpec checks that the cubes fit into the tank
-        return self
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
@@ -166,7 +159,7 @@ class Study(Settings):
         return tuple(p for p in self.points if all(p.levels[i] in levels for i, levels in wanted.items()))
 
     def _point(self, levels: tuple[float, ...]) -> StudyPoint:
-        data: dict[str, Any] = self.base.model_dump(mode="json")
+        data: dict[str, Any] = self.base.as_dict()
         places = _Places(data, self.cubes)
         powers: list[tuple[str, float]] = []
         for factor, level in zip(self.factors, levels, strict=True):

@@ -44,7 +44,7 @@ def mean_speed(scene: Scene, cubes: int, duration: float) -> tuple[float, float,
 
 def with_step(scene: Scene, step: float) -> Scene:
     """The scene with another step."""
-    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"step": step})})
+    return scene.replace(numerics=scene.numerics.replace(step=step))
 
 
 def main() -> None:

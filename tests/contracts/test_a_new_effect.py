@@ -6,19 +6,18 @@ from scratch import add_line, run_contract, scratch_copy
 BREEZE = '''"""A breeze: a uniform flow that comes and goes."""
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.view import ViewOfWorld
 
 
-class Breeze(Effect):
+class Breeze(Effect, tag="breeze"):
     """u = speed sin(time) along x.
 
     speed : length / tu
     """
 
-    effect: Literal["breeze"] = "breeze"
     needs: ClassVar[tuple[str, ...]] = ("drag",)
     example: ClassVar[dict[str, Any]] = {"speed": 0.5}
     speed: float

@@ -204,15 +204,13 @@ def test_it_is_fitted_saved_and_predicts(law, tmp_path):
 
 def test_rates_without_evidence_work(law):
     """A file written by hand, with rates and ways alone."""
-    rates = Rates.model_validate(
-        {
-            "convention": {"combinations": "distinct"},
-            "channels": {name: {"rate": 1e-4, "ways": 2.0} for name in LINE.channels},
-            "breaks": {"model": law.name, "shape": shapes(law)[0]},
-        }
+    rates = Rates(
+        convention={"combinations": "distinct"},
+        channels={name: {"rate": 1e-4, "ways": 2.0} for name in LINE.channels},
+        breaks={"model": law.name, "shape": shapes(law)[0]},
     )
     network = rates.apply(LINE)
     assert_array_equal(rates.draw_constants(LINE, np.random.default_rng(0), 3), [network.known_rates] * 3)
     if law.parameters(LINE):
         with pytest.raises(ValueError, match="has the shape parameters"):
-            rates.model_copy(update={"breaks": rates.breaks.model_copy(update={"shape": {}})}).apply(LINE)
+            rates.replace(breaks=rates.breaks.replace(shape={})).apply(LINE)

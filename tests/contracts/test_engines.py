@@ -27,9 +27,9 @@ START = {"monomer": 6, "dimer": 3, "trimer": 2, "quadmer": 2}
 
 def scene_with(engine, scene="line4"):
     """A shipped scene computed by this engine."""
-    data = Scene.load(scene).model_dump(mode="json")
+    data = Scene.load(scene).as_dict()
     data["numerics"]["engine"] = engine
-    return Scene.model_validate(data)
+    return Scene(**data)
 
 
 def installed(entry):
@@ -44,7 +44,7 @@ def world_of():
     made = []
 
     def make(scene):
-        tight = scene.model_copy(update={"tank": scene.tank.model_copy(update={"size": (0.9, 0.9, 0.9)})})
+        tight = scene.replace(tank=scene.tank.replace(size=(0.9, 0.9, 0.9)))
         structures = derive(BOOK).structures
         start = [structures[name] for name, n in START.items() for _ in range(n)]
         made.append(World(tight, BOOK, sum(map(len, start)), np.random.SeedSequence(1)))
@@ -181,8 +181,8 @@ def test_an_engine_works_where_the_packages_of_another_are_not_installed():
         "from mechsim import RunSpec, Scene, execute\nfrom mechsim.runs import record\n"
         "def version(name):\n    assert name != 'pybullet'\n    return metadata.version(name)\n"
         "record.version = version\n"
-        "data = Scene.load('line4').model_dump(mode='json')\ndata['numerics']['engine'] = 'own'\n"
-        "run = execute(RunSpec(Scene.model_validate(data), {'monomer': 8}, 0.1, seed=1, run=0))\n"
+        "data = Scene.load('line4').as_dict()\ndata['numerics']['engine'] = 'own'\n"
+        "run = execute(RunSpec(Scene(**data), {'monomer': 8}, 0.1, seed=1, run=0))\n"
         "assert run.completed and run.digest"
     )
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd=Path(__file__).parents[2])

@@ -54,17 +54,19 @@ def confuse(fields, letters, rng):
 
     for rules in fields.values():
         for n, rule in enumerate(rules):
-            read = {name: getattr(rule, name) for name in type(rule).model_fields if name not in ("rule", "becomes")}
+            read = {
+                name: getattr(rule, name) for name in type(rule).__struct_fields__ if name not in ("rule", "becomes")
+            }
             changes = {name: renamed(name, value) for name, value in read.items() if isinstance(value, tuple)}
             changes["becomes"] = other if rule.becomes == one else rule.becomes
-            rules[n] = rule.model_copy(update=changes)
+            rules[n] = rule.replace(**changes)
 
 
 def copy_to_another_letter(fields, letters, rng):
     rules = _some(fields, rng)
     if rules:
         changes = {"letter": (str(rng.choice(letters)),), "becomes": str(rng.choice(letters))}
-        copied = rules[rng.integers(len(rules))].model_copy(update=changes)
+        copied = rules[rng.integers(len(rules))].replace(**changes)
         rules.insert(int(rng.integers(len(rules) + 1)), copied)
 
 

@@ -96,5 +96,5 @@ def _change(fields, rng, changes):
     if not rules:
         return
     place = int(rng.integers(len(rules)))
-    known = {name: value for name, value in changes.items() if name in type(rules[place]).model_fields}
-    rules[place] = rules[place].model_copy(update=known)
+    known = {name: value for name, value in changes.items() if name in type(rules[place]).__struct_fields__}
+    rules[place] = rules[place].replace(**known)

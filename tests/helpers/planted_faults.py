@@ -84,15 +84,15 @@ def squeezed(book, rng):
 
 def holding(book, rng):
     """Bonds hold: two halves of the target each wait for what the other has."""
-    return replace(book, semantics=book.semantics.model_copy(update={"bonds": "hold"}))
+    return replace(book, semantics=book.semantics.replace(bonds="hold"))
 
 
 def never_free(book, rng):
     """A cube of the first pair becomes x once alone, and x is good for its old place only: two of them are too many."""
     first, second, *rest = book.combine
     again = (
-        first.model_copy(update={"letter": (*first.letter, "x")}),
-        second.model_copy(update={"partner": (*second.partner, "x")}),
+        first.replace(letter=(*first.letter, "x")),
+        second.replace(partner=(*second.partner, "x")),
     )
     changed = _with(book, dissociate=[Dissociation(rule="fall", letter="0", neighbours=[], becomes="x")])
     return replace(changed, combine=(*again, *rest))

@@ -27,4 +27,4 @@ def rates_file(model, events=10, **changes):
         points = [[value * factor for value in shape.values()] for factor in (0.5, 1.0, 1.5)]
         breaks["posterior"] = {"points": points, "weights": [0.25, 0.5, 0.25]}
     data = {"convention": {"combinations": "distinct"}, "tank": [2, 2, 3], "channels": channels, "breaks": breaks}
-    return Rates.model_validate(data | changes)
+    return Rates(**data | changes)

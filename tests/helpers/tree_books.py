@@ -61,7 +61,7 @@ def pairs_book(seed):
         combine += _bond(f"pair {n}", (FREE,), own, str(n), (FREE,), other, str(n + 1), twist)
     own, other, twist = ends[1]
     middle = _bond("whole", ("1",), own, "1", ("2",), other, "2", twist)
-    combine += [rule.model_copy(update={"neighbours": (x,)}) for rule, x in zip(middle, "03", strict=True)]
+    combine += [rule.replace(neighbours=(x,)) for rule, x in zip(middle, "03", strict=True)]
     lone = Dissociation(rule="lone", neighbours=[], becomes=FREE)
     semantics = Semantics(conflict="first")
     senses, letters = Senses(faces="six", roll=True), (FREE, "0", "1", "2", "3")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 from mechsim.scene import Scene
 from mechsim.world.engines import engine_named
 from mechsim.world.world import World
@@ -32,7 +32,7 @@ def by_engine():
     def make(name):
         for package in engine_named(name).packages:
             pytest.importorskip(package)
-        data = Scene.load("line4").model_dump(mode="json")
+        data = Scene.load("line4").as_dict()
         data["numerics"]["engine"] = name
         return validated(Scene, data, "scene")
 
@@ -64,7 +64,7 @@ def scene_of(line4):
     """
 
     def make(*effects, step=None, edge=None, density=None, tank=None, guard=None):
-        data = line4.model_dump(mode="json")
+        data = line4.as_dict()
         as_listed = {item["effect"]: item for item in data["effects"]}
         data["effects"] = [as_listed[e] if isinstance(e, str) else e for e in effects]
         data["numerics"] |= {"step": step} if step else {}

@@ -25,7 +25,7 @@ LINKED = ("results", "docs", "notebooks", "README.md", "ARCHITECTURE.md")
 PATIENCE, LEAST_PATIENCE = 4, 20.0  # times what the tests take, of processor time; s
 LONGEST_WAIT = 900.0  # s, by the wall clock
 LIBRARIES = (
-    *("numpy", "scipy.stats", "scipy.sparse.linalg", "scipy.optimize", "pandas", "numba", "pydantic", "click"),
+    *("numpy", "scipy.stats", "scipy.sparse.linalg", "scipy.optimize", "pandas", "numba", "msgspec", "click"),
     "hypothesis",  # whose plugin imports it at the end of every session: three quarters of what a small test takes
 )
 

@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement, pairwise, product
 
 import numpy as np
 
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 from mechsim.accuracy.trial import unbound, unbreakable
 from mechsim.effects.faces import FacesWithinReach
 from mechsim.effects.hits import Hit
@@ -35,7 +35,7 @@ MIXED = {"monomer": 12, "dimer": 12, "trimer": 12, "quadmer": 12}
 
 def by_engine(scene: Scene, engine: str) -> Scene:
     """The same scene, computed by another engine."""
-    data = scene.model_dump(mode="json")
+    data = scene.as_dict()
     data["numerics"]["engine"] = engine
     return validated(Scene, data, f"scene {scene.name}")
 

@@ -141,7 +141,7 @@ def _of_book(result: Compiled) -> dict[str, Any]:
     """Letters, rules and senses, and how far it is proven that fewer do not do."""
     assert result.certificate is not None
     proven = [each.senses for each in result.certificate.weaker]
-    weaker = LADDER[: LADDER.index(Senses.model_validate(result.book.senses.model_dump()))]
+    weaker = LADDER[: LADDER.index(Senses(**result.book.senses.as_dict()))]
     ruled = {each.letters for each in result.certificate.exhausted}
     return {
         "letters": result.letters,

@@ -76,7 +76,7 @@ def _claims(book: RuleBook, target: Structure, said: Mapping[str, Any], most_ste
     yield from (none(n, pieces, joins, text) for n in sorted(tried))  # type: ignore[arg-type]
     for each in said["weaker_senses"] if joins is None else ():
         senses, turnings = Senses(**each["senses"]), each["situations"]
-        text = " with " + ", ".join(f"{name} = {value}" for name, value in senses.model_dump().items())
+        text = " with " + ", ".join(f"{name} = {value}" for name, value in senses.as_dict().items())
         if not turnings:
             yield CheckedClaim(f"no book{text}: no reason is given", None)
         for turned in turnings:

@@ -78,7 +78,7 @@ class Certificate:
             "exhausted": [each._asdict() for each in self.exhausted],
             "weaker_senses": [
                 {
-                    "senses": each.senses.model_dump(),
+                    "senses": each.senses.as_dict(),
                     "situations": list(each.situations),
                     "exhausted": [tried._asdict() for tried in each.exhausted],
                 }

@@ -5,15 +5,16 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from msgspec import Meta
 
 from kinetics.assembly.compiler.orientation import MOST, chosen_tops
 from kinetics.assembly.faces import Position, scheme_of
 from kinetics.assembly.rules.conditions import BookTarget, Direction, Senses
 from kinetics.assembly.structure import Structure
-from kinetics.support.config import Settings, find, read_toml, validated
+from kinetics.support.config import find, read_toml
+from kinetics.support.settings import Settings, validated
 from kinetics.support.tables import counted
 
 TARGETS = Path(__file__).parent.parent / "targets"
@@ -23,15 +24,6 @@ NO_CUBE = ". "
 MARKS = "xyz"  # a cube whose top looks along that axis; # is a cube whose axis the compiler chooses
 PLACEHOLDER = "#"  # the letter of a target's cubes until they have been given theirs
 _JOIN = re.compile(r"[1-9]\d*(\.[a-z]+)?\+[1-9]\d*(\.[a-z]+)?(->[1-9]\d*(\.[a-z]+)?)?")
-
-
-def _without_spaces(value: Any) -> Any:
-    """`1 + 2` as `1+2`; `all` as no restriction."""
-    if value == "all":
-        return None
-    if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
-        return tuple(v.replace(" ", "") for v in value)
-    return value
 
 
 class TargetFile(Settings):
@@ -44,15 +36,22 @@ class TargetFile(Settings):
     joins : `all`, or those allowed: by sizes, `1+2`, or as the compiler names them, `2.a+1->3.b`
     """
 
-    layers: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    layers: Annotated[tuple[str, ...], Meta(min_length=1)] | None = None
     cubes: tuple[tuple[int, int, int], ...] | None = None
     tops: tuple[Direction, ...] | None = None
     fronts: tuple[Direction, ...] | None = None
     seed: tuple[int, int, int] | None = None
     senses: Senses | None = None
-    joins: Annotated[tuple[str, ...] | None, BeforeValidator(_without_spaces)] = None
+    joins: tuple[str, ...] | Literal["all"] | None = None
     breaks: bool = True
-    max_letters: Annotated[int, Field(ge=2)] | None = None
+    max_letters: Annotated[int, Meta(ge=2)] | None = None
+
+    @property
+    def allowed(self) -> tuple[str, ...] | None:
+        """The joins without spaces, `1 + 2` as `1+2`; None: all."""
+        if self.joins is None or isinstance(self.joins, str):
+            return None
+        return tuple(join.replace(" ", "") for join in self.joins)
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,10 @@ class Target:
         """A shipped target by its name (`line4`), or one's own TOML file."""
         path = find(name_or_path, TARGETS, "target")
         content = validated(TargetFile, read_toml(path), path)
-        fields = content.model_dump(exclude={"layers", "cubes", "senses"}) | {"senses": content.senses}
+        fields = {
+            name: getattr(content, name) for name in ("tops", "fronts", "seed", "senses", "breaks", "max_letters")
+        }
+        fields["joins"] = content.allowed
         try:
             if (content.layers is None) == (content.cubes is None):
                 raise ValueError("give the cubes' places either as `layers` or as `cubes`")

@@ -54,11 +54,9 @@ class FaceGrammar:
         book = self.book
         return {
             (kind, face): tuple(
-                rule.model_copy(
-                    update={
-                        "letter": tuple(f"{letter}.{face}" for letter in rule.letter or book.letters),
-                        "becomes": f"{rule.becomes}.{face}",
-                    }
+                rule.replace(
+                    letter=tuple(f"{letter}.{face}" for letter in rule.letter or book.letters),
+                    becomes=f"{rule.becomes}.{face}",
                 )
                 for rule in in_order(rules, book.semantics.conflict)
             )

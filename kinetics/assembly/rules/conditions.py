@@ -4,41 +4,31 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field
+from msgspec import Meta
+from msgspec.structs import asdict, force_setattr
 
 from kinetics.assembly.faces import turned
 from kinetics.assembly.structure import Structure
-from kinetics.support.config import Settings
+from kinetics.support.settings import Settings
 
 Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
 DIRECTIONS: tuple[Direction, ...] = ("x", "-x", "y", "-y", "z", "-z")  # as faces are numbered
 
 
-def _as_list(value: Any) -> Any:
-    """A single letter or face may be written without brackets."""
-    return (value,) if isinstance(value, str) else value
-
-
-def _as_multiset(value: Any) -> Any:
-    value = _as_list(value)
-    is_letters = isinstance(value, list | tuple) and all(isinstance(v, str) for v in value)
-    return tuple(sorted(value)) if is_letters else value
-
-
-def _as_rolls(value: Any) -> Any:
-    """Angles may be written as numbers."""
-    values = value if isinstance(value, list | tuple) else (value,)
-    is_plain = all(isinstance(v, str | int) and not isinstance(v, bool) for v in values)
-    return tuple(map(str, values)) if is_plain else value
-
-
-OneOf = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_list)]  # None: any
-Multiset = Annotated[tuple[str, ...] | None, BeforeValidator(_as_multiset)]  # None: any
-Rolls = Annotated[Annotated[tuple[str, ...], Field(min_length=1)] | None, BeforeValidator(_as_rolls)]
+if TYPE_CHECKING:  # None: any
+    OneOf: TypeAlias = tuple[str, ...] | None
+    Multiset: TypeAlias = OneOf
+    Rolls: TypeAlias = OneOf
+else:  # as they may be written: one without brackets, angles as numbers
+    OneOf = str | Annotated[tuple[str, ...], Meta(min_length=1)] | None
+    Multiset = str | tuple[str, ...] | None
+    Rolls = str | int | Annotated[tuple[str | int, ...], Meta(min_length=1)] | None
 NO_CONDITIONS = ("rule", "becomes")  # what a rule holds besides
 EXACT = ("neighbours", "touched")  # multisets that must be met exactly; all others but `has` are one-of
+MULTISETS = (*EXACT, "has")
 
 
 class Senses(Settings):
@@ -56,7 +46,7 @@ class Senses(Settings):
     touched: bool = False
 
 
-class Rule(Settings):
+class Rule(Settings, dict=True):
     """What all rules share. A condition that is left out holds always.
 
     rule : its name, for people
@@ -73,10 +63,22 @@ class Rule(Settings):
     has: Multiset = None
     becomes: str
 
+    def __post_init__(self) -> None:
+        """Conditions as they are read: tuples of texts, those of multisets in order."""
+        for name, value in self.conditions.items():
+            if value is not None:
+                texts = map(str, value if isinstance(value, tuple) else (value,))
+                force_setattr(self, name, tuple(sorted(texts) if name in MULTISETS else texts))
+
     @property
     def conditions(self) -> dict[str, tuple[str, ...] | None]:
         """Condition -> what it admits; None admits everything."""
-        return {name: value for name, value in vars(self).items() if name not in NO_CONDITIONS}
+        return {name: value for name, value in asdict(self).items() if name not in NO_CONDITIONS}
+
+    @cached_property
+    def stated(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """The conditions that do not admit everything."""
+        return tuple((name, value) for name, value in self.conditions.items() if value is not None)
 
 
 class Combination(Rule):
@@ -190,9 +192,7 @@ def first_that_fits(rules: Sequence[Rule], reading: dict[str, Any]) -> Rule | No
 
 
 def _fits(rule: Rule, reading: dict[str, Any]) -> bool:
-    for name, admitted in vars(rule).items():  # for each reading of each rule, too often to make a table of conditions
-        if admitted is None or name in NO_CONDITIONS:
-            continue
+    for name, admitted in rule.stated:
         if name == "has":
             if not _holds(reading["neighbours"], admitted):
                 return False

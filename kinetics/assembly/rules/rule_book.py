@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from msgspec.structs import asdict
+
 from kinetics.assembly.faces import roll, scheme_of
 from kinetics.assembly.rules.conditions import (
     BookFile,
@@ -29,7 +31,8 @@ from kinetics.assembly.rules.conditions import (
 from kinetics.assembly.rules.names import check_names
 from kinetics.assembly.rules.words import rule_words, semantics_words
 from kinetics.assembly.structure import Placement, Structure
-from kinetics.support.config import find, read_toml, validated
+from kinetics.support.config import find, read_toml
+from kinetics.support.settings import validated
 from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
@@ -96,7 +99,7 @@ class RuleBook:
         """Load a shipped book by its name (`line4`), or a TOML file of your own."""
         path = find(name_or_path, BOOKS, "rule book")
         content = validated(BookFile, read_toml(path), path)
-        fields = {name: getattr(content, name) for name in BookFile.model_fields}
+        fields = {name: getattr(content, name) for name in BookFile.__struct_fields__}
         fields["seed_letter"] = fields.pop("seed")
         try:
             if content.target is not None:
@@ -111,8 +114,8 @@ class RuleBook:
         target = self.target and (self.target.positions, self.target.rotations, self.target.letters)
         # What books came to declare later counts only where it is used, so that older books keep their names.
         held = {"bonds"} if self.semantics.bonds == "break" else set()
-        content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.model_dump(exclude=held)]
-        senses = self.senses.model_dump(exclude={"faces"}, exclude_defaults=True)
+        content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.as_dict(without=held)]
+        senses = {name: value for name, value in asdict(self.senses).items() if name != "faces" and value}
         content += [later for later in (senses, self.seed_letter) if later]
         rules = [[_content(rule) for rule in group] for group in self.rules.values()]
         return hashlib.sha256(json.dumps([content, rules], sort_keys=True).encode()).hexdigest()
@@ -320,7 +323,7 @@ class RuleBook:
 def _content(rule: Rule) -> dict[str, Any]:
     """A rule as it enters the fingerprint."""
     later = ("has", "roll", "across", "touched")
-    return {name: value for name, value in rule.model_dump().items() if value is not None or name not in later}
+    return {name: value for name, value in rule.as_dict().items() if value is not None or name not in later}
 
 
 def _sorted(letters: Sequence[str], cubes: Iterable[int]) -> tuple[str, ...]:

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
+from msgspec.structs import asdict
+
 from kinetics.assembly.faces import turned
 from kinetics.assembly.rules.conditions import DIRECTIONS, EXACT, BookTarget, Rule, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
-from kinetics.support.config import Settings
+from kinetics.support.settings import Settings
 
 WIDTH = 118
 KINDS = {
@@ -55,7 +57,7 @@ def written(book: RuleBook, note: str = "") -> str:
 
 def _changed(settings: Senses | Semantics, usual: Senses | Semantics) -> list[str]:
     """What is set other than usual."""
-    values = ((name, getattr(settings, name)) for name in type(settings).model_fields)
+    values = ((name, getattr(settings, name)) for name in type(settings).__struct_fields__)
     return [line for name, value in values if value != getattr(usual, name) for line in _entry(name, value)]
 
 
@@ -86,7 +88,7 @@ def _entry(key: str, value: Any) -> list[str]:
 
 def _value(value: Any) -> str:
     if isinstance(value, Settings):
-        return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in value)} }}"
+        return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in asdict(value).items())} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
     # a JSON string is a TOML string but for the one control character that JSON leaves bare

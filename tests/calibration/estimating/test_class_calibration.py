@@ -34,13 +34,11 @@ def truth(breaks="collision-wall", **classes):
         "join f1 + f2 touching 1": 1e-4,
         "break": 5e-5 if shape else 4e-3,
     } | classes
-    return ClassRates.model_validate(
-        {
-            "faces": "two",
-            "tank": TANK.size,
-            "breaks": {"model": breaks, "shape": shape},
-            "classes": {key: {"rate": rate} for key, rate in known.items()},
-        }
+    return ClassRates(
+        faces="two",
+        tank=TANK.size,
+        breaks={"model": breaks, "shape": shape},
+        classes={key: {"rate": rate} for key, rate in known.items()},
     )
 
 
@@ -171,7 +169,7 @@ def test_places_that_touch_two_cubes_have_a_constant_of_their_own():
     """Known rates come back, .3 of the open ones in corners. The control knows no places; its constant is flagged."""
     pyramid = derived("pyramid45_breaking")
     known = {"join touching 1": 4e-4, "join": 1.2e-4, "break": 1e-3}
-    rates = ClassRates.model_validate({"faces": "two", "classes": {key: {"rate": rate} for key, rate in known.items()}})
+    rates = ClassRates(faces="two", classes={key: {"rate": rate} for key, rate in known.items()})
     start = {pyramid.book.monomer(): 80, pyramid.book.seed(): 3}
     made = grow(pyramid.book, rates, start, 150.0, 6, seed=4).runs
     books = [BookRuns(pyramid, tuple(path_of(run, pyramid, TANK) for run in made))]
@@ -251,7 +249,7 @@ def test_a_channel_of_several_classes_is_shared_out_by_largest_likelihood():
 def _line_paths():
     """Runs of the line whose two joins go at very different rates."""
     rates = {"join 1 f1 + 1 f1 touching 1": 2e-3, "join f1 + f1 touching 1": 1e-3, "break": 1e-3}
-    known = ClassRates.model_validate({"classes": {key: {"rate": rate} for key, rate in rates.items()}})
+    known = ClassRates(classes={key: {"rate": rate} for key, rate in rates.items()})
     made = grow(LINE.book, known, 60, 100.0, 5, seed=3)
     return [path_of(run, LINE, TANK) for run in made.runs]
 

@@ -23,7 +23,7 @@ def spreads(paths, share="event"):
 
 def runs(number, seed, **more):
     classes = RATES | {key: {"rate": rate} for key, rate in more.items()}
-    rates = ClassRates.model_validate({"faces": "two", "classes": classes})
+    rates = ClassRates(faces="two", classes=classes)
     made = grow(LINE.book, rates, {LINE.book.monomer(): 40}, 150.0, number, seed)
     return [path_of(run, LINE) for run in made.runs]
 

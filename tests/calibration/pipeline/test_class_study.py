@@ -16,15 +16,13 @@ from mechsim.runs.store import RunStore
 
 JACK = derived("jack13")
 START = {"monomer": 20, "seed": 1}
-TRUTH = ClassRates.model_validate(
-    {
-        "faces": "two",
-        "classes": {
-            "join f1 + f1 touching 1": {"rate": 6e-4},
-            "join f1 + f2 touching 1": {"rate": 2e-4},
-            "break": {"rate": 4e-3},
-        },
-    }
+TRUTH = ClassRates(
+    faces="two",
+    classes={
+        "join f1 + f1 touching 1": {"rate": 6e-4},
+        "join f1 + f2 touching 1": {"rate": 2e-4},
+        "break": {"rate": 4e-3},
+    },
 )
 SCENE = """
 name = "jacks"
@@ -138,10 +136,10 @@ def test_wrong_rates_are_seen(place, calibrated):
     """All joins at a third of their rates."""
     plan, rates = StudyPlan.load(place / "plan.toml"), ClassRates.load(place / "classes.toml")
     slower = {
-        key: entry.model_copy(update={"exposure": 3 * entry.exposure}) if key.startswith("join") else entry
+        key: entry.replace(exposure=3 * entry.exposure) if key.startswith("join") else entry
         for key, entry in rates.classes.items()
     }
-    wrong = rates.model_copy(update={"classes": slower})
+    wrong = rates.replace(classes=slower)
     specs = plan.specs(plan.held_out)
     study = run_growth_validation(specs, wrong, place / "runs", groups=59, most_groups=399, progress=False)
     (comparison,) = study.comparisons
@@ -164,11 +162,11 @@ def test_what_is_refused(wellmixed_here, place, calibrated):
     rates = ClassRates.load(place / "classes.toml")
     with pytest.raises(ValueError, match="calibrated with seed 5 too"):
         run_growth_validation(specs, rates, place / "runs")
-    elsewhere = rates.model_copy(update={"tank": (3.0, 3.0, 3.0)})
+    elsewhere = rates.replace(tank=(3.0, 3.0, 3.0))
     held_out = [replace(spec, seed=7) for spec in specs]
     with pytest.raises(ValueError, match="calibrate in that one"):
         run_growth_validation(held_out, elsewhere, place / "runs")
-    joins = rates.model_copy(update={"classes": {k: v for k, v in rates.classes.items() if k.startswith("join")}})
+    joins = rates.replace(classes={k: v for k, v in rates.classes.items() if k.startswith("join")})
     with pytest.raises(ValueError, match="no rate for class 'break"):
         run_growth_validation(held_out, joins, place / "runs")
     for options, said in (

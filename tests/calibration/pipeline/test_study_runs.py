@@ -57,7 +57,7 @@ def test_studies_judge_their_runs_by_the_break_model_and_the_pieces():
         convention={"combinations": "distinct"},
         channels={name: {"rate": 1.0, "ways": 1.0} for name in network.channels},
     )
-    by_collision = plain.model_copy(update={"breaks": BreakTerms(model="collision", shape={"alpha": 1.0})})
+    by_collision = plain.replace(breaks=BreakTerms(model="collision", shape={"alpha": 1.0}))
     known, unknown = (SimpleNamespace(records=records(network, has_bonds)) for has_bonds in (True, False))
 
     def p_of_breaks(study):

@@ -41,11 +41,9 @@ def test_the_path_is_that_of_the_exact_solution():
 
 def test_uncertain_rates_are_drawn():
     network = decay()
-    rates = Rates.model_validate(
-        {
-            "convention": {"combinations": "distinct"},
-            "channels": {"decay": {"rate": 1.0, "ways": 1.0, "events": 2, "exposure": 2.0}},
-        }
+    rates = Rates(
+        convention={"combinations": "distinct"},
+        channels={"decay": {"rate": 1.0, "ways": 1.0, "events": 2, "exposure": 2.0}},
     )
     forecast = Forecast.of(rates, network, draws=4000, seed=1)
     # the mean of exp(-k t) under Gamma(2.5, 2) is (1 + t / 2)^-2.5

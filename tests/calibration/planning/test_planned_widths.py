@@ -35,9 +35,7 @@ def truth():
     }
     assert list(rates) == list(bare.channels)
     breaks = {"model": "collision", "shape": {"alpha": 1.3}}
-    return Rates.model_validate(
-        {"convention": {"combinations": "distinct"}, "tank": TANK, "channels": rates, "breaks": breaks}
-    )
+    return Rates(convention={"combinations": "distinct"}, tank=TANK, channels=rates, breaks=breaks)
 
 
 def watched(composition, seed, run):

@@ -41,8 +41,8 @@ def held_out(i, n=24, factor=1.0):
 
 
 def without_evidence(rates):
-    bare = {name: c.model_copy(update={"events": None, "exposure": None}) for name, c in rates.channels.items()}
-    return rates.model_copy(update={"channels": bare})
+    bare = {name: c.replace(events=None, exposure=None) for name, c in rates.channels.items()}
+    return rates.replace(channels=bare)
 
 
 def repeated(repeats, rates_of=calibrated, **options):
@@ -136,12 +136,10 @@ def test_channels_without_events_predict_neither_infinity_nor_what_their_band_ex
     """Only the first join was seen: at the point rates no quadmer ever comes."""
     seen = calibrated(5)
     channels = {
-        name: rate
-        if name == "1+1->2"
-        else rate.model_copy(update={"rate": 0.0, "events": 0, "low": None, "high": None})
+        name: rate if name == "1+1->2" else rate.replace(rate=0.0, events=0, low=None, high=None)
         for name, rate in seen.channels.items()
     }
-    rates = seen.model_copy(update={"channels": channels})
+    rates = seen.replace(channels=channels)
     assert first_passage(rates.apply(line_network()), held_out(5, n=1)[0].initial, "quadmer").mean == np.inf  # control
     found = crossvalidate(line_network(), rates, held_out(5, n=5), TIMES, "quadmer", runs=20, groups=99)
     assert np.isfinite(found.first.mean)
@@ -181,7 +179,7 @@ def test_same_seed_same_result(comparison):
 
 def test_order_of_the_rates_file_does_not_matter(comparison):
     rates = calibrated(5)
-    turned = rates.model_copy(update={"channels": dict(reversed(rates.channels.items()))})
+    turned = rates.replace(channels=dict(reversed(rates.channels.items())))
     again = crossvalidate(line_network(), turned, held_out(5, n=10), TIMES, runs=50, groups=399)
     assert np.abs(again.high - comparison.high).max() < 3
     assert again.first is None

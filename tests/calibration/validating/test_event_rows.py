@@ -34,8 +34,8 @@ def calibrated():
 
 
 def taken_as_exact(rates):
-    bare = {name: c.model_copy(update={"events": None, "exposure": None}) for name, c in rates.channels.items()}
-    return rates.model_copy(update={"channels": bare})
+    bare = {name: c.replace(events=None, exposure=None) for name, c in rates.channels.items()}
+    return rates.replace(channels=bare)
 
 
 def held_out(rates, constants, seed, runs=RUNS, number=0, most=GROUPS, groups=GROUPS):
@@ -155,8 +155,8 @@ def test_a_channel_never_seen_in_calibration_excuses_few_events():
     rates = calibrated()
     channel = rates.channels["4->2+2"]
     exposure = 2000.0
-    unseen = channel.model_copy(update={"rate": 0.0, "low": 0.0, "high": 0.1, "events": 0, "exposure": exposure})
-    changed = rates.model_copy(update={"channels": rates.channels | {"4->2+2": unseen}})
+    unseen = channel.replace(rate=0.0, low=0.0, high=0.1, events=0, exposure=exposure)
+    changed = rates.replace(channels=rates.channels | {"4->2+2": unseen})
     constants = line_network().known_rates.copy()
     place = line_network().channel_places["4->2+2"]
     seen = []
@@ -244,10 +244,10 @@ def test_breaks_by_collisions_are_counted_with_their_partners():
     breaks = BreakTerms(model="collision", shape={"alpha": 2.0})
     unknown = dict.fromkeys(("low", "high", "events", "exposure"))
     thinner = {
-        name: known.channels[name].model_copy(update=unknown | {"rate": known.channels[name].rate / 50})
+        name: known.channels[name].replace(**unknown | {"rate": known.channels[name].rate / 50})
         for name in event_groups(network)["breaks"]
     }
-    collisions = known.model_copy(update={"breaks": breaks, "channels": known.channels | thinner})
+    collisions = known.replace(breaks=breaks, channels=known.channels | thinner)
     simulated = SimulatedGroups(network, collisions, START, 2, 1)
     expansion = collisions.expansion(network)
     assert len(simulated.model.channels) == 4 + 4 * 4

@@ -21,7 +21,7 @@ TIMES = np.linspace(0, 60, 7)
 def known(join=6e-4, events=400.0):
     """Rates of joins and breaks with evidence of so many joins."""
     entries = {"join": {"rate": join, "events": events, "exposure": events / join}, "break": {"rate": 4e-3}}
-    return ClassRates.model_validate({"faces": "two", "classes": entries})
+    return ClassRates(faces="two", classes=entries)
 
 
 def compared(rates, groups=49, most_groups=99, seed=1, power_groups=20):

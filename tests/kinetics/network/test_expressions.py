@@ -311,7 +311,7 @@ def test_a_network_shows_its_laws_and_keeps_them():
     assert len({other.fingerprint for other in others}) == 3
     channels = {"up": {"rate": 2.0, "ways": 1}, "down": {"rate": 1.0, "ways": 1}}
     rates = {"convention": {"combinations": "distinct"}, "channels": channels}
-    known = Rates.model_validate(rates).apply(net)
+    known = Rates(**rates).apply(net)
     assert known.laws == net.laws
     assert known.events == net.events
     assert_allclose(known.propensities([4], 6.0), [2 * 3 * 4 * 1.5, 4.0])

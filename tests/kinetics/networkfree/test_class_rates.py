@@ -18,9 +18,7 @@ SHAPES = {"first-order": {}, "collision": {"alpha": 1.4}, "collision-wall": {"al
 
 def rates(model, break_=2e-3):
     """Joins of one constant, breaks of another, by a break model."""
-    return ClassRates.model_validate(
-        {"classes": JOIN | {"break": {"rate": break_}}, "breaks": {"model": model, "shape": SHAPES[model]}}
-    )
+    return ClassRates(classes=JOIN | {"break": {"rate": break_}}, breaks={"model": model, "shape": SHAPES[model]})
 
 
 @pytest.mark.parametrize("model", SHAPES)
@@ -36,9 +34,8 @@ def test_breaks_agree_with_the_master_equation_of_the_expanded_network(model):
     assert (np.abs(counts.mean(axis=0) - exact.mean()) < 5 * error + 1e-9).all()
     if model == "collision":
         own = {f"break {n} f1 + {m} f1": 1 + 0.15 * (n + m) for n, m in ((1, 1), (1, 2), (1, 3), (2, 2))}
-        wrong = known.model_copy(
-            update={"classes": known.classes | {key: known.classes["break"].model_copy(update={"rate": 2e-3 * f})
-                                                for key, f in own.items()}}
+        wrong = known.replace(classes=known.classes | {key: known.classes["break"].replace(rate=2e-3 * f)
+                                                for key, f in own.items()}
         )  # fmt: skip
         mistaken = solve(wrong.apply(LINE), Transient(), [8, 0, 0, 0], times)
         assert (np.abs(counts.mean(axis=0) - mistaken.mean()) > 5 * error).any()
@@ -52,9 +49,7 @@ def test_a_lone_structure_is_not_broken_by_itself():
 
 def test_runs_are_spread_over_draws_of_the_rates():
     """Two cubes that join at a rate from Gamma(n + 1/2, exposure): the chance that they do not, in closed form."""
-    known = ClassRates.model_validate(
-        {"classes": {"join": {"rate": 2e-3, "events": 2, "exposure": 1e3}, "break": {"rate": 0.0}}}
-    )
+    known = ClassRates(classes={"join": {"rate": 2e-3, "events": 2, "exposure": 1e3}, "break": {"rate": 0.0}})
     end, runs = 400.0, 2000
     apart = {}
     for draws in (runs, 0):
@@ -73,23 +68,19 @@ def test_draws_without_a_file_are_refused():
 
 
 def test_models_by_species_are_refused():
-    known = rates("first-order").model_copy(
-        update={"breaks": rates("collision").breaks.model_copy(update={"model": "collision-species"})}
-    )
+    known = rates("first-order").replace(breaks=rates("collision").breaks.replace(model="collision-species"))
     with pytest.raises(ValueError, match="weights partners by species, which books do not share"):
         grow(LINE.book, known, 4, 1.0)
-    known = rates("collision").model_copy(update={"breaks": rates("collision").breaks.model_copy(update={"shape": {}})})
+    known = rates("collision").replace(breaks=rates("collision").breaks.replace(shape={}))
     with pytest.raises(ValueError, match="has the shape parameters alpha; none came"):
         grow(LINE.book, known, 4, 1.0)
 
 
 def test_predict_reads_rates_by_class(wellmixed_here, tmp_path):
     """The seed of a seeded book is there; means are those of the network under these rates."""
-    known = ClassRates.model_validate(
-        {
-            "classes": {"join": {"rate": 2e-4}, "break": {"rate": 1e-5}},
-            "breaks": {"model": "collision", "shape": SHAPES["collision"]},
-        }
+    known = ClassRates(
+        classes={"join": {"rate": 2e-4}, "break": {"rate": 1e-5}},
+        breaks={"model": "collision", "shape": SHAPES["collision"]},
     )
     known.save(tmp_path / "classes.toml")
     command = ["predict", "line4", "--rates", "classes.toml", "--times", "50", "--method", "exact", "--json"]

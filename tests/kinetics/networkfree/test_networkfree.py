@@ -23,7 +23,7 @@ from kinetics.sampling.base import StalledClockError
 
 LINE4, T5, PYRAMID = (RuleBook.load(name) for name in ("line4", "t5", "pyramid45"))
 STICKY = RuleBook("sticky", ("a",), "a", Senses(faces="one"), combine=(Combination(rule="stick", becomes="a"),))
-SEQUENTIAL = replace(LINE4, semantics=LINE4.semantics.model_copy(update={"update": "sequential"}))
+SEQUENTIAL = replace(LINE4, semantics=LINE4.semantics.replace(update="sequential"))
 # Side faces that meet at parallel axes make other letters than those that meet crossed: the twist decides.
 TWIST = RuleBook(
     "twist",
@@ -125,7 +125,7 @@ def test_places_that_touch_several_cubes_are_filled_at_a_rate_of_their_own():
 
 def test_a_join_without_a_rate_is_refused_when_it_happens():
     """Rates of open places alone: the first place that touches more is an error that names its class."""
-    known = ClassRates.model_validate({"classes": {"join touching 1": {"rate": 4e-3}, "break": {"rate": 0.0}}})
+    known = ClassRates(classes={"join touching 1": {"rate": 4e-3}, "break": {"rate": 0.0}})
     assert grow(STICKY, known, 2, 50.0, runs=3).runs
     with pytest.raises(ValueError, match=r"no rate for class 'join .* touching [2-9]'; add it"):
         grow(STICKY, known, 12, 50.0, runs=3)
@@ -378,7 +378,7 @@ UNIFORM = ClassRates.uniform(1e-3, 1e-3)
         ({"rates": lambda _: None}, "is None; expected a number >= 0"),
         ({"rates": lambda _: 1e308}, "goes beyond 1e308; the rate constants are too large"),
         ({"rates": ClassRates(classes={"break": {"rate": 1.0}})}, r"no rate for class 'join 1 f1 \+ 1 f1 touching 1'"),
-        ({"rates": UNIFORM.model_copy(update={"faces": "six"})}, "book 'line4' has 'two', whose face types"),
+        ({"rates": UNIFORM.replace(faces="six")}, "book 'line4' has 'two', whose face types"),
         (
             {"rates": ClassRates(convention={"combinations": "ordered"}, classes={"join": {"rate": 1.0}})},
             "count pairs as 'ordered'",
@@ -441,7 +441,7 @@ def test_command(tmp_path):
     [
         (("--cubes", 9), "either --rates FILE, or --join"),
         (("--cubes", 9, "--join", 1, "--rates", "x.toml"), "either --rates FILE, or --join"),
-        (("--cubes", 9, "--join", -1), "greater than or equal to 0"),
+        (("--cubes", 9, "--join", -1), "at least 0"),
         (("--cubes", 9, "--rates", "missing.toml"), "missing.toml does not exist"),
         (("--cubes", 0, "--join", 1), "0 is not in the range"),
         (("--join", 1), "Missing option '--cubes'"),

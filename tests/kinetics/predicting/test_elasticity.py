@@ -127,11 +127,11 @@ def test_the_shape_of_a_break_model_is_a_parameter():
 
 def test_a_weight_of_zero_has_a_derivative():
     """Breaks by one species that has no weight yet: the derivative by it is that of the rate that it would bring."""
-    data = rates_file("collision-species", 200).model_dump(mode="json")
+    data = rates_file("collision-species", 200).as_dict()
     data["breaks"] |= {"posterior": None, "shape": data["breaks"]["shape"] | {"weight quadmer": 0.0}}
     for channel in data["channels"].values():
         channel["exposure"] = 1e3 if channel["exposures"] else channel["exposure"]
-    none = Rates.model_validate(data)
+    none = Rates(**data)
     found = count_elasticities(LINE.network, none, [12, 0, 0, 0], [40.0])
     posterior = none.posterior(LINE.network)
     place = found.parameters.index("weight quadmer")

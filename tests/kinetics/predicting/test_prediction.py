@@ -169,14 +169,14 @@ def test_the_same_seed_gives_the_same_prediction():
 def test_channels_without_evidence_are_named():
     rates = measured(20)
     channels = rates.channels | {"4->2+2": ChannelRate(rate=1e-5, ways=1)}
-    mixed = rates.model_copy(update={"channels": channels})
+    mixed = rates.replace(channels=channels)
     assert evidence_notes(mixed) == ("the interval leaves out 4->2+2: taken as known, because without evidence",)
     assert evidence_notes(rates) == ()
 
 
 def test_order_of_channels_in_the_file_does_not_matter():
     rates = measured(1_000_000)
-    turned = rates.model_copy(update={"channels": dict(reversed(rates.channels.items()))})
+    turned = rates.replace(channels=dict(reversed(rates.channels.items())))
     one, other = (predict_passage(bare_line(), r, START, "quadmer", draws=50) for r in (rates, turned))
     assert_allclose([one.low, one.mean, one.high], [other.low, other.mean, other.high], rtol=5e-3)
 

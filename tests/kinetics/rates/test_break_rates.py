@@ -43,10 +43,8 @@ def test_class_rates_of_a_file_are_its_own_network(model):
     assert_allclose(np.log(drawn).std(axis=0), np.log(direct).std(axis=0), rtol=0.2)
     # control: with the shape taken as known the constants of large partners vary less
     if SHAPES[model]:
-        known = by_class.model_copy(update={"breaks": by_class.breaks.model_copy(update={"posterior": None})})
-        held = known.model_copy(
-            update={"classes": {k: c.model_copy(update={"exposure_by_shape": None}) for k, c in known.classes.items()}}
-        )
+        known = by_class.replace(breaks=by_class.breaks.replace(posterior=None))
+        held = known.replace(classes={k: c.replace(exposure_by_shape=None) for k, c in known.classes.items()})
         narrow = np.log([one.apply(LINE).known_rates for one in held.draws(rng, n)]).std(axis=0)
         assert (narrow < 0.85 * np.log(direct).std(axis=0)).any()
 
@@ -111,7 +109,7 @@ def refuse(rates, words, network=LINE.network, tank=None):
 
 def test_what_does_not_fit_is_refused():
     good = rates_file("collision-wall")
-    refuse(good.model_copy(update={"tank": None}), "do not state their tank", tank=Tank((3, 3, 3)))
+    refuse(good.replace(tank=None), "do not state their tank", tank=Tank((3, 3, 3)))
     other = derive(RuleBook.load("t5")).network
     refuse(good, "these rates are for another network", other)
     species = rates_file("collision-species")
@@ -129,7 +127,7 @@ def test_what_does_not_fit_is_refused():
         ({"model": "collision", "shape": {"alpha": 9.0}}, "alpha = 9 of break model 'collision'; expected -1 to 4"),
     ):
         refuse(rates_file("first-order", breaks=breaks), words)
-    channels = {name: entry.model_dump(exclude_none=True) for name, entry in good.channels.items()}
+    channels = {name: entry.as_dict(none=False) for name, entry in good.channels.items()}
     channels["4->2+2"] |= {"exposures": (1.0, 2.0)}
     refuse(
         rates_file("collision-wall", channels=channels), "exposures to 2 partners; break model 'collision-wall' has 5"

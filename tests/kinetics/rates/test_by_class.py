@@ -121,7 +121,7 @@ def test_channels_of_one_class_are_pooled():
     network = pooled.apply(T5)
     both = [network.channels.index(name) for name in channels]
     assert_allclose(network.rate_constants[both], 60 / 4e6)
-    bare = {name: channel.model_copy(update={"events": None, "exposure": None}) for name, channel in channels.items()}
+    bare = {name: channel.replace(events=None, exposure=None) for name, channel in channels.items()}
     entry = ClassRates.of_rates(T5, rates_of(T5, **bare)).classes["join 1 f1 + 2 f1 touching 1"]
     assert (entry.rate, entry.exposure) == (pytest.approx((2 * 3e-5 + 4 * 1e-5) / 6), None)
 
@@ -195,7 +195,7 @@ def test_files_come_back_as_they_were(tmp_path):
 
 
 def test_faces_of_another_scheme_are_refused():
-    rates = ClassRates.uniform(1e-4).model_copy(update={"faces": "six"})
+    rates = ClassRates.uniform(1e-4).replace(faces="six")
     with pytest.raises(ValueError, match="for faces = 'six'; book 'line4' has 'two'"):
         rates.apply(LINE)
     assert ClassRates.of_rates(LINE, Rates.load("table3")).faces == "two"
@@ -207,7 +207,7 @@ def test_rates_of_another_network_are_refused():
 
 
 def test_a_book_whose_bonds_hold_needs_no_rate_of_breaking():
-    held = derive(replace(LINE.book, semantics=LINE.book.semantics.model_copy(update={"bonds": "hold"})))
+    held = derive(replace(LINE.book, semantics=LINE.book.semantics.replace(bonds="hold")))
     assert_allclose(ClassRates(classes={"join": ClassRate(rate=2.0)}).apply(held).rate_constants, 2.0)
 
 

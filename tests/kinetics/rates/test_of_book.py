@@ -40,7 +40,7 @@ def rates(**changes):
             "break": {"rate": 25 / whole, "events": 25, "exposure": whole, "exposures": SIZES},
         },
     }
-    return ClassRates.model_validate(table | changes)
+    return ClassRates(**table | changes)
 
 
 def test_draws_are_those_of_the_file():
@@ -83,8 +83,8 @@ def test_parts_of_the_constants_are_their_derivatives():
 def test_exposures_at_some_shapes_serve_these_alone():
     known = rates()
     exposures = tuple(map(weighted, SHAPES))
-    entry = known.classes["break"].model_copy(update={"exposures": None, "exposure_by_shape": exposures})
-    by_shape = known.model_copy(update={"classes": known.classes | {"break": entry}})
+    entry = known.classes["break"].replace(exposures=None, exposure_by_shape=exposures)
+    by_shape = known.replace(classes=known.classes | {"break": entry})
     one, other = (BookRates(each, LINE).posterior(LINE.network) for each in (known, by_shape))
     table = one.draw(np.random.default_rng(5), 10)
     assert_allclose(other.constants(table), one.constants(table), rtol=1e-9)

@@ -49,7 +49,7 @@ def test_round_trip(tmp_path):
 
 def test_order_of_channels_does_not_matter():
     rates = measured()
-    turned = rates.model_copy(update={"channels": dict(reversed(rates.channels.items()))})
+    turned = rates.replace(channels=dict(reversed(rates.channels.items())))
     assert_array_equal(turned.apply(bare_line()).ways, bare_line().ways)
 
 
@@ -69,7 +69,7 @@ def test_a_failed_save_keeps_the_old_file(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("evidence", [{"seeds": list(range(20_000))}, {"nothing": [None]}])
 def test_evidence_that_could_not_be_read_back(tmp_path, evidence):
-    rates = measured().model_copy(update={"evidence": evidence})
+    rates = measured().replace(evidence=evidence)
     with pytest.raises(ValueError, match=r"shorten the evidence|does not fit into TOML"):
         rates.save(tmp_path / "rates.toml")
     assert not list(tmp_path.iterdir())
@@ -78,13 +78,13 @@ def test_evidence_that_could_not_be_read_back(tmp_path, evidence):
 def test_rates_for_another_network():
     with pytest.raises(ValueError, match=r"another network \(missing decay; not in the network: 1\+1->2, 1\+2->3"):
         measured().apply(decay())
-    fewer = measured().model_copy(update={"channels": dict(list(measured().channels.items())[:-1])})
+    fewer = measured().replace(channels=dict(list(measured().channels.items())[:-1]))
     with pytest.raises(ValueError, match=r"another network \(missing 4->2\+2\)"):
         fewer.apply(bare_line())
-    stamped = measured().model_copy(update={"network": decay().fingerprint})
+    stamped = measured().replace(network=decay().fingerprint)
     with pytest.raises(ValueError, match="same names, but its fingerprint"):
         stamped.apply(bare_line())
-    measured().model_copy(update={"network": bare_line().fingerprint}).apply(bare_line())
+    measured().replace(network=bare_line().fingerprint).apply(bare_line())
 
 
 @pytest.mark.parametrize(

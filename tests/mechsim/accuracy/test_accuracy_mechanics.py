@@ -64,15 +64,15 @@ def measured(tmp_path_factory, line4, _in_this_process):
     """The whole of line4's plan, on two cubes and for a moment."""
     store = RunStore(tmp_path_factory.mktemp("runs"))
     told = []
-    small = line4.model_copy(update={"tank": line4.tank.model_copy(update={"size": (0.6, 0.6, 0.6)})})
+    small = line4.replace(tank=line4.tank.replace(size=(0.6, 0.6, 0.6)))
     return measure(small, store, **SMALL, tell=told.append), store, told
 
 
 def test_plan_turns_one_knob_at_a_time(line4):
     planned = plan(line4)
-    own = line4.model_dump()
+    own = line4.as_dict()
     for setting in planned.numerical:
-        other = setting.scene.model_dump()
+        other = setting.scene.as_dict()
         changed = {key for key in own if own[key] != other[key]}
         if "explicit" in setting.curve:
             assert [e["effect"] for e in other["effects"]].count("explicit-drag") == 1
@@ -84,7 +84,7 @@ def test_plan_turns_one_knob_at_a_time(line4):
             assert changed <= {"numerics"}
             assert sum(own["numerics"][k] != other["numerics"][k] for k in own["numerics"]) <= 1
     for setting in planned.model:
-        other = setting.scene.model_dump()
+        other = setting.scene.as_dict()
         assert {key for key in own if own[key] != other[key]} == {"effects"}
         assert sum(a != b for a, b in zip(own["effects"], other["effects"], strict=True)) == 1
     assert planned.reference.scene.numerics.step == line4.numerics.step / 4
@@ -331,7 +331,7 @@ def test_a_model_setting_of_a_multiple_is_shown_as_a_ratio(measured):
 
 
 def test_a_guarded_trial_keeps_its_reason(line4):
-    scene = line4.model_copy(update={"guard": line4.guard.model_copy(update={"max_speed": 0.5})})
+    scene = line4.replace(guard=line4.guard.replace(max_speed=0.5))
     record = execute_trial(AccuracyTrial(scene, {"monomer": 2}, 0.5, 1, 0))
     assert record.outcome.startswith("stopped: ")
     assert record.arrays["speed"].size == 0
@@ -339,7 +339,7 @@ def test_a_guarded_trial_keeps_its_reason(line4):
 
 
 def test_a_scene_that_stops_at_once_is_told(line4, tmp_path):
-    scene = line4.model_copy(update={"guard": line4.guard.model_copy(update={"max_speed": 0.5})})
+    scene = line4.replace(guard=line4.guard.replace(max_speed=0.5))
     with pytest.raises(ValueError, match=r"was stopped in step \d: runaway"):
         measure(scene, RunStore(tmp_path), cubes=2, duration=0.1, rounds=1, budget=1e9, seed=1)
 

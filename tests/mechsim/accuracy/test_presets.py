@@ -155,7 +155,7 @@ def test_a_preset_of_another_physics_says_so(measured, line4, tmp_path):
     presets.write(tmp_path / "mine.toml")
     told = str(load(f"{tmp_path / 'mine.toml'}:draft", line4).expected(2, 1.0))
     assert "of the encounter rate +2.00 ± 1.00 %; expected cost" in told
-    presets.model_copy(update={"physics": 0}).write(tmp_path / "old.toml")
+    presets.replace(physics=0).write(tmp_path / "old.toml")
     told = str(load(f"{tmp_path / 'old.toml'}:draft", line4).expected(2, 1.0))
     assert f"± 1.00 % (measured by physics 0, these runs are {PHYSICS}); expected cost" in told
 
@@ -209,4 +209,5 @@ def test_a_scene_that_was_never_measured(tmp_path):
 
 def test_bonds_may_be_left_out(line4):
     assert load("draft", line4, ("bonding", "breaking")).name == "draft"
-    assert Presets.model_fields["fingerprint"].is_required()
+    with pytest.raises(ValueError, match="'fingerprint' is missing"):
+        Presets(scene="line4")

@@ -150,7 +150,7 @@ def test_a_swarm_gains_no_energy(make_world, scene_of, step):
     ("effects", "said"),
     [
         ((PULL,), "'attraction' needs effect 'contact'"),
-        ((PULL | {"strength": -1.0}, "contact"), "greater than or equal to 0"),
+        ((PULL | {"strength": -1.0}, "contact"), "at least 0"),
         ((PULL | {"decay": 0.0}, "contact"), "greater than 0"),
         ((PULL | {"reach": 0.08}, "contact"), "more than half the cubes' edge of 0.15"),
     ],

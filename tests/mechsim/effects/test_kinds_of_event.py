@@ -1,9 +1,10 @@
 """Effects declare which kinds of event they make happen, and nothing else knows them by name."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import pytest
+from msgspec.structs import replace  # not checked: no scene may list what is not registered
 
 from kinetics.assembly import RuleBook, derive
 from mechsim.effects import EFFECTS
@@ -11,23 +12,21 @@ from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.runs.record import RunSpec, kinds, open_channels
 
 
-class Glue(Effect):
+class Glue(Effect, tag="glue"):
     """An effect that nobody has heard of."""
 
-    effect: Literal["glue"] = "glue"
     opens: ClassVar[tuple[EventKind, ...]] = ("join",)
 
     def attach(self, world):
         return Action()
 
 
-class Sunlight(Glue):
-    effect: Literal["sunlight"] = "sunlight"
+class Sunlight(Glue, tag="sunlight"):
     opens: ClassVar[tuple[EventKind, ...]] = ("break",)
 
 
 def with_effects(scene, *effects):
-    return scene.model_copy(update={"effects": (*scene.effects, *effects)})
+    return replace(scene, effects=(*scene.effects, *effects))
 
 
 def test_each_kind_of_event_is_some_effects_doing():
@@ -50,7 +49,7 @@ def test_open_channels_are_those_of_the_listed_effects(line4, derivation):
 
 
 def test_bonds_that_hold_refuse_whatever_breaks_them(line4):
-    holding = line4.without("breaking").model_copy(update={"rules": "pyramid45"})
+    holding = line4.without("breaking").replace(rules="pyramid45")
     RunSpec(holding, {"monomer": 9, "seed": 1}, 1.0, seed=1, run=0)
     with pytest.raises(ValueError, match="lists the effect 'sunlight', but bonds of book pyramid45 hold"):
         RunSpec(with_effects(holding, Sunlight()), {"monomer": 9, "seed": 1}, 1.0, seed=1, run=0)

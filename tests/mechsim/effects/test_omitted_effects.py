@@ -22,7 +22,7 @@ import mechsim
 from mechsim.effects import EFFECTS
 from mechsim.runs.record import RunSpec, execute
 from mechsim.scene import Scene
-scene = Scene.model_validate(json.loads(sys.argv[1]))
+scene = Scene(**json.loads(sys.argv[1]))
 record = execute(RunSpec(scene, {"monomer": 20, "quadmer": 2}, 1.0, seed=4, run=0, poses=0.25))
 print(json.dumps([mechsim.__file__, len(EFFECTS), record.outcome, record.digest]))
 """
@@ -35,7 +35,7 @@ def cut_down(folder: Path) -> int:
     listing = copy / "effects" / "__init__.py"
     text, gone = listing.read_text(), 0
     for effect in EFFECTS:
-        if effect.model_fields["effect"].default not in KEPT:
+        if effect.name() not in KEPT:
             (copy / Path(*effect.__module__.split(".")[1:]).with_suffix(".py")).unlink()
             text = re.sub(rf"^.*\b{effect.__name__}\b.*\n", "", text, flags=re.MULTILINE)
             gone += 1
@@ -49,7 +49,7 @@ def run_there(folder: Path, scene: Scene) -> subprocess.CompletedProcess:
     """The run by the copy."""
     paths = os.pathsep.join([str(folder), str(Path(mechsim.__file__).parents[1])])
     return subprocess.run(
-        [sys.executable, "-B", "-c", RUN, json.dumps(scene.model_dump(mode="json"))],
+        [sys.executable, "-B", "-c", RUN, json.dumps(scene.as_dict())],
         env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False, cwd=folder,
     )  # fmt: skip
 

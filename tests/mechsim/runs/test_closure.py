@@ -220,7 +220,7 @@ def pyramid():
     manifest, arrays = max(stored("pyramid45"), key=lambda run: run[0]["inputs"]["duration"])
     given = manifest["inputs"]
     spec = RunSpec(
-        Scene.model_validate(given["scene"]), *(given[name] for name in ("composition", "duration", "seed", "run")),
+        Scene(**given["scene"]), *(given[name] for name in ("composition", "duration", "seed", "run")),
         restart=given["restart"], poses=given["poses"],
     )  # fmt: skip
     assert spec.inputs["rules"] == given["rules"]

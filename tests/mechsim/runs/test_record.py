@@ -57,7 +57,7 @@ def test_a_restarted_run_always_leaves_from_its_start(eager):
 def test_only_the_first_event_of_a_step_counts_before_a_restart(eager):
     """In a crowd that bonds from afar the first step alone makes many joins."""
     grasping = eager.changed("bonding", capture_distance=0.15, latch={"kind": "delay", "rate": 1e6})
-    crowded = grasping.without("breaking").model_copy(update={"tank": TankSize(size=(1.2, 1.2, 1.2))})
+    crowded = grasping.without("breaking").replace(tank=TankSize(size=(1.2, 1.2, 1.2)))
     spec = RunSpec(crowded, {"monomer": 100}, 0.02, seed=4, run=0)
     times = execute(spec).arrays["times"]
     assert (times == times[0]).sum() > 2  # the control: events that share a step
@@ -149,7 +149,7 @@ def test_a_run_that_the_guard_stops_says_so_and_ends_there(line4):
 
 
 def test_bonds_that_hold_do_not_go_with_breaking(line4):
-    holding = line4.model_copy(update={"rules": "pyramid45"})
+    holding = line4.replace(rules="pyramid45")
     with pytest.raises(ValueError, match="bonds of book pyramid45 hold"):
         RunSpec(holding, {"monomer": 60}, 1.0, seed=1, run=0)
     RunSpec(holding.without("breaking"), {"monomer": 60, "seed": 1}, 1.0, seed=1, run=0)

@@ -195,7 +195,7 @@ def altered_run(arrays=(), **facts):
         (altered_run({"bonds": np.zeros((40, 2), int), "partners": np.full(40, 2)}), "partners goes from 2 to 2"),
         (altered_run({"bonds": np.zeros((40, 2), int), "partners": np.full(40, -5)}), "partners goes from -5 to -5"),
         (altered_run({"centres": np.zeros((2, 3, 3)), "slots": np.zeros((3, 3), int)}), "slots is of"),
-        (altered_run(species=[1]), r"facts.species.0 = 1: should be a valid string"),
+        (altered_run(species=[1]), r"facts.species.0 = 1: should be a text"),
         (altered_run(end=-1.0), "facts.end"),
         (altered_run(end=float("inf")), "facts.end = inf"),
         (altered_run(open_channels=[True]), "1 of its 2 channels"),

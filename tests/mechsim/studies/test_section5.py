@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.record import RunRecord, book_of
 from mechsim.runs.store import RunStore
@@ -229,6 +229,6 @@ def test_first_times_are_those_of_the_path():
 
 @pytest.mark.parametrize("name", ["../../x", "/tmp/x", "a/b", "..", ".hidden", "two words", "", "x" * 81])
 def test_a_name_that_could_leave_its_folder_is_refused(name):
-    with pytest.raises(ValueError, match=r"own.toml: name: study name .*: it names files"):
+    with pytest.raises(ValueError, match=r"own.toml: study name .*: it names files"):
         study_of(factor(), name=name)
     assert study_of(factor(), name="x" * 80)  # the control

@@ -67,7 +67,7 @@ def test_a_whole_scene_ends_well_or_by_a_named_outcome(line4, scene_of, step, si
 @pytest.mark.parametrize("edge", [0.05, 0.1, 0.2, 0.25])
 def test_a_whole_scene_of_any_edge(line4, edge):
     """At the scene's own step. Cubes of a third of the edge are turned nine times as fast: the guard may say so."""
-    scene = line4.model_copy(update={"cubes": line4.cubes.model_copy(update={"edge": edge})})
+    scene = line4.replace(cubes=line4.cubes.replace(edge=edge))
     record = execute(RunSpec(scene, HALF_BUILT, 1.0, seed=1, run=0, poses=0.5))
     assert np.isfinite(record.arrays["centres"]).all()
     assert record.completed == (edge > 0.05)
@@ -90,8 +90,8 @@ def test_speed_is_within_1_percent_from_half_the_default_step_downwards(make_wor
     scene = line4.without("bonding", "breaking").changed("agitation", sigma=sigma)
     speeds = []
     for parts in (4, 8, 16):
-        numerics = scene.numerics.model_copy(update={"step": 0.0105 / parts})
-        world = make_world({"monomer": 60}, scene.model_copy(update={"numerics": numerics}), seed=parts)
+        numerics = scene.numerics.replace(step=0.0105 / parts)
+        world = make_world({"monomer": 60}, scene.replace(numerics=numerics), seed=parts)
         speeds.append(mean_speed(world, 40))
     assert speeds[0] == pytest.approx(speeds[2], rel=0.01)
     assert speeds[1] == pytest.approx(speeds[2], rel=0.01)
@@ -169,7 +169,7 @@ def test_a_gas_in_a_box_gains_no_energy(make_world, scene_of, restitution, step)
 
 def test_an_elastic_gas_is_refused(scene_of):
     """The engine takes overlaps back by a push that adds to the bounce: at 1 a gas would gain energy without end."""
-    with pytest.raises(ValueError, match=r"less than or equal to 0\.9"):
+    with pytest.raises(ValueError, match=r"at most 0\.9"):
         scene_of("walls", {"effect": "contact", "restitution": 1.0})
 
 
@@ -240,7 +240,7 @@ def test_an_engine_alone_lets_a_fast_cube_through_another(make_world, scene_of):
 
 @pytest.mark.parametrize("steps", [400, pytest.param(100_000, marks=LONG)])
 def test_120_large_cubes_run_in_the_papers_tank(make_world, line4, steps):
-    large = line4.model_copy(update={"cubes": line4.cubes.model_copy(update={"edge": 0.25})})
+    large = line4.replace(cubes=line4.cubes.replace(edge=0.25))
     world = make_world({"monomer": 120}, large)
     b = world.bodies
     for _ in range(steps):
@@ -253,7 +253,7 @@ def test_a_plate_of_25_cubes_under_strong_agitation_stays_a_plate(line4, book):
     """Sigma 12, three times the paper's: a compound has no joints that could open."""
     plate = Structure(tuple((x, y, 0) for x in range(5) for y in range(5)), (0,) * 25, ("a",) * 25)
     scene = line4.without("bonding", "breaking").changed("agitation", sigma=12.0)  # free cubes reach 200 rad / tu
-    scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"step": 0.002625})})
+    scene = scene.replace(numerics=scene.numerics.replace(step=0.002625))
     with World(scene, book, 55, np.random.SeedSequence(2)) as world:
         world.populate([plate, plate, *[book.monomer()] * 5])
         b = world.bodies
@@ -273,7 +273,7 @@ def test_many_steps_without_leak_or_drift(make_world, line4, steps, record_prope
     """Joins and breaks all along: resident memory, quaternions, cubes and the books of momentum stay as they were."""
     scene = line4.changed("bonding", latch={"kind": "encounter", "probability": 1.0})
     scene = scene.changed("breaking", threshold=0.003)
-    tight = scene.model_copy(update={"tank": scene.tank.model_copy(update={"size": (0.8, 0.8, 0.8)})})
+    tight = scene.replace(tank=scene.tank.replace(size=(0.8, 0.8, 0.8)))
     world = make_world({"monomer": 4, "quadmer": 2}, tight)
     b, seen = world.bodies, events_of(world)
     names = [name for name, _ in world.parts]

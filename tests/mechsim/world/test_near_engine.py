@@ -23,10 +23,10 @@ def make():
     def make(scene, composition, engine="near", seed=1):
         book, derivation = book_of(scene.rules)
         start = [derivation.structures[name] for name, n in composition.items() for _ in range(n)]
-        numerics = scene.numerics.model_copy(update={"engine": engine})
+        numerics = scene.numerics.replace(engine=engine)
         made.append(
             World(
-                scene.model_copy(update={"numerics": numerics}),
+                scene.replace(numerics=numerics),
                 book,
                 sum(map(len, start)),
                 np.random.SeedSequence(seed),

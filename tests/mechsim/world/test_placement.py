@@ -27,7 +27,7 @@ def test_overlap_agrees_with_the_distance_of_two_convex_bodies():
 
 @pytest.mark.parametrize("start", [{"monomer": 120}, {"quadmer": 20, "trimer": 10, "monomer": 10}])
 def test_120_cubes_of_edge_a_quarter_find_places(make_world, line4, start):
-    large = line4.model_copy(update={"cubes": line4.cubes.model_copy(update={"edge": 0.25})})
+    large = line4.replace(cubes=line4.cubes.replace(edge=0.25))
     world = make_world(start, large)
     b = world.bodies
     assert (np.abs(b.centre) <= np.array([1, 1, 1.5])).all()

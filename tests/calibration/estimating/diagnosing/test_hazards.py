@@ -64,7 +64,7 @@ def test_a_fitted_break_model_has_the_hazards_of_its_rates(model):
     rates = line_rates(model)
     shape = BreakTerms(model=model, shape=fit.model.shape_values)
     by_fit = hazard_of(fit, line_network(), SMALL)
-    by_rates = hazard_of(rates.model_copy(update={"breaks": shape}), line_network(), SMALL)
+    by_rates = hazard_of(rates.replace(breaks=shape), line_network(), SMALL)
     both = [np.concatenate([hazard(path) for path in paths]) for hazard in (by_fit, by_rates)]
     found, expected = (each / each.mean(axis=0) for each in both)
     np.testing.assert_allclose(found, expected, rtol=1e-9)

@@ -122,7 +122,7 @@ def test_situations_that_can_be_told_apart_are_seen(compiled):
             verdicts = certified(book, claims | {"weaker_senses": [changed]})
             assert all(verdict.holds for verdict in verdicts) is holds, (each["senses"], change)
     stronger = deepcopy(claims["weaker_senses"][0])
-    stronger["senses"] |= book.senses.model_dump()  # with these there is a book
+    stronger["senses"] |= book.senses.as_dict()  # with these there is a book
     assert false(certified(book, claims | {"weaker_senses": [stronger]}))
 
 

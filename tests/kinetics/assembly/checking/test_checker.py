@@ -81,7 +81,7 @@ def test_printed_t_is_never_reached():
 def test_a_t_with_its_fifth_cube_but_without_guards_makes_all_but_the_t():
     """Defect T2."""
     printed = RuleBook.load("t5_as_printed")
-    fifth = tuple(r.model_copy(update={"partner": ("a", "d")}) if r.rule == "P1" else r for r in printed.combine)
+    fifth = tuple(r.replace(partner=("a", "d")) if r.rule == "P1" else r for r in printed.combine)
     report = check(replace(printed, combine=fifth, semantics=HOLD), max_cubes=8)
     assert only(report, "off-target").text.startswith("95 of 99 structures are no part of the target")
     assert {"not closed", "off-target", "target not final"} == set(kinds(report))
@@ -205,8 +205,7 @@ def test_slow_waves_may_squeeze():
     faulty = squeezed(sound, np.random.default_rng(0))
     host = faulty.combine[0].partner[0]
     late = tuple(
-        rule.model_copy(
-            update={"partner": ("y",)} if n == 0 else {"letter": ("y",)} if n == 1 else {"becomes": "y"}
+        rule.replace(**{"partner": ("y",)} if n == 0 else {"letter": ("y",)} if n == 1 else {"becomes": "y"}
             if rule.becomes == host else {}
         )
         for n, rule in enumerate(faulty.combine)

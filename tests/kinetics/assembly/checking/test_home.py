@@ -87,7 +87,7 @@ def exchanging():
 def reseeding():
     """Lone cubes become seeds, so that free cubes run out in a tank that at first holds one seed."""
     book = tree_book(0, 3, seeded=True)
-    return replace(book, dissociate=tuple(r.model_copy(update={"becomes": "0"}) for r in book.dissociate))
+    return replace(book, dissociate=tuple(r.replace(becomes="0") for r in book.dissociate))
 
 
 def trapping():
@@ -103,7 +103,7 @@ def trapping():
         Combination(rule="caught", letter="a", partner="x", face="f1", partner_face="f1", neighbours=[], becomes="y"),
     ]
     kept = [rule for rule in book.dissociate if rule.rule == "P1'"]
-    apart = [rule.model_copy(update={"letter": ("b",)}) for rule in kept]
+    apart = [rule.replace(letter=("b",)) for rule in kept]
     return replace(
         book,
         letters=("a", "b", "c", "x", "y"),
@@ -228,7 +228,7 @@ def test_tanks_are_searched_up_to_two_targets():
 def test_one_lost_structure_is_enough():
     """A pair leaves two cubes that wait for free ones; with none that bonds to x, this single structure is lost."""
     book = pairs(Dissociation(rule="stay", letter="b", becomes="x"))
-    barren = replace(book, combine=tuple(r.model_copy(update={"partner": ("a", "b")}) for r in book.combine[:1]))
+    barren = replace(book, combine=tuple(r.replace(partner=("a", "b")) for r in book.combine[:1]))
     report = check(barren)
     (finding,) = (f for f in report.findings if f.kind == "dead end")
     assert finding.text == "1 structures can neither grow nor break; the nearest"

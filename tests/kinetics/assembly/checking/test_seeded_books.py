@@ -26,7 +26,7 @@ def faulty(book):
     """The book with each rule left out, and with each rule making another letter."""
     for kind, rules in book.rules.items():
         for number, rule in enumerate(rules):
-            changed = [rule.model_copy(update={"becomes": letter}) for letter in book.letters if letter != rule.becomes]
+            changed = [rule.replace(becomes=letter) for letter in book.letters if letter != rule.becomes]
             for instead in [(), *((other,) for other in changed)]:
                 try:
                     yield replace(book, **{kind: (*rules[:number], *instead, *rules[number + 1 :])})

@@ -26,7 +26,7 @@ def without(book, dissociate=None, **combine):
     return replace(
         book,
         **{
-            kind: tuple(rule.model_copy(update=changes.get(rule.rule, {})) for rule in getattr(book, kind))
+            kind: tuple(rule.replace(**changes.get(rule.rule, {})) for rule in getattr(book, kind))
             for kind, changes in kinds.items()
         },
     )
@@ -72,7 +72,7 @@ def test_p3_without_its_guard_contradicts_p4():
 def test_the_sentence_on_finished_cubes_is_not_needed():
     """Defect L6 is one of the printed table alone: without the sentence it grows without end."""
     printed = RuleBook.load("line4_as_printed")
-    lit = replace(printed, semantics=printed.semantics.model_copy(update={"finished": ()}))
+    lit = replace(printed, semantics=printed.semantics.replace(finished=()))
     assert explore(lit, max_cubes=6).beyond is not None
     assert LINE4.semantics.finished == ()
 
@@ -140,7 +140,7 @@ def test_a_t_without_dissociation_rules_leaves_cubes_that_are_not_free():
     """Defect T4."""
     assert {s.letters for s in explore(replace(T5, dissociate=())).structures if len(s) == 1} > {("a",)}
     assert {s.letters for s in explore(T5).structures if len(s) == 1} == {("a",)}
-    held = T5_PRINTED.semantics.model_copy(update={"bonds": "hold"})
+    held = T5_PRINTED.semantics.replace(bonds="hold")
     assert shapes(replace(T5_PRINTED, semantics=held)) == {"a", "bb", "bddb"}  # T1 alone
 
 
@@ -183,9 +183,9 @@ def test_pyramid_grows_to_its_45_cubes_and_no_further():
 def test_pyramid_needs_its_senses():
     """The control: without the check of the twist, or of the cubes touched, growth goes wrong."""
     for sense in ("roll", "touched"):
-        rules = tuple(rule.model_copy(update={sense: None}) for rule in PYRAMID.combine)
+        rules = tuple(rule.replace(**{sense: None}) for rule in PYRAMID.combine)
         blind = replace(
-            PYRAMID, combine=rules, senses=PYRAMID.senses.model_copy(update={sense: False}),
+            PYRAMID, combine=rules, senses=PYRAMID.senses.replace(**{sense: False}),
             semantics=Semantics(conflict="first"),
         )  # fmt: skip
         grown = grow(blind, random.Random(1), 50)

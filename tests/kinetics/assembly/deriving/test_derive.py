@@ -184,7 +184,7 @@ def test_books_that_allow_everything_make_every_polycube(scheme, counts):
 
 
 def test_a_partial_derivation_leaves_out_what_lies_beyond():
-    book = replace(PRINTED, semantics=PRINTED.semantics.model_copy(update={"finished": ()}))
+    book = replace(PRINTED, semantics=PRINTED.semantics.replace(finished=()))
     made = derive(book, max_cubes=5, partial=True)
     assert not made.is_closed
     assert made.beyond is not None
@@ -235,10 +235,10 @@ def test_printed_table_makes_lines_of_five_and_six():
 @pytest.mark.parametrize(
     "semantics",
     [
-        PRINTED.semantics.model_copy(update={"conflict": "first"}),  # L2: P3 shadows P4
-        PRINTED.semantics.model_copy(update={"gate": "any"}),  # L3
-        PRINTED.semantics.model_copy(update={"update": "sequential"}),  # L4
-        PRINTED.semantics.model_copy(update={"finished": ()}),  # L6
+        PRINTED.semantics.replace(conflict="first"),  # L2: P3 shadows P4
+        PRINTED.semantics.replace(gate="any"),  # L3
+        PRINTED.semantics.replace(update="sequential"),  # L4
+        PRINTED.semantics.replace(finished=()),  # L6
     ],
     ids=["first", "any", "sequential", "lit"],
 )

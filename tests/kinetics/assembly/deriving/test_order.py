@@ -22,7 +22,7 @@ def hurried(book):
     """The same rules, but either side goes on without waiting for the other."""
     changes = {"layers begin": {"neighbours": ("b",)}, "layer complete": {"neighbours": ("b", "e", "e", "e", "e")}}
     changes["layer complete"]["becomes"] = "b"
-    internal = tuple(rule.model_copy(update=changes.get(rule.rule, {})) for rule in book.internal)
+    internal = tuple(rule.replace(**changes.get(rule.rule, {})) for rule in book.internal)
     return replace(book, internal=internal)
 
 

@@ -98,7 +98,7 @@ def channels(derivation):
 
 
 def replace_letter(rule, letter):
-    return rule.model_copy(update={"letter": (letter,)})
+    return rule.replace(letter=(letter,))
 
 
 @pytest.mark.parametrize("book", [LINE4, T5], ids=lambda book: book.name)

@@ -7,7 +7,7 @@ import pytest
 from kinetics.assembly import ROTATIONS, Placement, RuleBook, Senses, Structure, View, derive, explore, placements
 from kinetics.assembly.faces import roll, turned
 from kinetics.assembly.rules.conditions import BookFile, Combination
-from kinetics.support.config import validated
+from kinetics.support.settings import validated
 
 TWO = Senses(faces="two", roll=True, across=True, touched=True)
 
@@ -131,7 +131,7 @@ def test_declarations_enter_the_fingerprint_only_where_used():
         replace(plain, senses=Senses(faces="two", roll=True)),
         replace(plain, seed_letter="b"),
         book(stick(has="a"), senses=Senses(faces="two")),
-        replace(plain, semantics=plain.semantics.model_copy(update={"bonds": "hold"})),
+        replace(plain, semantics=plain.semantics.replace(bonds="hold")),
     ]
     assert len({other.fingerprint for other in (plain, *others)}) == 6
 
