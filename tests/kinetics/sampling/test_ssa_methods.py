@@ -189,11 +189,25 @@ def test_partial_propensities_are_bounded_from_above():
     sampler = PartialPropensities().sampler(net)
     counts = np.array([10**6, 10**6, 0, 1])
     work = sampler.begin(counts)
+    model, _ = partial_method.model_of(net)
     for _ in range(5):
         advance_some(sampler, work, counts, 1500)
-        exact = partial_method.model_of(net)[0].couplings.T @ counts[:3] + partial_method.model_of(net)[0].alone
+        exact = model.couplings.T @ counts[model.species[:3]] + model.alone
         assert np.all(work.partials >= exact)
         assert np.all(work.partials <= exact * (1 + 1e-11) + 1e-9)
+
+
+def test_rows_of_couplings_are_short_wherever_the_hubs_are():
+    """Both hubs bind each of 100 others: whatever an event changes, two owners' partial propensities follow."""
+    others = [f"s{i}" for i in range(100)]
+    binds = {f"{hub}{s}": ({hub: 1, s: 1}, {f"{s}{hub}": 1}) for hub in "hH" for s in others}
+    bound = [f"{s}{hub}" for hub in "hH" for s in others]
+    net = Network.from_reactions(binds, np.ones(200), species=["h", *others, "H", *bound])
+    model, order = partial_method.model_of(net)
+    assert [net.species[s] for s in model.species[:2]] == ["h", "H"]
+    assert np.diff(model.reach, axis=1).max() == 2
+    assert np.diff(model.owned_starts)[:2].tolist() == [100, 100]
+    assert sorted(order) == list(range(200))
 
 
 # Mutants: the kernels' own text with one error put in, run as plain Python. Each must be caught.
