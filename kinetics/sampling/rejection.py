@@ -103,7 +103,7 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     is_pair, is_like = is_second & (laws.second != laws.first), is_second & (laws.second == laws.first)
     owner, partner = _owners(network, laws)
 
-    order = np.argsort(owner, kind="stable")
+    order = np.lexsort((is_second, owner))  # the owner's own channels first, whose partner is the constant 1
     place = np.arange(n_channels) - np.searchsorted(owner[order], owner[order])
     starts = np.append(np.flatnonzero(place % LARGEST_GROUP == 0), n_channels)
     group = np.empty(n_channels, dtype=np.int64)
