@@ -44,7 +44,8 @@ class PartialModel(NamedTuple):
     owned_starts (W + 1,) : first channel of each owner; channels are in the order of their owners
     partners (R,) int32 : species j of a pair, S for the constant 1, W + i for a like pair
     coefficients (R,)
-    change_starts (R + 1,), change_species, change_copies : what a channel changes
+    change_starts (R + 1,), change_owners, change_copies : what a channel changes
+    species (S + 1,) : of the network, for each owner
     largest_gain, most_changes : the most copies that one event adds of a species, and species that it changes
     """
 
@@ -57,8 +58,9 @@ class PartialModel(NamedTuple):
     partners: np.ndarray
     coefficients: np.ndarray
     change_starts: np.ndarray
-    change_species: np.ndarray
+    change_owners: np.ndarray
     change_copies: np.ndarray
+    species: np.ndarray
     largest_gain: float
     most_changes: int
 
@@ -127,7 +129,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     """
     couplings, reach, like, less = model.couplings, model.reach, model.like, model.less
     partners, coefficients, owned_starts = model.partners, model.coefficients, model.owned_starts
-    change_starts, change_species, change_copies = model.change_starts, model.change_species, model.change_copies
+    change_starts, change_owners, change_copies = model.change_starts, model.change_owners, model.change_copies
+    species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
@@ -185,9 +188,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
 
         is_over = False
         for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
-            s = np.uint64(change_species[k])
-            count = counts[s] + change_copies[k]
-            counts[s] = count
+            s = np.uint64(change_owners[k])
+            count = counts[np.uint64(species[s])] + change_copies[k]
+            counts[np.uint64(species[s])] = count
             is_over |= count < 0
             copies[s] = count
             copies[width + s] = count - less[s] if count >= 2 else 0.0

@@ -14,6 +14,9 @@ power of two, so no rounding ever builds up; and the cost does not grow with the
 the channel is found by a walk over partial propensities made afresh from the counts: nothing can go stale, drift, or
 dip below zero.
 
+The group of the next event is picked before this one renews anything: its lines come from memory meanwhile. Where a
+group then moves to another bin, it is picked again, from the same draw; else bins and total are those it was picked by.
+
 A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
 """
 
@@ -29,7 +32,7 @@ N_OCTAVES = 32
 HEADROOM = 8  # octaves above the largest sum when the bins are laid out
 N_BINS = 2 * N_OCTAVES
 BIN_BITS = np.int64(51)  # of a double below its exponent and the first bit after the leading one
-NO_BIN = -1
+NO_BIN = NO_GROUP = -1
 LARGEST_SUM = 2.0**1000  # so that all upper ends are finite
 
 # What an event reads together lies together, and little of it: cache lines are much of what it costs.
@@ -160,6 +163,27 @@ def fill_bins(work):
     work.bins[0], work.bins[1], work.bins[2] = base, lowest, highest
 
 
+@compiled(inline="always")
+def pick(target, lowest, highest, sizes, uppers, inverses, masses, members, groups):
+    """A group by the uniform share `target` of the total: highest bin in use, what is left, group, first channel.
+
+    It is kept if what is left is below its sum. NO_GROUP where rounding led beyond the last bin, to an empty one. The
+    arrays are of `RejectionWork`, one by one: taken out of it here, they would nearly double what an event costs.
+    """
+    while highest > lowest and sizes[np.uint64(highest)] == 0:
+        highest -= 1
+    bin_ = np.uint64(highest)
+    while bin_ > np.uint64(lowest) and masses[bin_] <= target:
+        target -= masses[bin_]
+        bin_ -= np.uint64(1)
+    which = min(np.int64(target * inverses[bin_]), sizes[bin_] - 1)
+    if which < 0:
+        return highest, target, np.int64(NO_GROUP), np.uint64(0)
+    group = np.uint64(members[bin_ * np.uint64(groups.size) + np.uint64(which)])
+    target = max(target - which * uppers[bin_], 0.0)
+    return highest, target, np.int64(group), np.uint64(groups[group].start)
+
+
 @compiled
 def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
@@ -175,23 +199,20 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     t, total = clock[0], work.total[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
+    target, picked, chosen, is_stale = 0.0, np.int64(NO_GROUP), np.uint64(0), True
     for draw in range(np.uint64(waits.size)):
         t, passed, outcome = move_on(t, waits[draw], total, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
-        target = uniforms[draw] * total
-        while highest > lowest and sizes[np.uint64(highest)] == 0:
-            highest -= 1
-        bin_ = np.uint64(highest)
-        while bin_ > np.uint64(lowest) and masses[bin_] <= target:
-            target -= masses[bin_]
-            bin_ -= one
-        which = min(np.int64(target * inverses[bin_]), sizes[bin_] - 1)
-        if which < 0:  # an empty bin, only where rounding led beyond the last one
+        if is_stale:
+            highest, target, picked, chosen = pick(
+                uniforms[draw] * total, lowest, highest, sizes, uppers, inverses, masses, members, groups
+            )
+        is_stale = True
+        if picked == NO_GROUP:
             continue
-        group = members[bin_ * n_groups + np.uint64(which)]
-        target = max(target - which * uppers[bin_], 0.0)
+        group = np.uint64(picked)
         owners = groups[group].owners
         whole = owners * (groups[group].partial + groups[group].like * (owners - 1.0))
         if target >= whole:
@@ -200,7 +221,6 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
                 total = work.total[0]
             continue
-        chosen = np.uint64(groups[group].start)
         end = np.uint64(groups[group].end)
         part = 0.0
         while chosen < end:
@@ -216,8 +236,13 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not owners * part > target:  # the sum was rounded up
             continue
 
+        fires, event = chosen, np.uint64(channels[chosen].event)
+        is_stale = draw + one == np.uint64(waits.size)
+        if not is_stale:
+            highest, target, picked, chosen = pick(
+                uniforms[draw + one] * total, lowest, highest, sizes, uppers, inverses, masses, members, groups
+            )
         is_over = False
-        event = np.uint64(channels[chosen].event)
         first = event + two
         begin = first + three * np.uint64(words[event])
         for k in range(first, begin, three):
@@ -241,7 +266,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 stop = np.uint64(words[head])
             for i in range(begin if is_joint else head + one, stop):
                 code = words[i]
-                group = code >> np.uint32(1)
+                group = np.uint64(code >> np.uint32(1))
                 part = groups[group].partial
                 if code & np.uint32(1):
                     part = 0.0
@@ -262,6 +287,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 old = np.int64(groups[group].bin)
                 if new == old:
                     continue
+                is_stale = True
                 if new >= N_BINS:
                     is_beyond = True
                     continue
@@ -292,7 +318,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             total = work.total[0]
         if times.size > 0:
             times[n_events] = t
-            fired[n_events] = chosen
+            fired[n_events] = fires
         n_events += 1
     work.bins[1], work.bins[2], work.total[0] = lowest, highest, total
     seen[0], seen[1] = passed, n_events

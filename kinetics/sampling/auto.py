@@ -25,7 +25,7 @@ class Auto(SamplingMethod):
 
     many : expect ensembles, whose runs can be made side by side; False for a few long runs
 
-    Choose it unless you know better: on nearly all of a range of networks it cost at most 1.2 times as much as the best
+    Choose it unless you know better: on nearly all of a range of networks it cost at most 1.3 times as much as the best
     method (see `tests/benchmarks/bench_auto_ssa.py`). The choice depends on the network, its initial counts and `many`
     alone, so the same seed gives the same runs for any number of runs and any grid of times; they are those of the
     chosen method, to the last bit. Initial counts matter where some are above 10,000: `Leaping` may then be cheaper.

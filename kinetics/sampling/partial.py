@@ -23,7 +23,7 @@ class PartialPropensities(SamplingMethod):
     """The partial-propensity method (Ramaswamy et al. 2009, doi:10.1063/1.3154624), an exact sampling method.
 
     It takes channels of at most two reactants. Choose it where many channels couple few species, as in polymerisation:
-    an event costs about 70 ns, plus 1 ns per channel of a species and 0.08 ns per species. Rounding of the running sums
+    an event costs about 50 ns, plus 1 ns per channel of a species and 0.03 ns per species. Rounding of the running sums
     is made harmless by thinning.
 
     >>> from kinetics import Network, PartialPropensities, simulate
@@ -39,7 +39,7 @@ class PartialPropensities(SamplingMethod):
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, with the beginning of a run of some hundred events."""
-        return 95.0 + 0.08 * size.n_species + 1.0 * size.n_channels / max(1, size.n_species)
+        return 92.0 + 0.04 * size.n_species + 1.0 * size.n_channels / max(1, size.n_species)
 
     def prepared(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.partial`."""
@@ -50,7 +50,7 @@ class PartialPropensities(SamplingMethod):
 
         def begin(counts: Ints) -> partial.PartialWork:
             copies = np.zeros(2 * width)
-            copies[: n_species + 1] = counts
+            copies[: n_species + 1] = counts[model.species]
             copies[width:] = np.where(copies[:width] >= 2, copies[:width] - model.less, 0.0)
             blocks = width // partial.BLOCK
             work = partial.PartialWork(
@@ -81,11 +81,12 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     first, second = factors[:, 0].astype(np.int64), factors[:, 1].astype(np.int64)
     is_like = (first[:, 0] == second[:, 0]) & (first[:, 0] < n_species)
     is_pair = (second[:, 0] < n_species) & ~is_like
-    # The owner of a pair is the species with more partners: then few rows of the table are long.
-    popularity = np.append(np.bincount(needed.columns, minlength=n_species), 0)
-    swaps = is_pair & (popularity[second[:, 0]] > popularity[first[:, 0]])
-    owner = np.where(swaps, second[:, 0], first[:, 0])
-    partner = np.where(swaps, first[:, 0], second[:, 0])
+    # Owners are numbered from the species that most channels read, and own the pairs with those after them: the rows
+    # of the table, of which an event renews some, are then short.
+    species = np.append(np.argsort(-np.bincount(needed.columns, minlength=n_species), kind="stable"), n_species)
+    number = np.argsort(species)
+    owner = np.minimum(number[first[:, 0]], number[second[:, 0]])
+    partner = np.maximum(number[first[:, 0]], number[second[:, 0]])
 
     width = -(-(n_species + 1) // partial.BLOCK**2) * partial.BLOCK**2
     couplings = np.zeros((n_species, width))
@@ -109,8 +110,9 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
         np.where(is_like, width + owner, partner)[order].astype(np.int32),
         coefficients[order],
         np.searchsorted(changed_by, np.arange(n_channels + 1)),
-        change.columns[entries],
+        number[change.columns[entries]],
         change.copies[entries],
+        species,
         float(change.copies.max(initial=0)),
         int(np.diff(change.starts).max(initial=0)),
     ), order

@@ -48,7 +48,7 @@ class CompositionRejection(SamplingMethod):
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, with the beginning of a run; the last part is for memory beyond caches."""
         few, more = min(size.updated, 14.0), max(size.updated - 14.0, 0.0)
-        return 52.0 + 3.5 * few + 1.2 * more + 0.0025 * size.n_channels
+        return 52.0 + 3.5 * few + 1.2 * more + 0.001 * size.n_channels
 
     def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
         """Why the method does not take the network; there is a limit to the groups of channels, too."""
@@ -103,7 +103,7 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     is_pair, is_like = is_second & (laws.second != laws.first), is_second & (laws.second == laws.first)
     owner, partner = _owners(network, laws)
 
-    order = np.argsort(owner, kind="stable")
+    order = np.lexsort((is_second, owner))  # the owner's own channels first, whose partner is the constant 1
     place = np.arange(n_channels) - np.searchsorted(owner[order], owner[order])
     starts = np.append(np.flatnonzero(place % LARGEST_GROUP == 0), n_channels)
     group = np.empty(n_channels, dtype=np.int64)

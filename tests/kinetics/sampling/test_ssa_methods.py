@@ -189,12 +189,29 @@ def test_partial_propensities_are_bounded_from_above():
     sampler = PartialPropensities().sampler(net)
     counts = np.array([10**6, 10**6, 0, 1])
     work = sampler.begin(counts)
+    model, _ = partial_method.model_of(net)
     for _ in range(5):
         advance_some(sampler, work, counts, 1500)
-        exact = partial_method.model_of(net)[0].couplings.T @ counts[:3] + partial_method.model_of(net)[0].alone
+        exact = model.couplings.T @ counts[model.species[:3]] + model.alone
         assert np.all(work.partials >= exact)
         assert np.all(work.partials <= exact * (1 + 1e-11) + 1e-9)
 
+
+def test_rows_of_couplings_are_short_wherever_the_hubs_are():
+    """Both hubs bind each of 100 others: whatever an event changes, two owners' partial propensities follow."""
+    others = [f"s{i}" for i in range(100)]
+    binds = {f"{hub}{s}": ({hub: 1, s: 1}, {f"{s}{hub}": 1}) for hub in "hH" for s in others}
+    bound = [f"{s}{hub}" for hub in "hH" for s in others]
+    net = Network.from_reactions(binds, np.ones(200), species=["h", *others, "H", *bound])
+    model, order = partial_method.model_of(net)
+    assert [net.species[s] for s in model.species[:2]] == ["h", "H"]
+    assert np.diff(model.reach, axis=1).max() == 2
+    assert np.diff(model.owned_starts)[:2].tolist() == [100, 100]
+    assert sorted(order) == list(range(200))
+
+
+# One copy, so that every event moves what can happen next.
+PASSED_ON = network(("A", "B", "C"), {"first": ((1, 0, 0), (0, 1, 0)), "second": ((0, 1, 0), (0, 0, 1))}, [2.0, 2.0])
 
 # Mutants: the kernels' own text with one error put in, run as plain Python. Each must be caught.
 
@@ -258,6 +275,7 @@ MUTANTS = [
     (rejection, "a stale sum", (16 * " " + "groups[group].owners = owners", 16 * " " + "pass")),
     (rejection, "a stale bin", ("if new == old:", "if old != NO_BIN and new != NO_BIN:")),
     (rejection, "a bin too low", ("target >= whole", "target >= 0.8 * whole")),
+    (rejection, "a pick from bins of before", ("continue\n                is_stale = True", "continue")),
     (rejection, "a biased redraw", (KEPT, f"{KEPT}\n            t -= waits[draw] / total")),
     (rejection, "no rejection", (PICK, "target = (target / uppers[bin_] - which) * sum_of(groups[group])")),
     (
@@ -273,11 +291,12 @@ MUTANTS = [
 ]
 
 
-def both_laws(module, changes):
-    """The joint law of a small system, and the law of a decay, under a mutant."""
+def all_laws(module, changes):
+    """The joint law of a small system, the law of a decay, and that of a copy passed on, under a mutant."""
     assert_joint_law(MIXED, [14, 0, 1], 1.0, mutant_states(MIXED, module, changes, [14, 0, 1], 1.0, 1200))
     copies = mutant_states(decay(), module, changes, [60], 1.0, 700)[:, 0]
     assert_follows_cdf(copies, binom(60, exp(-1.0)).cdf)
+    assert_joint_law(PASSED_ON, [1, 0, 0], 1.0, mutant_states(PASSED_ON, module, changes, [1, 0, 0], 1.0, 500))
 
 
 @pytest.mark.parametrize(
@@ -285,12 +304,12 @@ def both_laws(module, changes):
 )
 def test_mutants_are_caught(module, changes):
     with pytest.raises(AssertionError, match=r"chi-square|the laws differ|below 0"):
-        both_laws(module, changes)
+        all_laws(module, changes)
 
 
 @pytest.mark.parametrize("module", [grouped, rejection, partial])
 def test_without_a_mutation_all_is_well(module):
-    both_laws(module, ())
+    all_laws(module, ())
 
 
 def test_a_network_of_too_many_groups_is_not_taken_and_auto_takes_another(monkeypatch):
