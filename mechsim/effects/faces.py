@@ -21,7 +21,8 @@ class FacesWithinReach:
     in_passing : also those that were within reach since the last search, though they are no longer. A body younger
         than that search was elsewhere, or another one: it is looked at only as it is
     finest : share of the time since the last search; a passage that is shorter may be missed
-    `kind` (C, 6) numbers what is distinguished in a face (-1: it is covered); `allowed` says which kinds may pair.
+    `kind` (C, 6) numbers what is distinguished in a face (-1: it is covered); `allowed` says which kinds may pair;
+    `is_open` (C,), whether a cube has a face that may pair with any.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class FacesWithinReach:
         self.cosine = -math.cos(math.radians(angle))
         self.kind = np.zeros((world.bodies.n_cubes, 6), np.int64)
         self.allowed = np.ones((1, 1), bool)
+        self.is_open = np.ones(world.bodies.n_cubes, bool)
         self.order = np.arange(world.bodies.n_cubes)
         self.found = np.zeros((64, 4), np.int64)
         self.looked = -math.inf  # time of the last search; the poses then:
@@ -50,7 +52,7 @@ class FacesWithinReach:
             count = facing_pairs(
                 b.body, b.centre, b.axes, self.kind, self.allowed, b.edge, self.distance, self.cosine, self.sideways,
                 b.born, self.looked, self.centre, self.axes, self.finest, self.order,
-                self.found,
+                self.is_open, self.found,
             )  # fmt: skip
             if count <= len(self.found):
                 break
@@ -67,7 +69,7 @@ class CompatibleFaces(FacesWithinReach):
 
     def __init__(self, world: ViewOfWorld, distance: float, angle: float, sideways: float, in_passing: bool = False):
         super().__init__(world, distance, angle, sideways, in_passing)
-        self.kind[:] = -1
+        self.kind[:], self.is_open[:] = -1, False
         self.allowed = np.zeros((0, 0), bool)
         self.kinds: dict[View, int] = {}
         world.on_change(self.read_faces)
@@ -80,6 +82,8 @@ class CompatibleFaces(FacesWithinReach):
             for face in range(6):
                 signature = book.view(structure, index, face)
                 self.kind[cube, face] = -1 if signature is None else self.number(signature)
+        cubes = list(bodies.members[slot])
+        self.is_open[cubes] = self._may_pair(self.kind[cubes])
 
     def number(self, signature: View) -> int:
         """Number of a signature; a new one is compared with all known ones, once."""
@@ -87,7 +91,13 @@ class CompatibleFaces(FacesWithinReach):
             self.kinds[signature] = len(self.kinds)
             book, known = self.world.book, list(self.kinds)
             self.allowed = np.array([[book.allows(a, b) for b in known] for a in known], bool)
+            self.is_open = self._may_pair(self.kind)
         return self.kinds[signature]
+
+    def _may_pair(self, kind: np.ndarray) -> np.ndarray:
+        """Of each cube: has it a face of a kind that may pair with any known one?"""
+        pairs = np.append(self.allowed.any(axis=1), False)  # the last: -1, a covered face
+        return pairs[kind].any(axis=1)
 
     def still_may(self, i: int, face: int, j: int, other: int) -> bool:
         """May these faces bond as things stand? An earlier bond of this step may have covered one or joined both."""

@@ -24,6 +24,7 @@ def facing_pairs(
     last_axes,
     finest,
     order,
+    is_open,
     found,
 ):
     """Pairs of faces near enough to bond: writes (cube, face, cube, face) to `found` (K, 4), returns their number.
@@ -43,6 +44,7 @@ def facing_pairs(
     kind (C, 6) : what the rules distinguish in a face, -1 where it is covered; allowed (kinds, kinds) : may they bond
     born (B,) : time at which the body got its structure; last_centre (C, 3), last_axes (C, 3, 3) : at the last look
     order (C,) : all cubes; sorted here along z, from how they were last time, so that few pairs are looked at
+    is_open (C,) : may any of its faces pair at all? Cubes that are not are passed over
     found.shape[0] is a limit: the caller checks for a full table. Rows come by i, j and faces.
     """
     count = 0
@@ -51,7 +53,7 @@ def facing_pairs(
     reach = math.sqrt(along * along + sideways * sideways)
     furthest = 0.0
     for i in range(body.shape[0]):
-        if born[body[i]] < since:
+        if is_open[i] and born[body[i]] < since:
             furthest = max(furthest, _distance2(centre, last_centre, i))
     wide = reach + 2.0 * math.sqrt(furthest)
     between = np.empty((2, 3, 3))
@@ -62,12 +64,17 @@ def facing_pairs(
             order[m + 1] = order[m]
             m -= 1
         order[m + 1] = cube
-    place = np.empty((order.shape[0], 3))  # in that order, one after the other in memory
-    for k in range(order.shape[0]):
-        for axis in range(3):
-            place[k, axis] = centre[order[k], axis]
-    for k in range(order.shape[0]):
-        for m in range(k + 1, order.shape[0]):
+    place = np.empty((order.shape[0], 3))  # of the open ones in that order, one after the other in memory
+    who = np.empty(order.shape[0], np.int64)
+    n = 0
+    for cube in order:
+        if is_open[cube]:
+            who[n] = cube
+            for axis in range(3):
+                place[n, axis] = centre[cube, axis]
+            n += 1
+    for k in range(n):
+        for m in range(k + 1, n):
             dz = place[m, 2] - place[k, 2]
             if dz > wide:
                 break
@@ -75,10 +82,10 @@ def facing_pairs(
             d2 = dx * dx + dy * dy + dz * dz
             if d2 > wide * wide:
                 continue
-            i, j = min(order[k], order[m]), max(order[k], order[m])
+            i, j = min(who[k], who[m]), max(who[k], who[m])
             if body[i] == body[j]:
                 continue
-            if i == order[m]:
+            if i == who[m]:
                 dx, dy, dz = -dx, -dy, -dz
             back_x = back_y = back_z = turn = 0.0
             is_followed = born[body[i]] < since and born[body[j]] < since

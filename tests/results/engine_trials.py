@@ -1,15 +1,21 @@
-"""What two engines make of the same tanks: speeds, meetings, impulses, loads and places, block by block.
+"""What two engines make of the same tanks: speeds, meetings, impulses, loads and places, run by run.
 
-Nothing joins and nothing breaks, so that both engines see the same bodies throughout. `measure` gives the total of each
-quantity in each block of a trial; blocks are far longer than any memory of the motion, so their scatter gives the
-standard errors.
+Nothing joins and nothing breaks, so that both engines see the same bodies throughout. A run is made by both engines
+from one seed: the same places at its start and the same noise. The two stay alike for some time (of the meetings in a
+crowded tank, 2 tu on, the correlation is .7), so that the difference is known better than either; a run lasts about as
+long as that, and their scatter gives the standard error of the difference.
+
+The plan, made before any of its runs: TANKS, below. `crowded` gives meetings by pair of sizes and the spectrum of loads
+(three times as dense as the study's calibration tanks of 120 cubes: pairs grow with the square, costs do not); `shaken`
+the rate of hits that break, which the study's own shaking gives a structure once in hundreds of tu: three times its
+agitation, steps a third as long, the same threshold; `single` what slow drifts apart would show, in longer runs.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from itertools import combinations_with_replacement, pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,18 +25,51 @@ from mechsim.effects.faces import FacesWithinReach
 from mechsim.effects.hits import Hit
 from mechsim.effects.latches import Encounter
 from mechsim.inspection.speeds import whole_holds
-from mechsim.runs.load_log import LoadLog
 from mechsim.runs.record import book_of
 from mechsim.scene import Scene
 from mechsim.world.world import World
 
-WARM_UP = 2.0  # tu
+WARM_UP = 1.0  # tu, many times the relaxation of a speed
 LOOK_EVERY = 20  # steps between two looks at where all cubes are
-SHARES = (0.25, 0.5, 1.0)  # of the threshold at which a bond breaks
 WALL_BINS = (0.5, 0.75, 1.0, 1.5)  # distances of centres from the nearest wall, edges
 PAIR_BINS = (0.9, 1.25, 1.5, 2.0)  # distances of two cubes' centres, edges
-SINGLE = {"monomer": 120}
-MIXED = {"monomer": 12, "dimer": 12, "trimer": 12, "quadmer": 12}
+LINES = ("monomer", "dimer", "trimer", "quadmer")
+
+
+class Tank(NamedTuple):
+    """A tank of the plan.
+
+    title : on the page; composition : bodies by name; runs, length : how many runs are planned, tu of each
+    shaking : times the scene's agitation, its step being divided by as much
+    shares : of the threshold at which a bond breaks, above which hits are counted
+    """
+
+    title: str
+    composition: dict[str, int]
+    runs: int
+    length: float
+    shaking: int = 1
+    shares: tuple[float, ...] = (0.25, 0.5, 1.0)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Of its bodies, in cubes."""
+        return [LINES.index(name) + 1 for name in self.composition]
+
+    def scene(self, engine: str) -> Scene:
+        """Line4 as this tank has it, by this engine."""
+        scene = by_engine(Scene.load("line4"), engine)
+        sigma, step = scene.effect("agitation").sigma, scene.numerics.step
+        data = scene.changed("agitation", sigma=sigma * self.shaking).as_dict()
+        data["numerics"]["step"] = step / self.shaking
+        return validated(Scene, data, f"scene {scene.name}")
+
+
+TANKS = {
+    "crowded": Tank("36 bodies of each size", dict.fromkeys(LINES, 36), runs=500, length=5.0),
+    "shaken": Tank("the same, shaken", dict.fromkeys(LINES, 36), runs=50, length=3.0, shaking=3, shares=(1.0, 1.5)),
+    "single": Tank("120 single cubes", {"monomer": 120}, runs=50, length=20.0),
+}
 
 
 def by_engine(scene: Scene, engine: str) -> Scene:
@@ -43,17 +82,24 @@ def by_engine(scene: Scene, engine: str) -> Scene:
 class _Watch:
     """Counts and sums of one tank, by name."""
 
-    def __init__(self, scene: Scene, world: World):
-        self.world, self.seen, self.steps = world, Counter[str](), 0
+    def __init__(self, scene: Scene, world: World, shares: tuple[float, ...]):
+        self.world, self.shares, self.seen, self.steps, self.looks = world, shares, Counter[str](), 0, 0
         bonding = scene.effect("bonding")
         sideways = bonding.sideways * world.bodies.edge
         self.faces = FacesWithinReach(world, bonding.capture_distance, bonding.capture_angle, sideways, in_passing=True)
         self.meetings = Encounter(probability=1.0).attach(world, world.stream("meetings"))
-        self.log, self.threshold = LoadLog(), scene.effect("breaking").threshold
+        self.threshold = scene.effect("breaking").threshold
         world.hit_listeners.append(self._note)
 
     def _note(self, hit: Hit) -> None:
-        self.log.add(self.world.step_count, self.world.time, hit)
+        for share in self.shares:
+            if hit.load > share * self.threshold:
+                self.seen[f"hits above {share:g} of the threshold on {len(hit.struck)}"] += 1
+
+    def begin(self) -> None:
+        """Forget what was seen of the warm-up, but for meetings under way."""
+        self.seen.clear()
+        self.steps = self.looks = 0
 
     def after_step(self) -> None:
         """Look at the step just made."""
@@ -74,6 +120,7 @@ class _Watch:
             seen[f"impulse on {who}"] += float(np.hypot.reduce(touch.impulse))
         self.steps += 1
         if self.steps % LOOK_EVERY == 0:
+            self.looks += 1
             self._look_at_places()
 
     def _look_at_places(self) -> None:
@@ -89,48 +136,40 @@ class _Watch:
             within = (apart >= low) & (apart < high) & (near == (place == "by a wall"))
             self.seen[f"pairs {low}-{high} edges apart, {place}"] += int(within.sum())
 
-    def totals(self) -> dict[str, float]:
-        """All that it has seen so far."""
-        found = Counter(self.seen)
-        for row, share in product(self.log.rows, SHARES):
-            if row.hit.load > share * self.threshold:
-                found[f"hits above {share:g} of the threshold on {len(row.hit.struck)}"] += 1
-        return dict(found)
+    def found(self) -> dict[str, float]:
+        """Means over the steps or looks, and counts and impulses a tu, since `begin`."""
+        time = self.steps * self.world.step_size
+        per = {"speed": self.steps, "spin": self.steps, "cubes": self.looks, "pairs": self.looks}
+        return {name: float(total / per.get(name.split()[0], time)) for name, total in self.seen.items()}
 
 
-def names(composition: dict[str, int]) -> list[str]:
-    """What is measured in a tank of these bodies, in order."""
-    sizes = [1] if composition == SINGLE else [1, 2, 3, 4]
+def names(tank: Tank) -> list[str]:
+    """What is measured in a tank, in order."""
+    sizes, places = tank.sizes, ("by a wall", "elsewhere")
     found = [f"{what} of {size}" for what, size in product(("speed", "spin"), sizes)]
     found += [f"meetings {one}-{two}" for one, two in combinations_with_replacement(sizes, 2)]
     found += ["impulse on walls", "impulse on cubes"]
     found += [f"cubes {a}-{b} edges from a wall" for a, b in pairwise(WALL_BINS)]
-    places = ("by a wall", "elsewhere")
     found += [f"pairs {a}-{b} edges apart, {place}" for (a, b), place in product(pairwise(PAIR_BINS), places)]
-    return found + [f"hits above {s:g} of the threshold on {n}" for n, s in product(sizes[1:], SHARES)]
+    return found + [f"hits above {s:g} of the threshold on {n}" for n, s in product(sizes[1:], tank.shares)]
 
 
-def measure(
-    scene: Scene, composition: dict[str, int], blocks: int, length: float, seed: int
-) -> Iterator[dict[str, float]]:
-    """Of each block of `length` tu, the total of each quantity a tu."""
+def measure(tank: Tank, engine: str, seed: int) -> dict[str, float]:
+    """One run of a tank by an engine: each quantity of `names`."""
+    scene = tank.scene(engine)
     book, derivation = book_of(scene.rules)
-    start = [derivation.structures[name] for name, n in composition.items() for _ in range(n)]
-    tank = unbound(scene) if composition == SINGLE else unbreakable(scene)
-    if composition != SINGLE:
-        tank = tank.changed("breaking", log_above=min(SHARES) * scene.effect("breaking").threshold)
-    n_cubes, steps = sum(map(len, start)), whole_holds(scene, length)
-    with World(tank, book, n_cubes, np.random.SeedSequence(seed)) as world:
-        watch = _Watch(scene, world)
+    start = [derivation.structures[name] for name, n in tank.composition.items() for _ in range(n)]
+    if len(tank.sizes) == 1:
+        made = unbound(scene)
+    else:
+        made = unbreakable(scene).changed("breaking", log_above=min(tank.shares) * scene.effect("breaking").threshold)
+    with World(made, book, sum(map(len, start)), np.random.SeedSequence(seed)) as world:
+        watch = _Watch(scene, world, tank.shares)
         world.populate(start)
-        for _ in range(whole_holds(scene, WARM_UP)):
-            world.step()
-        before: dict[str, float] = {}
-        for _ in range(blocks):
-            for _ in range(steps):
+        for length in (WARM_UP, tank.length):
+            watch.begin()
+            for _ in range(whole_holds(scene, length)):
                 world.step()
                 watch.after_step()
-            now = watch.totals()
-            # Speeds are sums over steps, the rest are sums over time: both a tu.
-            yield {name: (now.get(name, 0.0) - before.get(name, 0.0)) / (steps * world.step_size) for name in now}
-            before = now
+        seen = watch.found()
+    return {name: seen.get(name, 0.0) for name in names(tank)}

@@ -1,40 +1,28 @@
-"""The trials, the figure and the tables of docs/engines.md: what depends on the engine of contacts.
+"""The figure and the tables of docs/engines.md: what depends on the engine of contacts.
 
-    python -m tests.results.engines_page              # figure and tables anew, from results/engines
-    python -m tests.results.engines_page --measure    # the trials, too: a quarter of an hour of CPU time
+    python -m tests.results.engine_runs     # the runs, or what is missing of them
+    python -m tests.results.engine_shadow   # both engines from the same states
+    python -m tests.results.engines_page    # figure and tables anew, from results/engines
 
-Both engines get the same tanks of line4, each with a seed of its own, so that errors of the two are independent. Rates
-are those of every thirtieth calibration run of results/line4, made again by our own engine, beside all of PyBullet's.
+The errors of the trials are those of the difference, from the scatter of pairs of runs by the two engines. Rates are
+those of some of the calibration runs of results/line4, made again by our own engine, beside all of PyBullet's.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
-from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
+from scipy.stats import beta, chi2
 
-from calibration import estimate
-from calibration.pipeline.plan import StudyPlan
 from kinetics.support.plots import colour, save_figure
-from mechsim.runs.record import execute
-from mechsim.scene import Scene
-from tests.results.engine_trials import MIXED, SINGLE, by_engine, measure, names
+from tests.results.engine_runs import FOLDER, ROOT, STUDY, file_of, runs_of, specs
+from tests.results.engine_trials import TANKS
 
-ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "engines.md"
-FOLDER = ROOT / "results" / "engines"
-STUDY = ROOT / "results" / "line4"
-TANKS = {"single cubes": (SINGLE, 100), "a mixture": (MIXED, 250)}  # and how many blocks are measured
-COMPARED = ("pybullet", "own")
-BLOCK = 10.0  # tu
-EVERY = 30  # of the study's calibration runs, which one is made again
 BLOCKS = re.compile(r"(<!-- engines: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 GROUPS = {  # how names of quantities begin -> what the page calls them
     "speed": "mean speed, by size of the body",
@@ -43,73 +31,115 @@ GROUPS = {  # how names of quantities begin -> what the page calls them
     "impulse": "impulses a tu, on walls and on bodies",
     "hits above 0.25": "hits above a quarter of the load that breaks, by size",
     "hits above 0.5": "hits above half of it",
-    "hits above 1": "hits that would break",
+    "hits above 1": "hits that break",
+    "hits above 1.5": "hits above 1.5 times the load that breaks",
     "cubes": "cubes near walls, by distance",
     "pairs": "pairs of cubes, by distance, at walls and elsewhere",
 }
 
 
-def trials(share: float = 1.0, tanks: dict[str, tuple[dict[str, int], int]] | None = None) -> pd.DataFrame:
-    """Mean and standard error of each quantity in each tank, by engine; share : of the blocks."""
-    scene, rows = Scene.load("line4"), []
-    for tank, (composition, most) in (tanks or TANKS).items():
-        blocks = max(2, round(share * most))
-        for number, engine in enumerate(COMPARED):
-            seen = pd.DataFrame(
-                list(measure(by_engine(scene, engine), composition, blocks, BLOCK, seed=1 + number)),
-                columns=names(composition),
-            ).fillna(0.0)
-            for name in seen:
-                values = seen[name].to_numpy()
-                error = values.std(ddof=1) / np.sqrt(len(values))
-                rows.append((tank, name, engine, values.mean(), error, blocks * BLOCK))
-    return pd.DataFrame(rows, columns=["tank", "quantity", "engine", "mean", "error", "tu"])
+def changes() -> pd.DataFrame:
+    """By tank and quantity: what our own engine makes of it, relative to the first, the standard error of that, and the
+    number of events by the first engine (nan where it is a mean)."""
+    found = []
+    for name, tank in TANKS.items():
+        seen = runs_of(name)
+        first, own = seen.loc["pybullet"], seen.loc["own"]
+        mean = first.mean().where(lambda values: values > 0)
+        table = pd.DataFrame({
+            "tank": name,
+            "change": (own - first).mean() / mean,
+            "error": (own - first).std(ddof=1) / len(first) ** 0.5 / mean,
+            "events": mean * len(first) * tank.length,
+            "runs": len(first),
+        })  # fmt: skip
+        found.append(table.rename_axis("quantity").reset_index())
+    return pd.concat(found, ignore_index=True)
 
 
-def changes(stored: pd.DataFrame) -> pd.DataFrame:
-    """By tank and quantity: what our own engine makes of it, relative to the first, and the standard error (of the
-    difference, so that it holds for counts of a few as well)."""
-    first, other = (stored[stored["engine"] == engine].set_index(["tank", "quantity"]) for engine in COMPARED)
-    error = np.hypot(other["error"], first["error"]) / first["mean"]
-    return pd.DataFrame({"change": other["mean"] / first["mean"] - 1, "error": error}).loc[first.index].reset_index()
+def of_group(found: pd.DataFrame, begin: str) -> pd.DataFrame:
+    """The quantities of a group that were seen at all."""
+    return found[found["quantity"].str.startswith(begin + " ") & (found["error"] > 0)]
 
 
-def rates() -> pd.DataFrame:
-    """Rate constants of the study by PyBullet, and of every thirtieth of its calibration runs by our own engine."""
-    plan = StudyPlan.load(STUDY / "plan.toml")
-    specs = plan.specs(plan.calibration)[::EVERY]
-    ours = estimate([execute(replace(spec, scene=by_engine(spec.scene, "own"))).path for spec in specs])
-    rows = []
-    for row in pd.read_csv(STUDY / "calibration_rates.csv").to_dict("records"):
-        own = ours[row["channel"]]
-        low, high = own.interval()
-        rows.append((row["channel"], row["rate"], row["events"], own.rate, low, high, own.events))
-    return pd.DataFrame(rows, columns=["channel", "pybullet", "pybullet_events", "own", "low", "high", "events"])
-
-
-def table(stored: pd.DataFrame) -> str:
-    """A line a group: how many quantities, their mean change, the largest, and the chance of such ones by scatter."""
-    found = changes(stored)
-    rows = ["| what | quantities | mean change (%) | largest change (%) | p |", "|---|---|---|---|---|"]
+def table(found: pd.DataFrame) -> str:
+    """A line a tank and group: how many quantities, their mean change, the largest change, the largest error, and the
+    chance of such changes by scatter."""
+    titles = "| what | tank | quantities | mean change (%) | largest change (%) | errors up to (%) | p |"
+    rows = [titles, "|---|---|---|---|---|---|---|"]
     for begin, title in GROUPS.items():
-        group = found[found["quantity"].str.startswith(begin + " ") & np.isfinite(found["error"])]
-        weight = 1 / group["error"] ** 2
-        mean, error = (group["change"] * weight).sum() / weight.sum(), weight.sum() ** -0.5
-        most = group.loc[group["change"].abs().idxmax()]
-        p = chi2.sf(((group["change"] / group["error"]) ** 2).sum(), len(group))
-        rows.append(
-            f"| {title} | {len(group)} | {signed(mean)} ± {100 * error:.2f} | {signed(most['change'])} ± "
-            f"{100 * most['error']:.2f} | {p:.2g} |"
-        )
+        for tank, group in of_group(found, begin).groupby("tank", sort=False):
+            weight = 1 / group["error"] ** 2
+            mean, error = (group["change"] * weight).sum() / weight.sum(), weight.sum() ** -0.5
+            most = group.loc[group["change"].abs().idxmax()]
+            p = chi2.sf(((group["change"] / group["error"]) ** 2).sum(), len(group))
+            rows.append(
+                f"| {title} | {tank} | {len(group)} | {signed(mean)} ± {100 * error:.2f} | {signed(most['change'])} ± "
+                f"{100 * most['error']:.2f} | {100 * group['error'].max():.1f} | {p:.2g} |"
+            )
     return "\n".join(rows) + "\n"
 
 
-def rates_table(stored: pd.DataFrame) -> str:
-    """A line a channel; breaks as first order, on the same mixture of tanks."""
-    rows = ["| channel | PyBullet | own engine | 95 % | events |", "|---|---|---|---|---|"]
+def single_lines(found: pd.DataFrame) -> str:
+    """A line a pair of sizes, and a size for loads, where each is known best."""
+    rows = ["| what | tank | change (%) | events |", "|---|---|---|---|"]
+    for begin, tank in (("meetings", "crowded"), ("hits above 0.25", "crowded"), ("hits above 1", "shaken")):
+        rows += [
+            f"| {row['quantity']} | {tank} | {signed(row['change'])} ± {100 * row['error']:.2f} | {row['events']:.0f} |"
+            for row in of_group(found[found["tank"] == tank], begin).to_dict("records")
+        ]
+    return "\n".join(rows) + "\n"
+
+
+def progress(found: pd.DataFrame) -> str:
+    """What was run of the plan."""
+    rows = ["| tank | bodies | runs planned | made | tu of each | shaking |", "|---|---|---|---|---|---|"]
+    for name, tank in TANKS.items():
+        made = int(found.loc[found["tank"] == name, "runs"].iloc[0])
+        shaking = f"{tank.shaking} times, steps {tank.shaking} times finer" if tank.shaking > 1 else "the study's"
+        bodies = ", ".join(f"{count} {what}s" for what, count in tank.composition.items())
+        rows.append(f"| {name} | {bodies} | {tank.runs} | {made} | {tank.length:g} | {shaking} |")
+    again = pd.read_csv(file_of("rates"))["run"].nunique()
+    rows.append(f"| calibration of line4 | as in its plan | {len(specs())} | {again} | 500 | the study's |")
+    return "\n".join(rows) + "\n"
+
+
+def rates() -> pd.DataFrame:
+    """By channel: events and rates by both engines, and the exact 95 % interval of their ratio.
+
+    Given all events of two Poisson processes, those of one are binomial; its limits (Clopper and Pearson) are the
+    ratio's.
+    """
+    again = pd.read_csv(file_of("rates")).groupby("channel")[["events", "exposure"]].sum()
+    rows = []
+    for row in pd.read_csv(STUDY / "calibration_rates.csv").to_dict("records"):
+        first, known = int(row["events"]), row["events"] / row["rate"]
+        own, exposure = int(again.loc[row["channel"], "events"]), again.loc[row["channel"], "exposure"]
+        low = beta.ppf(0.025, own, first + 1) if own else 0.0
+        high = beta.ppf(0.975, own + 1, first)
+        limits = [share / (1 - share) * known / exposure for share in (low, high)]
+        rows.append((row["channel"], row["rate"], first, own / exposure, own, own / exposure / row["rate"], *limits))
+    return pd.DataFrame(
+        rows, columns=["channel", "pybullet", "pybullet_events", "own", "events", "ratio", "low", "high"]
+    )
+
+
+def rates_table(found: pd.DataFrame) -> str:
+    """A line a channel; breaks as first order, on nearly the same mixture of tanks."""
+    rows = ["| channel | PyBullet | own engine | events | own / PyBullet | 95 % |", "|---|---|---|---|---|---|"]
     rows += [
-        f"| `{row['channel']}` | {row['pybullet']:.3g} | {row['own']:.3g} | {row['low']:.3g} to {row['high']:.3g} "
-        f"| {row['pybullet_events']}; {row['events']} |"
+        f"| `{row['channel']}` | {row['pybullet']:.3g} | {row['own']:.3g} | {row['pybullet_events']}; {row['events']} "
+        f"| {row['ratio']:.2f} | {row['low']:.2f} to {row['high']:.2f} |"
+        for row in found.to_dict("records")
+    ]
+    return "\n".join(rows) + "\n"
+
+
+def shadow_table(stored: pd.DataFrame) -> str:
+    """A line a kind of contact: pairs of bodies, and impulses by each engine, a tu."""
+    rows = ["| what | pairs of bodies | impulse by PyBullet | by our own engine |", "|---|---|---|---|"]
+    rows += [
+        f"| {row['contact']} | {row['pairs']:.0f} | {row['pybullet']:.3f} | {row['own']:.3f} |"
         for row in stored.to_dict("records")
     ]
     return "\n".join(rows) + "\n"
@@ -120,44 +150,41 @@ def signed(share: float) -> str:
     return f"{100 * share:+.2f}".replace("-", "−")
 
 
-def draw(stored: pd.DataFrame, figure: Any) -> None:
-    """The change of each quantity with its 95 % interval, and the two per cent that were asked for."""
-    found = changes(stored)
-    found = found[np.isfinite(found["error"]) & (found["error"] < 0.1)]
-    ax = figure.add_subplot()
-    ax.axvspan(-2, 2, color="0.92")
-    ax.axvline(0, color="0.5", linewidth=0.8)
-    for k, tank in enumerate(TANKS):
-        which = np.flatnonzero((found["tank"] == tank).to_numpy())
-        here = found.iloc[which]
-        ax.errorbar(
-            100 * here["change"], which, xerr=196 * here["error"], fmt="o", markersize=3, color=colour(k), label=tank
-        )
-    ax.set_yticks(range(len(found)), found["quantity"], fontsize=6)
-    ax.set_ylim(len(found), -1)
-    ax.set_xlabel("own engine against PyBullet (%), 95 % interval")
-    ax.legend(frameon=False, loc="upper right")
+def draw(found: pd.DataFrame, figure: Any) -> None:
+    """The change of each quantity with its 95 % interval, a panel a tank, and the two per cent that were asked for."""
+    found = found[np.isfinite(found["error"]) & (found["error"] > 0) & (found["error"] < 0.06)]
+    heights = [(found["tank"] == name).sum() for name in TANKS]
+    panels = figure.subplots(len(TANKS), 1, sharex=True, height_ratios=heights)
+    for k, (ax, (name, tank)) in enumerate(zip(panels, TANKS.items(), strict=True)):
+        here = found[found["tank"] == name]
+        places = np.arange(len(here))
+        ax.axvspan(-2, 2, color="0.92")
+        ax.axvline(0, color="0.5", linewidth=0.8)
+        ax.errorbar(100 * here["change"], places, xerr=196 * here["error"], fmt="o", markersize=3, color=colour(k))
+        ax.set_yticks(places, here["quantity"], fontsize=6)
+        ax.set_ylim(len(here), -1)
+        ax.set_title(f"{name}: {tank.title}", fontsize=8, loc="left")
+    panels[-1].set_xlabel("own engine against PyBullet (%), 95 % interval")
 
 
 def written(text: str) -> str:
     """The page with its tables made anew; ValueError: it has not the blocks for them."""
-    stored, tables = pd.read_csv(FOLDER / "line4.csv"), {}
-    tables["trials"] = table(stored)
-    tables["rates"] = rates_table(pd.read_csv(FOLDER / "rates.csv"))
-    if sorted(found[2] for found in BLOCKS.finditer(text)) != sorted(tables):
+    found = changes()
+    tables = {
+        "plan": progress(found),
+        "trials": table(found),
+        "single": single_lines(found),
+        "shadow": shadow_table(pd.read_csv(file_of("shadow"))),
+        "rates": rates_table(rates()),
+    }
+    if sorted(block[2] for block in BLOCKS.finditer(text)) != sorted(tables):
         raise ValueError(f"{PAGE.name} has not one block <!-- engines: ... --> for each of {', '.join(tables)}")
-    return BLOCKS.sub(lambda found: found[1] + tables[found[2]] + found[3], text)
+    return BLOCKS.sub(lambda block: block[1] + tables[block[2]] + block[3], text)
 
 
 def main() -> None:
-    """Measure, if asked to; draw and write."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--measure", action="store_true")
-    if options.parse_args().measure:
-        trials().to_csv(FOLDER / "line4.csv", index=False, float_format="%.8g")
-        rates().to_csv(FOLDER / "rates.csv", index=False, float_format="%.8g")
-    stored = pd.read_csv(FOLDER / "line4.csv")
-    save_figure(str(FOLDER / "line4.svg"), partial(draw, stored), (7.0, 9.0))
+    """Draw and write."""
+    save_figure(str(FOLDER / "line4.svg"), partial(draw, changes()), (7.0, 12.0))
     PAGE.write_text(written(PAGE.read_text("utf-8")), encoding="utf-8")
 
 

@@ -4,57 +4,116 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mechsim.scene import Scene
-from tests.results import engine_trials
-from tests.results.engine_trials import SINGLE, by_engine, measure, names
-from tests.results.engines_page import FOLDER, GROUPS, PAGE, changes, table, trials, written
+from tests.results import engine_runs, engines_page
+from tests.results.engine_runs import COMPARED, file_of, make_trial, runs_of
+from tests.results.engine_shadow import BEGUN, REMEMBERED, compare
+from tests.results.engine_trials import TANKS, measure, names
+from tests.results.engines_page import GROUPS, PAGE, changes, of_group, rates, table, written
 
-STORED = pd.read_csv(FOLDER / "line4.csv")
+# Loads are what depends on the engine, as the page says; known to 2 % at best where they are of the whole threshold.
+ALIKE = [begin for begin in GROUPS if not begin.startswith("hits")]
 
 
-def test_the_tables_are_those_of_the_stored_trials():
+@pytest.fixture(scope="module")
+def found():
+    return changes()
+
+
+def test_the_tables_are_those_of_the_stored_runs(found):
     text = PAGE.read_text("utf-8")
     assert written(text) == text
-    assert table(STORED).count("\n") == len(GROUPS) + 2
+    assert table(found).count("\n") > len(GROUPS)
     with pytest.raises(ValueError, match="has not one block"):
         written("")
 
 
-def test_every_quantity_is_in_one_group():
-    found = STORED["quantity"].unique()
-    assert [sum(name.startswith(begin + " ") for begin in GROUPS) for name in found] == [1] * len(found)
+def test_every_quantity_is_in_one_group(found):
+    for name in found["quantity"].unique():
+        assert sum(name.startswith(begin + " ") for begin in GROUPS) == 1
 
 
-def test_no_quantity_is_off_by_2_percent_beyond_its_error():
-    """At five standard errors, over all of them: a false alarm in a million such pages or so."""
-    found = changes(STORED)
-    measured = found[np.isfinite(found["error"])]
-    assert len(measured) > 40
-    assert (measured["change"].abs() < 0.02 + 5 * measured["error"]).all()
+def test_no_quantity_but_loads_is_off_by_2_percent_beyond_its_error(found):
+    """At five standard errors, over all of them: a false alarm in ten thousand such pages or so."""
+    alike = pd.concat([of_group(found, begin) for begin in ALIKE])
+    assert len(alike) > 60
+    assert (alike["change"].abs() < 0.02 + 5 * alike["error"]).all()
+
+
+def test_what_the_page_says_of_single_groups(found):
+    """Meetings by pair: known to 1 %, alike; loads of a quarter: more by our own engine, most on long structures."""
+    crowded = found[found["tank"] == "crowded"]
+    meetings, loads = of_group(crowded, "meetings"), of_group(crowded, "hits above 0.25")
+    assert meetings["error"].max() < 0.01
+    assert (meetings["change"].abs() < 0.02).all()
+    assert (meetings["change"].abs() < 3 * meetings["error"]).all()
+    assert loads["change"].is_monotonic_increasing
+    assert 0.02 < loads["change"].iloc[-1] < 0.04
+    assert loads["change"].iloc[-1] > 5 * loads["error"].iloc[-1]
+
+
+def test_the_study_s_rates_lie_within_the_intervals_of_their_ratios():
+    """At four standard errors of the logarithm of the ratio, for all eight channels."""
+    seen = rates()
+    error = np.sqrt(1 / seen["pybullet_events"] + 1 / seen["events"])
+    assert (np.log(seen["ratio"]).abs() < 4 * error).all()
+    assert ((seen["low"] < seen["ratio"]) & (seen["ratio"] < seen["high"])).all()
 
 
 def test_a_tank_is_watched_in_every_way():
-    """Each quantity that can be seen in a short trial is, and none that the page does not list."""
-    seen = list(measure(by_engine(Scene.load("line4"), "own"), SINGLE, 2, 0.5, seed=1))
-    assert set(seen[-1]) <= set(names(SINGLE))
-    assert {name for name in seen[-1] if name.startswith(("speed", "spin", "meetings", "impulse"))} == {
-        name for name in names(SINGLE) if name.startswith(("speed", "spin", "meetings", "impulse"))
-    }
+    """A short run shows all that the page lists but rare loads, and nothing else."""
+    short = TANKS["shaken"]._replace(length=0.2)
+    seen = measure(short, "own", seed=1)
+    assert list(seen) == names(short)
+    assert all(value > 0 for name, value in seen.items() if not name.startswith(("hits", "pairs")))
+
+
+def test_runs_that_were_cut_off_are_made_again(monkeypatch, tmp_path):
+    """A row is there for both engines or for none; the next seeds come after those that are complete."""
+    pytest.importorskip("pybullet")
+    monkeypatch.setattr(engine_runs, "FOLDER", tmp_path)
+    monkeypatch.setitem(TANKS, "single", TANKS["single"]._replace(composition={"monomer": 4}, length=0.1))
+    for seed in (1, 2):
+        make_trial("single", seed)
+    lines = file_of("single").read_text("utf-8").splitlines(keepends=True)
+    assert len(lines) == 1 + 2 * len(COMPARED)
+    whole = runs_of("single")
+    file_of("single").write_text("".join(lines[:-1]), encoding="utf-8")
+    assert len(runs_of("single")) == len(COMPARED)
+    make_trial("single", 2)
+    pd.testing.assert_frame_equal(runs_of("single"), whole)
+
+
+def test_from_the_same_state_engines_push_alike_and_pybullet_remembers():
+    pytest.importorskip("pybullet")
+    seen = compare(1.0).set_index("contact")
+    assert abs(seen.loc[BEGUN, "own"] / seen.loc[BEGUN, "pybullet"] - 1) < 0.02
+    assert seen.loc[REMEMBERED, "own"] == 0.0
+    assert 0.02 < seen.loc[REMEMBERED, "pybullet"] / seen["pybullet"].sum() < 0.1
 
 
 @pytest.mark.validate
 @pytest.mark.timeout(7200)
-def test_engines_agree_in_trials_made_now(monkeypatch):
-    """A tenth of the stored trials; the control bounces more, and that is seen."""
-    found = changes(trials(0.1))
-    measured = found[np.isfinite(found["error"])]
-    assert (measured["change"].abs() < 0.02 + 5 * measured["error"]).all()
-    honest = engine_trials.by_engine
+def test_engines_agree_in_runs_made_now(monkeypatch, tmp_path):
+    """A twentieth of the stored runs; the control bounces more, and that is seen."""
+    monkeypatch.setattr(engine_runs, "FOLDER", tmp_path / "honest")
 
-    def bouncy(scene, engine):
-        made = honest(scene, engine)
-        return made.changed("contact", restitution=0.6) if engine == "own" else made
+    def made(tank, runs):
+        engine_runs.FOLDER.mkdir()
+        for seed in range(1001, 1001 + runs):
+            make_trial(tank, seed)
+        seen = changes()
+        return pd.concat([of_group(seen, begin) for begin in ALIKE])
 
-    monkeypatch.setattr("tests.results.engines_page.by_engine", bouncy)
-    off = changes(trials(0.1, {"single cubes": (SINGLE, 100)}))
+    monkeypatch.setattr(engines_page, "TANKS", {"crowded": TANKS["crowded"]})
+    alike = made("crowded", 25)
+    assert (alike["change"].abs() < 0.02 + 5 * alike["error"]).all()
+    honest = type(TANKS["crowded"]).scene
+
+    def bouncy(tank, engine):
+        scene = honest(tank, engine)
+        return scene.changed("contact", restitution=0.6) if engine == "own" else scene
+
+    monkeypatch.setattr(type(TANKS["crowded"]), "scene", bouncy)
+    monkeypatch.setattr(engine_runs, "FOLDER", tmp_path / "bouncy")
+    off = made("crowded", 5)
     assert not (off["change"].abs() < 0.02 + 5 * off["error"]).all()

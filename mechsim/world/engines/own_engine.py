@@ -114,13 +114,16 @@ class OwnEngine(Engine):
         of_structures : only those with a body of several cubes
         """
         n, members = self._found, self.bodies.members
+        if not n:
+            return []
         found = []
         for (a, b), place, impulse in zip(
             self._who[:n].tolist(), self._contact[:n, :3].tolist(), self._impulse[:n].tolist(), strict=True
         ):
-            if not any(impulse) or (of_structures and len(members[a]) < 2 and (b < 0 or len(members[b]) < 2)):
+            if of_structures and len(members[a]) < 2 and (b < 0 or len(members[b]) < 2):
                 continue
-            found.append(Touch(a, b, tuple(place), tuple(impulse)))
+            if any(impulse):
+                found.append(Touch(a, b, tuple(place), tuple(impulse)))
         return found
 
     def in_force(self) -> dict[str, float]:

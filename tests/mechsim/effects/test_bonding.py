@@ -25,7 +25,7 @@ def find(centre, axes, body=None, before=None, born=None, sideways=SIDEWAYS):
     count = facing_pairs(
         body, centre, axes, np.zeros((n, 6), np.int64), np.ones((1, 1), bool),
         EDGE, CAPTURE, COSINE, sideways, np.zeros(n) if born is None else np.array(born, float),
-        -math.inf if before is None else 1.0, *last, 1 / 64, np.arange(n)[::-1].copy(), found,
+        -math.inf if before is None else 1.0, *last, 1 / 64, np.arange(n)[::-1].copy(), np.ones(n, bool), found,
     )  # fmt: skip
     return {tuple(row) for row in found[:count].tolist()}
 
@@ -90,6 +90,24 @@ def test_kernel_equals_a_naive_search():
         seen += len(expected)
         assert find(centre, axes) == expected
     assert seen > 200
+
+
+def test_cubes_without_a_face_that_may_pair_are_passed_over_and_nothing_is_missed(make_world, line4):
+    """Structures close together, so many that some of each pair; a whole line of four may pair with nothing."""
+    world = make_world({"monomer": 40, "dimer": 20, "trimer": 10, "quadmer": 10}, line4.without("breaking"))
+    b, action = world.bodies, next(part.__self__ for name, part in world.parts if name == "bonding")
+    faces = action.faces
+    sizes = np.array([len(b.members[slot]) for slot in b.body])
+    assert not faces.is_open[sizes == 4].any()
+    assert faces.is_open[sizes == 1].all()
+    assert 0 < faces.is_open[sizes == 3].sum() < 30
+    b.position[b.live] *= 0.2
+    b.locate()
+    faces.looked = -math.inf
+    seen = faces.within_reach().tolist()
+    faces.looked, faces.is_open = -math.inf, np.ones(b.n_cubes, bool)
+    assert faces.within_reach().tolist() == seen
+    assert len(seen) > 20
 
 
 def fake_world(step=0.005):
