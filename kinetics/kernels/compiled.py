@@ -23,6 +23,7 @@ from typing import Any, Literal
 import numba
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.types import unliteral
 
 PREFIX = "kernels-"
 KEPT = (
@@ -47,6 +48,7 @@ def compiled(
         return functools.partial(compiled, nogil=nogil, error_model=error_model, inline=inline)
     dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        dispatcher.get_call_template = functools.partial(template_of_plain_types, dispatcher.get_call_template)
         try:
             dispatcher._cache = KernelCache(function)  # as Numba's `enable_caching`, which knows its own cache only
         except RuntimeError as error:
@@ -54,6 +56,15 @@ def compiled(
                 raise
             say_that_nothing_is_kept()
     return dispatcher
+
+
+def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+    """A kernel called by a kernel, with constants taken as any number of their type.
+
+    Numba would compile the callee once more for each constant that it is called with, also for one with which a loop
+    only begins; LLVM sees constants anyhow.
+    """
+    return template(tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()})
 
 
 @functools.cache

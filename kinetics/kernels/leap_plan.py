@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinetics.kernels import leap_limits
 from kinetics.kernels.compiled import compiled
+from kinetics.kernels.leap_limits import LARGEST_COUNT, MOST_EVENTS, TRIALS, WIDE
 
-MOST_EVENTS = 2.0**40  # of a leap
-LARGEST_COUNT = 2.0**53  # up to which doubles are whole numbers
-WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
 DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
-TRIALS = 16  # lengths of a leap that are tried; `sampling.leap_length` has the same
+
+next_length = compiled(leap_limits.next_length)
 
 
 class LeapModel(NamedTuple):
@@ -143,10 +143,9 @@ def plan_leap(model, work, length):
             low[r] = propensity(model, r, work.box_low)
             high[r] = propensity(model, r, work.box_high)
             undecided += (high[r] - low[r]) * length
-        ratio = model.open_events / undecided if undecided > 0.0 else np.inf
-        if 0.67 < ratio < 1.5 or (ratio > 1.0 and length == longest):
+        tried, length = length, next_length(length, longest, undecided, model.open_events)
+        if length == tried:
             break
-        length = min(length * min(max(math.sqrt(ratio), 0.125), 8.0), longest)
     events = total * length
     fits = undecided < 4.0 * model.open_events
     for s in range(n_species):

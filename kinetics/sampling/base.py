@@ -160,12 +160,13 @@ class SamplingMethod(ABC):
         key = stream_key(seed)
         sampler = self.sampler(network)
         out = np.empty(shape, dtype=np.int64)
+        writable = grid.copy()  # kernels are compiled for one kind of array
         is_stopped = threading.Event()
 
         def piece(begin: int, end: int) -> tuple[int, int]:
             if is_stopped.is_set():
                 raise KeyboardInterrupt
-            return sampler.ensemble(start, grid, key, first_run + begin, out[begin:end])
+            return sampler.ensemble(start, writable, key, first_run + begin, out[begin:end])
 
         cuts = [*range(0, runs, max(1, min(runs // workers, PIECE))), runs]
         if workers == 1 or len(cuts) == 2:

@@ -53,7 +53,7 @@ def simulate_draws(
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     check_numbers(runs, threads, first_run)
-    grid = rising_times(times)
+    grid = rising_times(times).copy()  # which may be written: kernels are compiled for one kind of array
     if not grid.size:
         raise ValueError("times is empty; give at least one time")
     sums = None if weights is None else integers("weights", weights, (start.size, None), minimum=0)

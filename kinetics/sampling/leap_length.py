@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinetics.kernels.leap_limits import LARGEST_COUNT, MOST_EVENTS, TRIALS, WIDE, next_length
 from kinetics.network import Network
 from kinetics.sampling.mass_action import MassAction, mass_action, order_refusal
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_COPIES = 10_000  # of the most frequent species; among fewer no leap pays, and nothing is computed
-LARGEST_COUNT = 2**53  # up to which doubles are whole numbers
 OPEN_EVENTS = 2.0  # of a leap of the best length; from 1 to 4 the cost is the same within a tenth
-MOST_EVENTS = 2.0**40  # of a leap
-WIDE = 4.0  # standard deviations of the worst order of events that a box allows for
-TRIALS = 16
 
 
 def events_of_leap(network: Network, initial: Ints) -> float:
     """Events that a leap from `initial` (S,) is expected to hold; 0 where none pays, or not all are of mass action.
 
-    Leaps are as long as leaves `OPEN_EVENTS` undecided: `kernels.leap_plan.plan_leap`, which does the same, says how.
+    Leaps are as long as leaves `OPEN_EVENTS` undecided, by the search of `kernels.leap_plan.plan_leap`.
     """
     is_worth_it = FEWEST_COPIES <= initial.max(initial=0) <= LARGEST_COUNT
     if not is_worth_it or not network.is_mass_action or order_refusal(network):
@@ -35,10 +32,9 @@ def events_of_leap(network: Network, initial: Ints) -> float:
         for _ in range(TRIALS):
             low, high = _box(network, here, means * length)
             undecided = length * float((_propensities(laws, high) - _propensities(laws, low)).sum())
-            ratio = OPEN_EVENTS / undecided if undecided > 0.0 else np.inf
-            if 0.67 < ratio < 1.5 or (ratio > 1.0 and length == longest):
+            tried, length = length, next_length(length, longest, undecided, OPEN_EVENTS)
+            if length == tried:
                 break
-            length = min(length * min(max(ratio**0.5, 0.125), 8.0), longest)
     fits = undecided < 4.0 * OPEN_EVENTS and high.max() <= LARGEST_COUNT
     return total * length if fits else 0.0
 

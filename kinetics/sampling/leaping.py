@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
 
+from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.network import Network
 from kinetics.sampling.base import Sampler, SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import recomputing_cost, updating_cost
-from kinetics.sampling.leap_length import LARGEST_COUNT, OPEN_EVENTS
+from kinetics.sampling.leap_length import OPEN_EVENTS
 from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.merging import Merging
 from kinetics.support.arrays import Floats, Ints

@@ -103,8 +103,8 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     return partial.PartialModel(
         couplings,
         reach,
-        np.bincount(owner[is_alone], coefficients[is_alone], width),
-        np.bincount(owner[is_like], coefficients[is_like], width),
+        np.bincount(owner[is_alone], coefficients[is_alone], width).astype(float),  # of none, whole numbers
+        np.bincount(owner[is_like], coefficients[is_like], width).astype(float),
         less,
         np.searchsorted(owner[order], np.arange(width + 1)),
         np.where(is_like, width + owner, partner)[order].astype(np.int32),

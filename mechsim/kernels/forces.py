@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from kinetics.kernels.compiled import compiled
+from mechsim.kernels.motion import spin_before
 
 
 @compiled(nogil=False, error_model="python")
@@ -169,15 +170,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
             if change <= 1e-15 * (abs(mx) + abs(my) + abs(mz)):
                 break
         m0, m1, m2 = rotated(-x, -y, -z, w, mx, my, mz)
-        u0, u1, u2 = m0, m1, m2
-        for _ in range(50):
-            n0 = m0 - step * (i1 - i2) / i0 * u1 * u2
-            n1 = m1 - step * (i2 - i0) / i1 * u2 * u0
-            n2 = m2 - step * (i0 - i1) / i2 * u0 * u1
-            change = abs(n0 - u0) + abs(n1 - u1) + abs(n2 - u2)
-            u0, u1, u2 = n0, n1, n2
-            if change <= 1e-15 * (abs(u0) + abs(u1) + abs(u2)):
-                break
+        u0, u1, u2 = spin_before(m0, m1, m2, i0, i1, i2, step)
         momentum[slot, 0], momentum[slot, 1], momentum[slot, 2] = lx, ly, lz
         middle[slot, 0], middle[slot, 1], middle[slot, 2] = mx, my, mz
         spin[slot, 0], spin[slot, 1], spin[slot, 2] = rotated(x, y, z, w, u0, u1, u2)

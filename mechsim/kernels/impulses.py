@@ -9,7 +9,7 @@ both momenta are kept to rounding.
 import math
 
 from kinetics.kernels.compiled import compiled
-from mechsim.kernels.motion import rotation_of
+from mechsim.kernels.motion import rotation_of, spin_before
 
 # A row is what an impulse of 1 along d does at a contact: d, its levers about both bodies, the changes of their spins
 # (3 numbers each), the impulse that changes the speed along d by 1, and the speed wanted.
@@ -148,15 +148,7 @@ def _leave(body, orientation, spin, inertia, step, ready):
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(x, y, z, w)
     wx, wy, wz = spin[body]
     m0, m1, m2 = r00 * wx + r10 * wy + r20 * wz, r01 * wx + r11 * wy + r21 * wz, r02 * wx + r12 * wy + r22 * wz
-    u0, u1, u2 = m0, m1, m2
-    for _ in range(50):
-        n0 = m0 - step * (i1 - i2) / i0 * u1 * u2
-        n1 = m1 - step * (i2 - i0) / i1 * u2 * u0
-        n2 = m2 - step * (i0 - i1) / i2 * u0 * u1
-        change = abs(n0 - u0) + abs(n1 - u1) + abs(n2 - u2)
-        u0, u1, u2 = n0, n1, n2
-        if change <= 1e-15 * (abs(u0) + abs(u1) + abs(u2)):
-            break
+    u0, u1, u2 = spin_before(m0, m1, m2, i0, i1, i2, step)
     spin[body, 0] = r00 * u0 + r01 * u1 + r02 * u2
     spin[body, 1] = r10 * u0 + r11 * u1 + r12 * u2
     spin[body, 2] = r20 * u0 + r21 * u1 + r22 * u2

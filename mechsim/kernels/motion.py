@@ -32,6 +32,24 @@ def rotation_of(x, y, z, w):
 
 
 @compiled(nogil=False, error_model="python")
+def spin_before(m0, m1, m2, i0, i1, i2, step):
+    """The spin from which the explicit gyroscopic term of a step leads to (m0, m1, m2), by fixed-point iteration.
+
+    In the body frame; i0, i1, i2 : principal moments
+    """
+    u0, u1, u2 = m0, m1, m2
+    for _ in range(50):
+        n0 = m0 - step * (i1 - i2) / i0 * u1 * u2
+        n1 = m1 - step * (i2 - i0) / i1 * u2 * u0
+        n2 = m2 - step * (i0 - i1) / i2 * u0 * u1
+        change = abs(n0 - u0) + abs(n1 - u1) + abs(n2 - u2)
+        u0, u1, u2 = n0, n1, n2
+        if change <= 1e-15 * (abs(u0) + abs(u1) + abs(u2)):
+            break
+    return u0, u1, u2
+
+
+@compiled(nogil=False, error_model="python")
 def drag(live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step):
     """Quadratic drag of the fluid on every body over one step, semi-implicit: updates `velocity` and `spin`.
 

@@ -22,6 +22,12 @@ RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the 
 SLOP = 1e-5  # length: overlap that is left as it is
 SLEEPING = 0.0  # speed below which a body is put to rest: switched off
 CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
+OF_ALL_ENGINES = {  # the same, as `Engine.in_force` tells it
+    "least_bounce": LEAST_BOUNCE,
+    "overlap_recovery": RECOVERY,
+    "sleeping": SLEEPING,
+    "continuous_collision": CONTINUOUS,
+}
 
 
 class Touch(NamedTuple):

@@ -19,7 +19,7 @@ from mechsim.kernels.impulses import exchange
 from mechsim.kernels.touching import find_contacts, place_boxes
 from mechsim.world.bodies import Bodies, BodyShape
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import CONTINUOUS, LEAST_BOUNCE, RECOVERY, SLEEPING, SLOP, Engine, Touch
+from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
 
 FIRST_ROOM = 256  # contacts; doubled where a step finds more
 
@@ -134,10 +134,7 @@ class OwnEngine(Engine):
             "solver_iterations": self.iterations,
             "gravity": 0.0,
             "inner_iterations": 1,
-            "least_bounce": LEAST_BOUNCE,
-            "overlap_recovery": RECOVERY,
-            "sleeping": SLEEPING,
-            "continuous_collision": CONTINUOUS,
+            **OF_ALL_ENGINES,
             "mass_error": 0.0,
             "inertia_error": 0.0,
             "restitution": self.restitution,

@@ -22,7 +22,7 @@ import numpy as np
 
 from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import CONTINUOUS, LEAST_BOUNCE, RECOVERY, SLEEPING, Engine, Touch
+from mechsim.world.engines.base import OF_ALL_ENGINES, Engine, Touch
 
 
 @contextmanager
@@ -194,10 +194,7 @@ class PyBulletEngine(Engine):
             "solver_iterations": world["numSolverIterations"],
             "gravity": max(abs(world[f"gravityAcceleration{axis}"]) for axis in "XYZ"),
             "inner_iterations": world["numNonContactInnerIterations"],
-            "least_bounce": LEAST_BOUNCE,
-            "overlap_recovery": RECOVERY,
-            "sleeping": SLEEPING,
-            "continuous_collision": CONTINUOUS,
+            **OF_ALL_ENGINES,
             "mass_error": 0.0,
             "inertia_error": 0.0,
         }

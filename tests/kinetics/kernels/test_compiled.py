@@ -172,6 +172,12 @@ def test_the_hash_is_of_all_sources_of_the_room(room):
     assert len(seen) == 3
 
 
+def test_constants_do_not_compile_a_callee_anew(room):
+    edit(room / "caller.py", "step(step(x))", "step(0) + step(1) + x - 1")
+    code = "from kinetics.kernels.caller import step, twice; print(twice(0), len(step.signatures))"
+    assert output(begun(room, code)) == ["2", "1"]
+
+
 @pytest.mark.parametrize("package", ["kinetics", "mechsim"])
 def test_every_kernel_is_compiled_by_the_one_decorator(package):
     for path in (Path(kinetics.__file__).parents[1] / package / "kernels").glob("*.py"):

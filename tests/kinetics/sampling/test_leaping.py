@@ -18,11 +18,12 @@ from scipy.stats import binom, poisson, uniform
 
 from kinetics import Auto, Direct, Leaping, Lockstep, Network, Transient, verify
 from kinetics.kernels import leap_plan, leaping
+from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.kernels.outcomes import REACHED_END
 from kinetics.sampling import simulate_draws, simulate_statistics
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.cost_model import NetworkSize
-from kinetics.sampling.leap_length import FEWEST_COPIES, LARGEST_COUNT, events_of_leap
+from kinetics.sampling.leap_length import FEWEST_COPIES, events_of_leap
 from kinetics.sampling.leaping import LeapingSampler
 from kinetics.trust.verification import MUTANTS
 
