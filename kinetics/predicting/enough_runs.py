@@ -12,22 +12,21 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
 from kinetics.predicting.looks import (
-    FIRST_RUNS,
+    FEW,
     GROWTH,
+    LEAST_GROWTH,
     MARGIN,
     ROW_BYTES,
     ROWS,
     Look,
-    lasting_shares,
-    planning_shares,
+    chance_at,
 )
+from kinetics.predicting.run_cost import FIRST_RUNS, THREADED
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod
 from kinetics.sampling.streamed import blocks, unbroken
 from kinetics.support.arrays import Floats, Ints
-
-THREADED = 0.02  # s of work; threads for less would cost more than they save
 
 FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work is done, and at most so many runs are made, before the first look
 
@@ -57,12 +56,16 @@ class RunsUntil:
     shown : the network whose counts are kept; method : samples it from `initial` at `grid`
     is_known : (T, S) counts that are no matter of chance
     run_seconds : about what a run takes, s
+    first : (runs, T, S) counts of the first runs, where these were made
+    name : of the method, as results show it
+    together : runs that cost about as much as one more would
     """
 
     def __init__(
         self, asked: AskedAccuracy, shown: Network, method: SamplingMethod, initial: Ints, grid: Floats,
         is_known: NDArray[np.bool_], seed: int, threads: int | None, report: Callable[[str], None],
-        run_seconds: float = inf,
+        run_seconds: float = inf, first: Ints | None = None, name: str = "",
+        together: int = 1,
     ) -> None:  # fmt: skip
         self.asked, self.shown, self.method, self.initial, self.grid = asked, shown, method, initial, grid
         self.is_known, self.seed, self.threads, self.report = is_known, seed, threads, report
@@ -71,10 +74,13 @@ class RunsUntil:
         size = 8 * grid.size * len(shown.species)
         self._rows: list[Ints] = []
         self._most_rows = max(FIRST_RUNS, min(ROWS, ROW_BYTES // size))
-        self._planning, self._lasting = planning_shares(), lasting_shares()
-        self._chance = next(self._lasting)  # of the next look that may be the last
+        self.together = together
+        self.name = name or method.name_for(shown, initial)
         self.error = inf
         self.needed = float(self._for_distributions) if asked.of == "distribution" else inf
+        self.needed_of_many = self.needed
+        if first is not None:
+            self._take(first)
 
     @property
     def _for_distributions(self) -> int:
@@ -84,13 +90,13 @@ class RunsUntil:
         """Runs that will be needed: from the first few, unless it is known without."""
         if self.asked.of != "distribution":
             self._make(int(min(max(FIRST_SECONDS / self.run_seconds, FIRST_RUNS), MOST_FIRST)))
-            self._look(next(self._planning))
+            self._look()
         return self.needed
 
-    def foretold_from(self, runs: int, chance: float) -> float:
-        """Runs that will be needed for this chance to be wrong, as so many see it."""
+    def fixed_from(self, runs: int) -> float:
+        """The fixed number of runs that keeps the accuracy with confidence `LEVEL`, as so many see it."""
         self._make(runs)
-        return Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed).runs_needed(chance)
+        return self._look().fixed(1 - LEVEL)
 
     def finish(self, most: int) -> Sampled:
         """All the runs, but no more than `most`; after Ctrl-C those that were made."""
@@ -98,14 +104,10 @@ class RunsUntil:
             if self.asked.of == "distribution":
                 self._make(min(self._for_distributions, most))
             while self.asked.of != "distribution" and self.error > self.asked.value and self.tally.runs < most:
-                is_last = MARGIN * self.needed <= GROWTH * self.tally.runs
-                aim = MARGIN * self.needed if is_last else GROWTH * self.tally.runs
-                self._make(min(max(ceil(aim), self.tally.runs + 1), most))
-                if is_last:
-                    chance, self._chance = self._chance, next(self._lasting)
-                    self._look(chance)
-                else:
-                    self._look(next(self._planning))
+                aim = min(MARGIN * self.needed, GROWTH * self.tally.runs)
+                aim = max(aim, LEAST_GROWTH * self.tally.runs)
+                self._make(min(self.together * ceil(aim / self.together), most))
+                self._look()
         except KeyboardInterrupt:
             return self.interrupted()
         return self._made(self.tally.runs)
@@ -115,13 +117,13 @@ class RunsUntil:
         if self.tally.runs < 2:
             raise KeyboardInterrupt
         if self.asked.of != "distribution":
-            self._look(self._chance)  # not spent yet
+            self._look()
         return self._made(max(ceil(self.needed), self.tally.runs + 1))
 
     def _made(self, wanted: int) -> Sampled:
         if self.asked.of == "distribution":
             self.error = self.asked.value * sqrt(self._for_distributions / self.tally.runs)
-        return Sampled(self.tally.statistics(wanted, self.method.name_for(self.shown, self.initial)), self.error)
+        return Sampled(self.tally.statistics(wanted, self.name), self.error)
 
     def _make(self, runs: int) -> None:
         """Go on until there are so many."""
@@ -129,16 +131,21 @@ class RunsUntil:
         is_short = (runs - self.tally.runs) * self.run_seconds < THREADED
         threads = 1 if is_short else self.threads
         for counts in blocks(self.shown, self.method, self.initial, self.grid, numbers, self.seed, threads):
-            with unbroken():
-                self.tally.add(counts)
-                kept = sum(map(len, self._rows))
-                if kept < self._most_rows:
-                    self._rows.append(counts[: self._most_rows - kept].copy())
+            self._take(counts)
             wanted = "" if self.needed == inf else f" of about {self.needed:.3g}"
             self.report(f"{self.tally.runs}{wanted} runs")
 
-    def _look(self, chance: float) -> None:
-        """How far off the runs may be, but for this chance, and how many are needed."""
+    def _take(self, counts: Ints) -> None:
+        """Add these runs."""
+        with unbroken():
+            self.tally.add(counts)
+            kept = sum(map(len, self._rows))
+            if kept < self._most_rows:
+                self._rows.append(counts[: self._most_rows - kept].copy())
+
+    def _look(self) -> Look:
+        """How far off the runs may be, and how many are needed."""
         look = Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed)
-        self.error = min(self.error, self.asked.value * look.share_of_tolerance(chance))
-        self.needed = look.runs_needed(self._chance)
+        self.error = self.asked.value * look.share_of_tolerance()
+        self.needed, self.needed_of_many = look.runs_needed(), look.fixed(chance_at(FEW))
+        return look

@@ -1,19 +1,24 @@
-"""When runs are enough: looks at the runs made so far, each of which spends some of the chance to be wrong.
+"""When runs are enough: looks at the runs made so far.
 
 At a look with n runs, figure i (a mean, or a variance) has come out with an error of Z_i sqrt((v_i + r_i d_i) / n) or
 so. v_i is the variance of what is averaged and d_i the tolerance; r_i d_i, the term of Bernstein's inequality, stands
 for the skewness, r_i being the third central moment over the second, and at least one copy. The Z_i are standard normal
 with the correlations that the first runs show, so that neighbouring times and species that move together count once
 (multiplier bootstrap: Chernozhukov, Chetverikov & Kato 2013, doi:10.1214/13-AOS1161), over a common root of chi square,
-as Student has it. The runs are enough where the largest |error| / tolerance stays below 1 with the probability left.
+as Student has it. The runs are enough where the largest |error| / tolerance stays below 1 but for a chance.
 
-A look that fails by chance must not become an answer because there were many looks: over all looks the chances to be
-wrong add up to 1 - `LEVEL` (union bound). Looks that only plan the next one get a tenth of it.
+Every look may be the last, and their chances need not add up: whether runs are enough depends on their variances
+alone, of which means of normal figures are independent (Chow & Robbins 1965, doi:10.1214/aoms/1177700156). Looks that
+find variances too small by chance cost something, and Student's factor makes up for that: for normal figures the
+chance to be wrong stays below 1 - `LEVEL` with the looks made here, as a test computes. Where low means come with low
+variances, as among small counts, the term of Bernstein's inequality makes up for it. Fewer than `FEW` runs may not have
+shown yet what happens seldom; looks at them are allowed a much smaller chance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import lru_cache
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,31 +27,15 @@ from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
 from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
-FIRST_RUNS = 16
-GROWTH = 8  # of the runs, from a look that plans to the next
-MARGIN = 1.05  # of the runs planned for the last look, because their variance is an estimate
+GROWTH = 8  # of the runs, at most, from one look to the next
+FEW = 64  # runs
+EARLY, LATE = 0.05, 0.9  # shares of the chance to be wrong, of a look at fewer, and of one at as many or more
+LEAST_GROWTH = 1.02  # at least
+MARGIN = 1.05  # of the runs planned, because their variance is an estimate
 ROWS, ROW_BYTES = 64, 2**25  # runs that are kept for their correlations
 DRAWN = 1000  # of the largest error
 ONE_THREAD = 2**18  # multiplications; for more at a time BLAS wakes threads, which cost more than they bring
 SMALL = 0.5  # of the largest ratio of error and tolerance; figures below matter to no quantile of the largest
-PLANNING, LASTING, AGAIN = 0.1, 0.75, 0.15  # shares of the chance to be wrong
-
-
-def planning_shares() -> Iterator[float]:
-    """Of the chance to be wrong, what each look that plans may spend."""
-    share = (1 - LEVEL) * PLANNING
-    while True:
-        share /= 2
-        yield share
-
-
-def lasting_shares() -> Iterator[float]:
-    """What each look may spend that was planned to be the last."""
-    yield (1 - LEVEL) * LASTING
-    share = (1 - LEVEL) * AGAIN
-    while True:
-        share /= 2
-        yield share
 
 
 class Look:
@@ -73,15 +62,33 @@ class Look:
         skew = np.divide(np.abs(third), spread, out=np.zeros_like(spread), where=spread > 0.0)
         errors = np.sqrt((spread + np.maximum(skew, 1.0) * tolerances) / self.runs)
         ratios = np.where(is_known, 0.0, errors / tolerances)
-        self._largest = largest_errors(values, ratios, self.runs - 1, seed)
+        self._largest = largest_errors(values, ratios, seed)
+        self._seed = seed
 
-    def share_of_tolerance(self, chance: float) -> float:
-        """The share of their tolerances that all errors keep within, but for this chance."""
-        return float(np.quantile(self._largest, 1 - chance, method="higher"))
+    def share_of_tolerance(self) -> float:
+        """The share of their tolerances that all errors keep within, but for the chance of a look at so many runs."""
+        chance = chance_at(self.runs)
+        return quantile(self._largest / students_roots(self.runs - 1, self._seed), 1 - chance)
 
-    def runs_needed(self, chance: float) -> float:
-        """Runs after which that share will be 1."""
-        return self.runs * self.share_of_tolerance(chance) ** 2
+    def runs_needed(self) -> float:
+        """Runs after which that share will be 1, most likely."""
+        early = self.fixed(chance_at(0))
+        return early if early < FEW else max(self.fixed(chance_at(FEW)), FEW)
+
+    def fixed(self, chance: float) -> float:
+        """The same of a fixed number of runs, for this chance."""
+        return self.runs * quantile(self._largest, 1 - chance) ** 2
+
+
+def chance_at(runs: int) -> float:
+    """To be wrong, of a look at so many runs."""
+    return (1 - LEVEL) * (LATE if runs >= FEW else EARLY)
+
+
+def quantile(drawn: Floats, level: float) -> float:
+    """The smallest draw with at least this share of them at or below it."""
+    rank = min(ceil(level * drawn.size), drawn.size) - 1
+    return float(np.partition(drawn, rank)[rank])
 
 
 def of_variance(sd: Floats, tolerances: Floats) -> Floats:
@@ -104,16 +111,29 @@ def central_moments(tally: Tally, mean: Floats, highest: int) -> Floats:
     return moments
 
 
-def largest_errors(values: Floats, ratios: Floats, freedom: int, seed: int) -> Floats:
+@lru_cache(maxsize=2)
+def normals(rows: int, seed: int) -> NDArray[np.float32]:
+    """Standard normal draws (B, rows); the same at every look, so that a look finds what the one before foretold."""
+    return generator(seed, 0).standard_normal((DRAWN, rows), dtype=np.float32)
+
+
+def students_roots(freedom: int, seed: int) -> Floats:
+    """Draws (B,) of an estimate of the standard deviation over the true one."""
+    return np.sqrt(generator(seed, 1).chisquare(freedom, DRAWN) / freedom)
+
+
+def generator(seed: int, what: int) -> np.random.Generator:
+    """Random numbers apart from those of the runs."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, what)))
+
+
+def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     """Draws (B,) of the largest |error| / tolerance, where single errors have these ratios (T, S) to tolerances.
 
     values : (m, T, S) what is averaged, of some runs, for the correlations. Figures in which these runs do not differ
         have none; of each species they count as one, independent of all others.
     """
-    # the same draws at every look, so that a look finds what the one before foretold
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
-    drawn = rng.standard_normal((DRAWN, len(values)), dtype=np.float32)
-    common = np.sqrt(rng.chisquare(freedom, DRAWN) / freedom)
+    drawn, rng = normals(len(values), seed), generator(seed, 2)
     away = values - values.mean(axis=0)
     scale = np.sqrt((away**2).sum(axis=0))
     matters = ratios > SMALL * ratios.max()
@@ -129,4 +149,4 @@ def largest_errors(values: Floats, ratios: Floats, freedom: int, seed: int) -> F
         for begin in range(0, DRAWN, at_a_time):
             part = slice(begin, begin + at_a_time)
             errors[part] = np.maximum(errors[part], np.abs(drawn[part] @ weights).max(axis=1))
-    return errors / common
+    return errors

@@ -191,7 +191,6 @@ def predict(
     posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
     model = network if rates is None else rates.expected(network, tank)
     shown = model if observables is None else observables.network
-    name = method.name_for(model, initial) if isinstance(method, SamplingMethod) else method.name
     # first, because it may be refused, and sampling takes long
     solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
     answer = (
@@ -199,6 +198,9 @@ def predict(
         if accuracy is None
         else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
     )
+    name = method.name
+    if answer is None and isinstance(method, SamplingMethod):
+        name = method.name_for(model, initial)
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
     sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:

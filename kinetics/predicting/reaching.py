@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, AskedAccuracy, ForetoldWay, Reached
 from kinetics.predicting.enough_runs import RunsUntil, Sampled
-from kinetics.predicting.looks import FIRST_RUNS
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.run_cost import STATISTICS, run_seconds
+from kinetics.predicting.run_cost import FIRST_RUNS, STATISTICS, first_runs
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto
@@ -31,6 +30,7 @@ SOLVE_SECONDS = 4e-3  # of a solution, however few its states
 LISTING = 0.05  # of what runs are foretold to cost: may be spent on the list of states
 QUICK = 0.02  # s; a solution foretold to take no more is not weighed against runs, which would cost as much to try
 TRIED = 0.05  # s; where all else is foretold to cost more, a projection is tried
+LANES = 8  # runs that a vector holds, and that cost as much as one of them
 PROJECTING = 0.2  # of that cost: may be spent on it
 
 
@@ -190,24 +190,28 @@ class _Reaching:
     def _weigh_sampling(self) -> None:
         """Foretell the runs that are needed, and their cost."""
         model, start, grid, observables = self.question
-        shown, method = self.question.shown, Auto()
+        shown = self.question.shown
         try:
-            name = method.name_for(model, start)
+            method = Auto().choose(model, start)
         except ValueError as refusal:
             self.sampling = ForetoldWay(Auto.name, None, str(refusal))
             return
+        name = f"{Auto.name} ({method.name})"
         self.report("following a few runs")
         most = min(_cost(self.exact), self.budget) / FIRST_RUNS
-        each = run_seconds(model, start, grid, grid.size * len(shown.species), most, self.seed)
-        if each > most:
+        each, counts = first_runs(
+            model, method, start, grid, grid.size * len(shown.species), most, self.seed, self.threads
+        )
+        if counts is None or each > most:
             least = FIRST_RUNS * each
             self.sampling = ForetoldWay(name, None, f"over {least:.2g} s for {FIRST_RUNS} runs alone")
             self.run_seconds = each
             return
         sampler = method if observables is None else observables.sampling(method, model)
+        first = counts if observables is None else counts @ observables.weights
         self.runs = RunsUntil(
             self.asked, shown, sampler, start, grid, self.question.is_known, self.seed, self.threads, self.report,
-            each,
+            each, first, name, LANES if method.is_for_ensembles else 1,
         )  # fmt: skip
         needed = max(self.runs.foretell(), self.runs.tally.runs)
         self.run_seconds = each
@@ -269,7 +273,9 @@ class _Reaching:
         """The answer that runs give."""
         statistics, error = made
         is_proven, name = self.asked.of == "distribution", self.sampling.method
-        tenfold = self._tenfold_sampling(statistics.runs * self.run_seconds * (error / self.asked.value) ** 2)
+        needed = inf if self.runs is None else self.runs.needed_of_many
+        needed = max(min(statistics.runs * (error / self.asked.value) ** 2, needed), FIRST_RUNS / TENFOLD**2)
+        tenfold = self._tenfold_sampling(STATISTICS / TENFOLD**2 + needed * self.run_seconds)
         if self.exact.seconds is not None:
             tenfold = min([self.exact, *filter(None, [tenfold])], key=_cost)
         reached = Reached(self.asked, error, is_proven, LEVEL, name, self._candidates(), tenfold)

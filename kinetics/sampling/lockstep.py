@@ -20,7 +20,7 @@ from kinetics.support.arrays import Floats, Ints
 
 LARGEST_CHANGE = 2**40  # of a count by one event
 LARGEST_COUNT = 2**52
-FEWEST_RUNS = 16  # in lockstep; fewer cost less one by one
+FEWEST_RUNS = 8  # in lockstep; fewer cost less one by one
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Kept: no mean, standard deviation or probability shown is farther from the true 
 solutions, else many times the runs (`TRUTH`). Cost: CPU time of the whole prediction, over that of the best of three
 choices made in hindsight, each timed in the same run: the exact solution and the projection, where they prove the
 accuracy, and the fixed number of runs that keep it with 95 % confidence, which nobody knows beforehand; at least 16.
+What takes less than `NOTABLE` is done `AGAIN` times, each time with a network made anew, and its least time counts.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from math import inf
 from pathlib import Path
@@ -22,8 +24,8 @@ import click
 import numpy as np
 
 from kinetics import Auto, FiniteStateProjection, Transient, predict, simulate_statistics
-from kinetics.predicting.accuracy import LEVEL
 from kinetics.predicting.enough_runs import RunsUntil
+from kinetics.predicting.looks import normals
 from kinetics.predicting.reaching import AskedCounts
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 
@@ -36,6 +38,7 @@ TIMED = 500  # runs that are timed; of more, about as many as take `TIMING`, and
 TIMING = 0.3  # s
 PATIENCE = 2.0  # s allowed to a solution
 NOTABLE = 0.1  # s; below, starting anything is what costs
+AGAIN = 3
 BUDGET = 1.0  # s, of a prediction; questions that are foretold to cost more are refused, and passed over
 
 
@@ -64,14 +67,27 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
     return made, time.process_time() - began
 
 
-def hindsight(asked: Asked) -> tuple[dict[str, float], Any]:
+def least(number: int, work: Callable[[Asked], Any]) -> tuple[Any, float]:
+    """The same of the quickest time: what is kept with a network by one choice, the next must not have for nothing."""
+    cost = inf
+    for _ in range(AGAIN):
+        normals.cache_clear()
+        made, again = timed(partial(work, question(number)))
+        cost = min(cost, again)
+        if cost >= NOTABLE:
+            break
+    return made, cost
+
+
+def hindsight(number: int) -> tuple[dict[str, float], Any]:
     """CPU s of each choice that keeps the accuracy, and the exact distribution, if there is one."""
+    asked = question(number)
     _, network, start, times, accuracy = asked
     costs, exact = {}, None
     tops = None
     try:
         method = Transient(max_states=300_000, max_seconds=PATIENCE)
-        made, cost = timed(lambda: predict(network, None, start, times, method))
+        made, cost = least(number, lambda q: predict(q.network, None, start, times, method))
         exact = made.result
         tops = exact.space.states.max(axis=0).astype(float)
         if error_reached(accuracy, exact, tops) <= accuracy.value:
@@ -84,14 +100,14 @@ def hindsight(asked: Asked) -> tuple[dict[str, float], Any]:
         tolerance = min(max(tolerance_for(accuracy, tops) / 2, 1e-13), 1e-3)
         projection = FiniteStateProjection(tolerance, max_seconds=min(PATIENCE, 3 * min(costs.values(), default=inf)))
         try:
-            made, cost = timed(lambda: predict(network, None, start, times, projection))
+            made, cost = least(number, lambda q: predict(q.network, None, start, times, projection))
             if error_reached(accuracy, made.result, tops) <= accuracy.value:
                 costs["fsp"] = cost
         except ValueError:
             pass
     runs = needed(asked)
     few = min(runs, TIMED)
-    cost = timed(lambda: predict(network, None, start, times, "auto", few, 77, threads=1))[1]
+    cost = least(number, lambda q: predict(q.network, None, start, times, "auto", few, 77, threads=1))[1]
     if runs > few:  # many more, so that what each costs stands out
         many = min(runs, max(2 * few, int(few * TIMING / cost)))
         more = timed(lambda: predict(network, None, start, times, "auto", many, 77, threads=1))[1]
@@ -107,7 +123,7 @@ def needed(asked: Asked) -> int:
     runs = RunsUntil(accuracy, network, Auto(), network.state(start), times, known, 78, 1, lambda _: None)
     if accuracy.of == "distribution":
         return int(runs.foretell())
-    return max(16, int(runs.foretold_from(PROBED, 1 - LEVEL)))
+    return max(16, int(runs.fixed_from(PROBED)))
 
 
 def row(number: int) -> Row | None:
@@ -116,13 +132,14 @@ def row(number: int) -> Row | None:
     _, network, start, times, accuracy = asked
     words = f"{accuracy.of} {accuracy.in_words}"
     try:
-        made, cost = timed(
-            lambda: predict(network, None, start, times, accuracy=accuracy, seed=number, threads=1, budget=BUDGET)
+        made, cost = least(
+            number,
+            lambda q: predict(q.network, None, start, times, accuracy=accuracy, seed=number, threads=1, budget=BUDGET),
         )
     except ValueError as refusal:
         click.echo(f"{number:4} {asked.kind:7} {words:28} refused: {str(refusal)[:60]} ...")
         return None
-    costs, exact = hindsight(asked)
+    costs, exact = hindsight(number)
     truth = exact
     if truth is None:
         many = int(min(TRUTH, max(4.0, TRUTH_SECONDS / cost)) * (made.runs or 10_000))

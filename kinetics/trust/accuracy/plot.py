@@ -10,6 +10,7 @@ from kinetics.support.plots import colour
 from kinetics.trust.accuracy.diagram import CostPoint, Diagram
 
 MARKERS = ("o", "s", "^", "D", "v", "*")
+NEAR = 2.0  # times: points no farther apart share a label
 LOWEST = 1e-15  # of the errors shown: smaller ones are drawn here
 
 
@@ -21,6 +22,7 @@ def draw(diagram: Diagram, ax: Any) -> Any:
     names = list(dict.fromkeys(point.curve for point in diagram.points))
     for i, name in enumerate(names):
         _curve(ax, diagram.of(name), MARKERS[i % len(MARKERS)], colour(i))
+    _label_ends(ax, [diagram.of(name) for name in names])
     sampled = [point for point in diagram.points if point.knob == "runs" and point.setting]
     if sampled:
         quickest = min(sampled, key=lambda point: point.cpu_seconds / float(point.setting or 1)).curve
@@ -56,6 +58,22 @@ def _curve(ax: Any, points: list[CostPoint], marker: str, shade: str) -> None:
         if point.bound is not None:
             ax.plot([point.cpu_seconds] * 2, [height, point.bound], ":", color=shade, lw=0.8)
             ax.plot(point.cpu_seconds, point.bound, "_", color=shade, ms=9, mew=1.5)
-    for end in {0, len(points) - 1} if points[0].knob else ():
-        at = (5, 4 if end == 0 else -8)
-        ax.annotate(points[end].label, (x[end], y[end]), at, textcoords="offset points", fontsize=6, color=shade)
+
+
+def _label_ends(ax: Any, curves: list[list[CostPoint]]) -> None:
+    """Name the first and last settings; points of several curves that nearly meet share one label, in grey."""
+    ends = [points[end] for points in curves if points[0].knob for end in sorted({0, len(points) - 1})]
+    while ends:
+        first = ends[0]
+        near = [each for each in ends if each.label == first.label and each.knob == first.knob and _meet(each, first)]
+        ends = [each for each in ends if each not in near]
+        is_first = any(first is points[0] for points in curves)
+        shade = "0.3" if len(near) > 1 else colour([points[0].curve for points in curves].index(first.curve))
+        spot = (first.cpu_seconds, max(first.error.copies, LOWEST))
+        ax.annotate(first.label, spot, (5, 4 if is_first else -8), textcoords="offset points", fontsize=6, color=shade)
+
+
+def _meet(one: CostPoint, other: CostPoint) -> bool:
+    """Whether a label beside one of these points stands beside the other, too."""
+    pairs = ((one.cpu_seconds, other.cpu_seconds), (one.error.copies, other.error.copies))
+    return all(max(a, b, LOWEST) <= NEAR * max(min(a, b), LOWEST) for a, b in pairs)

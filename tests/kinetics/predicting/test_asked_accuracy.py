@@ -7,15 +7,15 @@ import pytest
 from accuracy_questions import question, share_of_accuracy
 from known_systems import bare_line, line
 from numpy.testing import assert_array_equal
-from scipy.stats import binom
+from scipy.stats import binom, norm, t
 
 from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
-from kinetics.predicting import AskedAccuracy, enough_runs, looks
+from kinetics.predicting import AskedAccuracy, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
 from kinetics.predicting.enough_runs import RunsUntil, runs_for_distributions
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
-from kinetics.predicting.run_cost import run_seconds
+from kinetics.predicting.run_cost import first_runs
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.sampling.cost_model import NetworkSize
@@ -69,21 +69,50 @@ def test_runs_keep_the_accuracy_as_often_as_they_say(case, truth_of):
     assert missed <= allowed(repeats)
 
 
-def test_looks_that_all_spend_everything_are_seen(monkeypatch, truth_of):
-    def all_of_it():
-        while True:
-            yield 0.4
-
-    monkeypatch.setattr(enough_runs, "planning_shares", all_of_it)
-    monkeypatch.setattr(enough_runs, "lasting_shares", all_of_it)
+def test_looks_that_are_easily_content_are_seen(monkeypatch, truth_of):
+    honest = looks.quantile
+    monkeypatch.setattr(looks, "quantile", lambda drawn, level: honest(drawn, 1 - 8 * (1 - level)))
     asked, text, start, times, repeats = CASES["mean"]
     missed = failures(asked, Network.from_text(text), start, times, truth_of(text, start, times), repeats)
     assert missed > allowed(repeats)
 
 
-def test_all_looks_together_spend_no_more_than_there_is():
-    planning, lasting = looks.planning_shares(), looks.lasting_shares()
-    assert sum(next(planning) + next(lasting) for _ in range(60)) <= (1 - LEVEL) * (1 + 1e-12)
+def chance_to_be_wrong(first, needed, chains=20_000):
+    """Of a mean of normal figures that takes so many runs, by the looks made here; exact but for the variances drawn.
+
+    The mean is independent of all variances, so that each chain counts with its chance to be wrong when it stops. The
+    variances of `chains` chains are drawn, which leaves an error below 0.001.
+    """
+    rng = np.random.default_rng(1)
+    variance = needed / norm.isf((1 - LEVEL) / 2) ** 2  # for a tolerance of 1
+    runs = np.full(chains, first)
+    squares = variance * rng.chisquare(first - 1, chains)
+    wrong = 0.0
+    early, late = norm.isf(looks.chance_at(0) / 2) ** 2, norm.isf(looks.chance_at(looks.FEW) / 2) ** 2
+    while runs.size:
+        seen = squares / (runs - 1)
+        chance = np.where(runs < looks.FEW, looks.chance_at(0), looks.chance_at(looks.FEW))
+        factor = t.isf(chance / 2, runs - 1)
+        ends = factor**2 * seen <= runs
+        wrong += 2 * norm.sf(np.sqrt(runs[ends] / variance)).sum()
+        runs, squares, seen = runs[~ends], squares[~ends], seen[~ends]
+        more = np.where(early * seen < looks.FEW, early * seen, np.maximum(late * seen, looks.FEW))
+        aim = np.minimum(looks.MARGIN * more, looks.GROWTH * runs)
+        more = np.ceil(np.maximum(aim, looks.LEAST_GROWTH * runs)).astype(int) - runs
+        squares = squares + variance * rng.chisquare(more)
+        runs = runs + more
+    return wrong / chains
+
+
+@pytest.mark.parametrize("first", [16, 40, 256])
+def test_looks_at_normal_figures_are_wrong_no_more_often_than_they_say(first):
+    for ratio in (0.8, 1.0, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0, 20.0):
+        assert chance_to_be_wrong(first, ratio * first) < 1 - LEVEL
+
+
+def test_a_chance_twice_as_large_would_be_seen(monkeypatch):
+    monkeypatch.setattr(looks, "LATE", 2 * looks.LATE)
+    assert max(chance_to_be_wrong(64, ratio * 64) for ratio in (1.0, 1.6, 2.0)) > 1 - LEVEL
 
 
 def test_correlated_figures_count_once_and_independent_ones_each():
@@ -91,7 +120,7 @@ def test_correlated_figures_count_once_and_independent_ones_each():
     same = np.repeat(rng.standard_normal((64, 1)), 50, axis=1)[:, :, None]
     own = rng.standard_normal((64, 50))[:, :, None]
     one, all_same, all_own = (
-        np.quantile(looks.largest_errors(values, np.ones(values.shape[1:]), 10_000, 3), 0.95)
+        np.quantile(looks.largest_errors(values, np.ones(values.shape[1:]), 3), 0.95)
         for values in (same[:, :1], same, own)
     )
     assert all_same == pytest.approx(one, rel=1e-6)
@@ -302,8 +331,17 @@ def test_rates_that_depend_on_time_are_sampled():
 def test_events_of_a_run_are_foretold_also_where_they_crowd():
     network, grid = DECAY, np.array([10.0, 1000.0])
     per_event = 1e-9 * Auto().choose(network).cost(NetworkSize.of(network))
-    some, none = (run_seconds(network, np.array([n]), grid, 2, np.inf, 1) for n in (1000, 0))
-    assert some - none == pytest.approx(1000 * per_event, rel=0.1)
+    method = Auto().choose(network)
+    some, none = (first_runs(network, method, np.array([n]), grid, 2, np.inf, 1) for n in (1000, 0))
+    assert some.seconds - none.seconds == pytest.approx(1000 * per_event, rel=0.1)
+
+
+def test_the_first_runs_are_those_of_the_ensemble_and_end_where_they_would_cost_too_much():
+    start, grid = np.array([20_000]), np.array([3.0, 50.0])
+    method = Auto().choose(DECAY, start)
+    made = first_runs(DECAY, method, start, grid, 2, np.inf, 7)
+    assert_array_equal(made.counts, method.simulate(DECAY, start, grid, 16, 7, 1).counts)
+    assert first_runs(DECAY, method, start, grid, 2, 0.1 * made.seconds, 7).counts is None
 
 
 def test_conserved_cubes_limit_counts():

@@ -208,6 +208,21 @@ def test_table_plot_and_numbers(small):
     assert "below the proven bound of the reference" in labels
 
 
+def test_points_that_nearly_meet_share_a_label_and_others_do_not(small):
+    def labels(spread):
+        points = [
+            replace(p, cpu_seconds=spread**i, error=small.points[0].error)
+            for i, p in enumerate(small.of("SSA, direct"))
+        ]
+        twins = [replace(p, curve=name) for name in ("SSA, direct", "SSA, lockstep") for p in points]
+        apart = [replace(p, cpu_seconds=p.cpu_seconds * (1 if p.curve == "SSA, direct" else spread)) for p in twins]
+        axes = draw(replace(small, points=tuple(apart)), Figure().add_subplot())
+        return sorted(text.get_text() for text in axes.texts)
+
+    assert labels(1.5) == ["1e2", "1e3"]
+    assert labels(10.0) == ["1e2", "1e2", "1e3", "1e3"]
+
+
 def test_command(tmp_path, monkeypatch):
     # At 20 ms a call, a run seems to cost 1/8 ms: 20 times 1000 runs fit into 20 s, 20 times 10,000 do not.
     monkeypatch.setattr(diagram, "measure", partial(measure, clock=ticking(0.02)))
