@@ -8,6 +8,9 @@ READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py \
 	tests/contracts/test_engines.py tests/mechsim/world/test_own_engine.py
 
+# Byte code is kept: hundreds of commands would compile all modules again, each for itself.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study pyramid clean
 
 demo: $(READY)

@@ -10,7 +10,6 @@ from json_outputs import watch_outputs
 # Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of commands would compile all modules again, each for itself
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a shell; some tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -35,6 +35,6 @@ def run_contract(copy: Path, contract: str, *arguments: str) -> subprocess.Compl
     """Run one contract of the copy in a process of its own, which imports the copy and nothing of the original."""
     where = [copy / "tests" / "contracts" / contract, f"--rootdir={copy}", "-c", copy / "pyproject.toml"]
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", *QUIETLY, *map(str, where), *arguments],
+        [sys.executable, "-B", "-m", "pytest", "-q", *QUIETLY, *map(str, where), *arguments],
         cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
