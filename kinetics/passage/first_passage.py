@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +22,18 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
-from kinetics.support.shown import ResultTable, Shown, facts, on_axes
+from kinetics.support.extras import extra
+from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
 from kinetics.support.tables import in_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DRAWN = 201  # times of a curve
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Passage(Shown):
+class Passage(Shown, Tabular):
     """The distribution of a first-passage time.
 
     target : the target, in words
@@ -153,13 +159,24 @@ class Passage(Shown):
             return f"time until {self.target}: mean {mean}, sd {sd}"
         return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
 
+    @property
+    def _drawn_at(self) -> Floats:
+        return np.linspace(0.0, self._quantile(0.99 * self.probability) or 1.0, DRAWN)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The distribution function up to 99 % of those that arrive: time, probability, and its limits low and high."""
+        pandas = extra("pandas")
+
+        times = self._drawn_at
+        low, high = self.cdf_bounds(times)
+        return pandas.DataFrame({"time": times, "probability": self.cdf(times), "low": low, "high": high})
+
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
         from kinetics.support import plots
 
-        last = self._quantile(0.99 * self.probability) or 1.0
-        times = np.linspace(0.0, last, 201)
+        times = self._drawn_at
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,11 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.states import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.shown import ResultTable, Shown, on_axes
+from kinetics.support.extras import extra
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_CLASSES = 10  # in a table for people
 MANY = 20_000  # states on which sparse factors are tried before elimination
@@ -77,7 +81,7 @@ class ChainStationary(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stationary(ChainStationary):
+class Stationary(ChainStationary, Tabular):
     """The distribution of a network's states after infinite time, starting from one state; all are reachable.
 
     space : the states
@@ -118,6 +122,17 @@ class Stationary(ChainStationary):
         """Probability of one state; 0 for a state that cannot be reached."""
         row = int(self.space.index_of(self.space.network.state(state)))
         return float(self.probabilities[row]) if row >= 0 else 0.0
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row per species and number of copies: its probability."""
+        pandas = extra("pandas")
+
+        shares = {name: self.marginal(name) for name in self.space.network.species}
+        keys = {
+            "species": np.repeat(list(shares), [share.size for share in shares.values()]),
+            "copies": np.concatenate([np.arange(share.size) for share in shares.values()]),
+        }
+        return pandas.DataFrame(keys | {"probability": np.concatenate(list(shares.values()))})
 
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:

@@ -163,6 +163,20 @@ def test_tables_as_parquet(name, tmp_path):
     pd.testing.assert_frame_equal(pd.read_parquet(path), result.to_dataframe())
 
 
+def test_tables_of_passages_and_of_what_stays():
+    """They hold what the results give one by one."""
+    arrival = OTHERS["passage"]()
+    curve = arrival.to_dataframe()
+    np.testing.assert_array_equal(curve["probability"], arrival.cdf(curve["time"]))
+    assert ((curve["low"] <= curve["probability"]) & (curve["probability"] <= curve["high"])).all()
+    assert curve["probability"].iloc[-1] == pytest.approx(0.99 * arrival.probability)
+    stays = OTHERS["stationary distribution"]()
+    shares = stays.to_dataframe()
+    means = (shares["copies"] * shares["probability"]).groupby(shares["species"], sort=False).sum()
+    assert list(means.index) == list(line().species)
+    np.testing.assert_allclose(means, stays.mean(), rtol=1e-12)
+
+
 def tables_without_parquet(source):
     """Classes with a method `to_dataframe(self)` that are no `Tabular`."""
     return [
