@@ -63,21 +63,25 @@ def starts(repeats: int) -> None:
     for words in COMMANDS:
         user_seconds(wellmixed(words))  # bytecode is written once
     took: dict[str, list[float]] = {words: [] for words in COMMANDS}
-    reference = []
+    alone: list[float] = []  # numpy as it is imported, and without the threads of BLAS, which our commands do not start
+    single: list[float] = []
     for _ in range(repeats):
-        reference.append(user_seconds(REFERENCE))
+        alone.append(user_seconds(REFERENCE))
+        single.append(user_seconds(REFERENCE, OPENBLAS_NUM_THREADS="1"))
         for words, times in took.items():
             times.append(user_seconds(wellmixed(words)))
-    base = median(reference)
     with tempfile.TemporaryDirectory() as folder:
         first = user_seconds(wellmixed(f"predict {LINE}"), NUMBA_CACHE_DIR=folder)
         compiled = bool(list(Path(folder).rglob("*.nbc")))
+    found = [(words, median(times), COMMANDS[words]) for words, times in took.items()]
+    found.append((f"predict {LINE}, no kernel compiled", first, 2.0))
     rows = [
-        [f"wellmixed {words}", f"{median(times) / base:.2f}", f"{COMMANDS[words]:g}"] for words, times in took.items()
+        [f"wellmixed {words}", f"{seconds / median(alone):.2f}", f"{most:g}", f"{seconds / median(single):.2f}"]
+        for words, seconds, most in found
     ]
-    rows.append([f"wellmixed predict {LINE}, no kernel compiled", f"{first / base:.2f}", "2"])
-    click.echo(text_table(["command", "import numpy = 1", "at most"], rows))
-    click.echo(f"import numpy {1000 * base:.0f} ms of user CPU; kernels of Numba needed at first: {compiled}")
+    click.echo(text_table(["command", "import numpy = 1", "at most", "numpy, one thread = 1"], rows))
+    told = " and ".join(f"{1000 * median(each):.0f}" for each in (alone, single))
+    click.echo(f"import numpy {told} ms of user CPU; kernels of Numba needed at first: {compiled}")
 
 
 def events(repeats: int) -> None:
