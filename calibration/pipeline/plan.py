@@ -71,7 +71,7 @@ class StudyPlan(Settings):
     purpose : for the reader, what the plan is to find out and how its numbers were chosen
     """
 
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\Z", max_length=80)]
     purpose: str = ""
     scene: str
     log_above: Positive | None = None

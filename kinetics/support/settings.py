@@ -26,8 +26,12 @@ from msgspec import Meta, Struct, StructMeta, ValidationError, convert, field
 from msgspec.structs import FieldInfo, asdict, fields
 
 MAX_ERRORS = 10  # reported at once
+MAX_TEXT = 600  # characters of one of them
 
 Kind = TypeVar("Kind", bound="Settings")
+
+# What no double, and no text, can hold.
+BEYOND = (OverflowError, UnicodeError)
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -48,7 +52,7 @@ class _Kind(StructMeta):
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field,))
 class Settings(Struct, metaclass=_Kind, frozen=True, forbid_unknown_fields=True):
-    """A frozen group of settings, given by name: unknown keys, NaN and infinities are refused.
+    """A frozen group of settings, given by name: unknown keys, and NaN and infinities but in free tables, are refused.
 
     `__post_init__` checks what depends on several of them. Where a table may be one of several kinds, `tag_field` names
     the key that says which, and `tag` what stands there, both in the line of the class.
@@ -91,7 +95,7 @@ def validated(kind: type[Kind], data: Any, source: str | Path) -> Kind:
         data = _plain(data)
         try:
             made = convert(data, kind)
-        except (ValidationError, OverflowError) as error:  # that of a number that no double holds
+        except (ValidationError, *BEYOND) as error:
             texts = list(_faults(kind, data, "")) or [str(error)]
         else:
             texts = [] if _is_finite(data) else list(_faults(kind, data, ""))
@@ -100,7 +104,8 @@ def validated(kind: type[Kind], data: Any, source: str | Path) -> Kind:
     except RecursionError:
         texts = ["tables within tables, too deep"]
     more = f"; and {len(texts) - MAX_ERRORS} more" if len(texts) > MAX_ERRORS else ""
-    raise ValueError(f"{source}: {'; '.join(texts[:MAX_ERRORS])}{more}")
+    told = (text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]}..." for text in texts[:MAX_ERRORS])
+    raise ValueError(f"{source}: {'; '.join(told)}{more}")
 
 
 def _plain(value: Any) -> Any:
@@ -138,7 +143,7 @@ def _faults(kind: Any, value: Any, place: str) -> Iterator[str]:
         asked = _or(options)
         if isinstance(value, int | float) and not abs(value) <= sys.float_info.max and float in map(_bare, options):
             asked = "a finite number"
-        yield f"{place or 'the file'} = {repr(value)[:80]}: should be {asked}"
+        yield f"{place or 'the file'} = {_shown(value)}: should be {asked}"
 
 
 def _inside(options: Sequence[Any], value: Any) -> Iterator[tuple[Any, Any, str]]:
@@ -157,13 +162,14 @@ def _faults_of_table(kinds: Sequence[Any], value: dict[str, Any], place: str) ->
     tag_field = kinds[0].__struct_config__.tag_field
     by_tag = {kind.__struct_config__.tag: kind for kind in kinds}
     kind = kinds[0]
-    if len(kinds) > 1:
+    if len(kinds) > 1 or tag_field in value:
         if tag_field not in value:
             yield f"'{_at(place, tag_field)}' is missing"
             return
         tag = value[tag_field]
         if not isinstance(tag, str) or tag not in by_tag:
-            yield f"{place}: unknown {tag_field} {tag!r}; allowed are {', '.join(by_tag)}"
+            where = f"{place}: " if place else ""
+            yield f"{where}unknown {tag_field} {_shown(tag)}; allowed are {', '.join(by_tag)}"
             return
         kind, place = by_tag[tag], _at(place, tag)
     known: dict[str, FieldInfo] = {each.name: each for each in fields(kind)}
@@ -189,6 +195,14 @@ def _or(options: Sequence[Any]) -> str:
     return " or ".join(dict.fromkeys(described(option) for option in options if option is not type(None)))
 
 
+def _shown(value: Any) -> str:
+    """The beginning of a value; Python refuses to write down the largest whole numbers."""
+    try:
+        return repr(value)[:80]
+    except ValueError:
+        return "a number of thousands of digits"
+
+
 def _at(place: str, name: str) -> str:
     return f"{place}.{name}" if place else name
 
@@ -208,7 +222,7 @@ def _bare(kind: Any) -> Any:
 def _is_kind(kind: Any, value: Any) -> bool:
     try:
         convert(value, kind)
-    except (ValidationError, OverflowError):
+    except (ValidationError, *BEYOND):
         return False
     return _bare(kind) is Any or not isinstance(value, float) or math.isfinite(value)
 

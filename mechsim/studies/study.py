@@ -40,7 +40,7 @@ class Factor(Settings):
     paper_speeds : the paper's mean speed at each level, length / tu
     """
 
-    name: Annotated[str, Meta(pattern=r"^[a-z][a-z-]*$")]
+    name: Annotated[str, Meta(pattern=r"^[a-z][a-z-]*\Z")]
     label: str
     setting: str | None = None
     levels: Annotated[tuple[float, ...], Meta(min_length=1)]

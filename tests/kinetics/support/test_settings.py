@@ -40,7 +40,7 @@ class Whole(Settings, dict=True):
     named: dict[str, Size] = field(default_factory=dict)
     free: dict[str, Any] = field(default_factory=dict)
     few: Annotated[tuple[int, ...], Meta(min_length=1)] | None = None
-    name: Annotated[str, Meta(pattern="^[a-z]*$", max_length=5)] = ""
+    name: Annotated[str, Meta(pattern=r"^[a-z]*\Z", max_length=5)] = ""
 
     @cached_property
     def twice(self):
@@ -165,6 +165,29 @@ def test_anything_is_taken_whole_or_refused_with_a_reason(data):
     except ValueError as error:
         reason = str(error)
     assert reason.startswith("a file: ") or made.place == validated(Whole, made.as_dict(), "a file").place
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"size": {"count": 1}, "name": "abc\n"}, "name = 'abc\\n': should be a text of at most 5 and that matches"),
+        ({"size": {"count": 1}, "name": "\ud800"}, "name = '\\ud800': should be a text"),
+        ({"size": {"count": -(10**5000)}}, "size.count = a number of thousands of digits: should be"),
+        ({"size": {"count": 1}, "shapes": [{"kind": 10**5000}]}, "unknown kind a number of thousands of digits"),
+        ({"size": {"count": 1}, "shapes": [{"kind": "z" * 5000}]}, "allowed are round, flat"),
+        ({"size": {"count": 1}, "named": {"k" * 5000: {"count": 0}}}, "named.kkk"),
+    ],
+)
+def test_what_is_long_or_odd_is_told_shortly_and_with_its_place(settings, message):
+    with pytest.raises(ValueError, match="Whole: ") as found:
+        Whole(**settings)
+    assert message in str(found.value)
+    assert len(str(found.value)) < 700
+
+
+def test_the_kind_of_a_table_by_itself_is_checked_too():
+    with pytest.raises(ValueError, match="Flat: unknown kind 'round'; allowed are flat"):
+        Flat(kind="round", sides="a")
 
 
 def test_kinds_in_words():
