@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import repeat
 from pathlib import Path
 from types import UnionType
@@ -70,12 +71,18 @@ class Settings(Struct, metaclass=_Kind, frozen=True, forbid_unknown_fields=True)
         without : names left out of this table; none : whether those that are None are there
         """
         config, values = self.__struct_config__, asdict(self)
-        if self.unless_usual:
-            usual = {each.name: each.default for each in fields(self)}
-            values = {n: v for n, v in values.items() if n not in self.unless_usual or v != usual[n]}
+        for name, usual in _unwritten(type(self)):
+            if values[name] == usual:
+                del values[name]
         if config.tag is not None:
             values = {str(config.tag_field): config.tag} | values
         return {n: _written(v, none) for n, v in values.items() if n not in without and (none or v is not None)}
+
+
+@cache
+def _unwritten(kind: type[Settings]) -> list[tuple[str, Any]]:
+    """The fields that are written only where they are not at their default, and that default."""
+    return [(each.name, each.default) for each in fields(kind) if each.name in kind.unless_usual]
 
 
 def _written(value: Any, none: bool) -> Any:
