@@ -34,7 +34,7 @@ from kinetics.passage.stationary import ChainStationary, mean_in_the_end, statio
 from kinetics.passage.until import always, earned_until, earning_with, until
 from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.solving.states import MAX_STATES
-from kinetics.support.arrays import Floats, integers, read_only, rising_times
+from kinetics.support.arrays import Floats, integers, read_only, some_times
 
 Mask = NDArray[np.bool_]
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
@@ -213,9 +213,7 @@ class Chain:
     def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:
         """Probabilities of all states at `times` (T,), tu, rising, by a solving method (by default `Transient`)."""
         self.check_whole("the distribution")
-        began, grid = time.process_time(), rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
+        began, grid = time.process_time(), some_times(times)
         chosen = method or Transient()
         found = chosen.probabilities(*self._begun, grid, self._space)
         return ChainDistribution(grid, *found, chosen.name, time.process_time() - began)

@@ -19,7 +19,7 @@ def library() -> ctypes.CDLL | None:
     except ImportError:
         return None
     loaded = ctypes.CDLL(_native.__file__)
-    loaded.reduce_band.restype = c_int64
+    loaded.reduce_band.restype = loaded.insert.restype = c_int64
     for name in ("direct", "lockstep"):
         getattr(loaded, name).restype = EnsembleEnd
     for name in VOID:

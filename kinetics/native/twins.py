@@ -177,6 +177,17 @@ def find(asked: Ints, asked_keys: Words, states: Ints, keys: Words, table: Ints)
     return rows
 
 
+def insert(new: Ints, new_keys: Words, states: Ints, keys: Words, table: Ints, n: int, rows: Ints) -> int:
+    """Add to the first n states those that are new, for which there is room; how many there are then:
+    `exploration.insert`."""
+    if not is_built():
+        from kinetics.kernels import exploration
+
+        return exploration.insert(new, new_keys, states, keys, table, n, rows)
+    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
+    return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
+
+
 def explore(
     needed: Entries, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints, n: int, begin: int,
     end: int, is_stopped: NDArray[np.bool_], most: int,

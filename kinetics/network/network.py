@@ -321,6 +321,11 @@ class Network(Shown):
         """Channel -> its rate law with the reactants without which it is blocked or refused."""
         return channel_laws(self.laws, self.channel_places, self.species_places, self.sparse_reactants, self.at_zero)
 
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether rates do not depend on time and no events set counts, so that the generator is constant."""
+        return not self.events and not any(law.reads_time for law in self.laws.values())
+
     def check_homogeneous(self) -> None:
         """A ValueError where rates depend on time or events set counts: the generator is then not constant."""
         check_homogeneous(self.laws, [event.name for event in self.events])

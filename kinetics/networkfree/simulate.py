@@ -23,7 +23,7 @@ from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
 from kinetics.networkfree.tank import ALONE, Breakers, GrowingTank, Known, Rate, TankEvent
 from kinetics.rates import ClassRates
-from kinetics.sampling.base import StalledClockError
+from kinetics.sampling.run_source import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
 
 BLOCK = 4096  # random numbers drawn at once

@@ -120,6 +120,7 @@ class Reached:
     chosen : method that gave the answer
     candidates : all that were weighed, with their foretold costs
     tenfold : the cheapest for a tenth of the error, and its foretold cost; None where none can reach it
+    seldom : of an answer by runs, how what hardly ever happens was allowed for; empty where nothing showed
 
     >>> from kinetics import Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -135,6 +136,7 @@ class Reached:
     chosen: str
     candidates: tuple[ForetoldWay, ...]
     tenfold: ForetoldWay | None
+    seldom: str = ""
 
     @property
     def is_reached(self) -> bool:
@@ -164,6 +166,7 @@ class Reached:
         more = "nothing here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
         return (
             f"accuracy: {asked.in_words} {asked.meaning}; {verdict} {asked.words(self.error)}, {self.guarantee}",
+            *([f"rare events: {self.seldom}"] if self.seldom else []),
             f"chosen: {self.chosen}; foretold were {'; '.join(each.in_words for each in self.candidates)}",
             f"ten times the accuracy: {more}",
         )
@@ -180,6 +183,7 @@ class Reached:
             "proven": self.is_proven,
             "confidence": self.confidence,
             "guarantee": self.guarantee,
+            "rare_events": self.seldom,
             "chosen": self.chosen,
             "candidates": [each._asdict() for each in self.candidates],
             "tenfold": None if best is None else {"method": best.method, "seconds": best.seconds},

@@ -11,24 +11,16 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
-from kinetics.predicting.looks import (
-    FEW,
-    GROWTH,
-    LEAST_GROWTH,
-    MARGIN,
-    ROW_BYTES,
-    ROWS,
-    Look,
-    chance_at,
-)
+from kinetics.predicting.looks import GROWTH, LEAST_GROWTH, MARGIN, ROW_BYTES, ROWS, Look
 from kinetics.predicting.run_cost import FIRST_RUNS, THREADED
+from kinetics.predicting.scouts import NOT_SENT, Scouts
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling import SamplingMethod
-from kinetics.sampling.streamed import blocks, unbroken
+from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.streamed import unbroken
 from kinetics.support.arrays import Floats, Ints
 
-FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work is done, and at most so many runs are made, before the first look
+FIRST_SECONDS, MOST_FIRST = 2e-3, 256  # so much work, at most, and so many runs, from which those needed are foretold
 
 
 class Sampled(NamedTuple):
@@ -53,32 +45,33 @@ def runs_for_distributions(error: float, figures: int) -> int:
 class RunsUntil:
     """Runs of one prediction, made until they are enough; the first of them foretell how many that will be.
 
-    shown : the network whose counts are kept; method : samples it from `initial` at `grid`
+    shown : the network whose counts are kept; source : the runs; grid : (T,) times
     is_known : (T, S) counts that are no matter of chance
     run_seconds : about what a run takes, s
     first : (runs, T, S) counts of the first runs, where these were made
     name : of the method, as results show it
     together : runs that cost about as much as one more would
+    scouting : gives the scouts of what so many runs may not show; None where none can be sent
     """
 
     def __init__(
-        self, asked: AskedAccuracy, shown: Network, method: SamplingMethod, initial: Ints, grid: Floats,
-        is_known: NDArray[np.bool_], seed: int, threads: int | None, report: Callable[[str], None],
-        run_seconds: float = inf, first: Ints | None = None, name: str = "",
-        together: int = 1,
+        self, asked: AskedAccuracy, shown: Network, source: RunSource, grid: Floats, is_known: NDArray[np.bool_],
+        seed: int, threads: int | None, report: Callable[[str], None], run_seconds: float = inf,
+        first: Ints | None = None, name: str = "", together: int = 1,
+        scouting: Callable[[float], Scouts | None] = lambda _: None,
     ) -> None:  # fmt: skip
-        self.asked, self.shown, self.method, self.initial, self.grid = asked, shown, method, initial, grid
+        self.asked, self.shown, self.source, self.grid = asked, shown, source, grid
         self.is_known, self.seed, self.threads, self.report = is_known, seed, threads, report
-        self.run_seconds = run_seconds
+        self.run_seconds, self.name, self.together = run_seconds, name, together
         self.tally = Tally(shown, grid, kept_pairs(len(shown.species), False))
         size = 8 * grid.size * len(shown.species)
         self._rows: list[Ints] = []
         self._most_rows = max(FIRST_RUNS, min(ROWS, ROW_BYTES // size))
-        self.together = together
-        self.name = name or method.name_for(shown, initial)
+        self._scouting = scouting
+        self.scouts: Scouts | None = None
+        self.seldom = ""  # what is to be said of what hardly ever happens
         self.error = inf
         self.needed = float(self._for_distributions) if asked.of == "distribution" else inf
-        self.needed_of_many = self.needed
         if first is not None:
             self._take(first)
 
@@ -89,8 +82,15 @@ class RunsUntil:
     def foretell(self) -> float:
         """Runs that will be needed: from the first few, unless it is known without."""
         if self.asked.of != "distribution":
-            self._make(int(min(max(FIRST_SECONDS / self.run_seconds, FIRST_RUNS), MOST_FIRST)))
+            self._make(FIRST_RUNS)
+            self.scouts = self._scouting(max(self._seen_now().about, FIRST_RUNS))
+            sent = self.scouts
+            self.seldom = NOT_SENT if sent is None else sent.in_words(self.tally.low, self.tally.high)
             self._look()
+            more = int(min(self._next(), FIRST_SECONDS / self.run_seconds, MOST_FIRST))
+            if self.error > self.asked.value and more > FIRST_RUNS:
+                self._make(self._rounded(more))
+                self._look()
         return self.needed
 
     def fixed_from(self, runs: int) -> float:
@@ -104,9 +104,7 @@ class RunsUntil:
             if self.asked.of == "distribution":
                 self._make(min(self._for_distributions, most))
             while self.asked.of != "distribution" and self.error > self.asked.value and self.tally.runs < most:
-                aim = min(MARGIN * self.needed, GROWTH * self.tally.runs)
-                aim = max(aim, LEAST_GROWTH * self.tally.runs)
-                self._make(min(self.together * ceil(aim / self.together), most))
+                self._make(min(self._rounded(self._next()), most))
                 self._look()
         except KeyboardInterrupt:
             return self.interrupted()
@@ -120,6 +118,14 @@ class RunsUntil:
             self._look()
         return self._made(max(ceil(self.needed), self.tally.runs + 1))
 
+    def _next(self) -> float:
+        """Runs until the next look."""
+        return max(min(MARGIN * self.needed, GROWTH * self.tally.runs), LEAST_GROWTH * self.tally.runs)
+
+    def _rounded(self, runs: float) -> int:
+        """At least so many, as cost no more."""
+        return self.together * ceil(runs / self.together)
+
     def _made(self, wanted: int) -> Sampled:
         if self.asked.of == "distribution":
             self.error = self.asked.value * sqrt(self._for_distributions / self.tally.runs)
@@ -127,10 +133,9 @@ class RunsUntil:
 
     def _make(self, runs: int) -> None:
         """Go on until there are so many."""
-        numbers = self.tally.runs, runs
         is_short = (runs - self.tally.runs) * self.run_seconds < THREADED
         threads = 1 if is_short else self.threads
-        for counts in blocks(self.shown, self.method, self.initial, self.grid, numbers, self.seed, threads):
+        for counts in self.source.blocks(self.grid, self.tally.runs, runs, threads):
             self._take(counts)
             wanted = "" if self.needed == inf else f" of about {self.needed:.3g}"
             self.report(f"{self.tally.runs}{wanted} runs")
@@ -145,7 +150,10 @@ class RunsUntil:
 
     def _look(self) -> Look:
         """How far off the runs may be, and how many are needed."""
-        look = Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed)
+        look = self._seen_now()
         self.error = self.asked.value * look.share_of_tolerance()
-        self.needed, self.needed_of_many = look.runs_needed(), look.fixed(chance_at(FEW))
+        self.needed = look.runs_needed()
         return look
+
+    def _seen_now(self) -> Look:
+        return Look(self.asked, self.tally, np.concatenate(self._rows), self.is_known, self.seed, self.scouts)

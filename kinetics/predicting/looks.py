@@ -11,29 +11,32 @@ Every look may be the last, and their chances need not add up: whether runs are 
 alone, of which means of normal figures are independent (Chow & Robbins 1965, doi:10.1214/aoms/1177700156). Looks that
 find variances too small by chance cost something, and Student's factor makes up for that: for normal figures the
 chance to be wrong stays below 1 - `LEVEL` with the looks made here, as a test computes. Where low means come with low
-variances, as among small counts, the term of Bernstein's inequality makes up for it. Fewer than `FEW` runs may not have
-shown yet what happens seldom; looks at them are allowed a much smaller chance.
+variances, as among small counts, the term of Bernstein's inequality makes up for it. What runs have not shown yet,
+because it happens seldom, enters their moments by `Scouts`; where these cannot be sent, looks at fewer than `FEW` runs
+are allowed a much smaller chance.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import ceil
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
+from kinetics.predicting.scouts import Scouts
 from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
 GROWTH = 8  # of the runs, at most, from one look to the next
-FEW = 64  # runs
-EARLY, LATE = 0.05, 0.9  # shares of the chance to be wrong, of a look at fewer, and of one at as many or more
+FEW = 64  # runs that may not have shown yet what happens seldom
+WITHOUT_SCOUTS, ALLOWED = 0.05, 0.9  # shares of the chance to be wrong: of a look at fewer, without scouts; of others
 LEAST_GROWTH = 1.02  # at least
 MARGIN = 1.05  # of the runs planned, because their variance is an estimate
 ROWS, ROW_BYTES = 64, 2**25  # runs that are kept for their correlations
-DRAWN = 1000  # of the largest error
+DRAWN = 600  # of the largest error
 ONE_THREAD = 2**18  # multiplications; for more at a time BLAS wakes threads, which cost more than they bring
 SMALL = 0.5  # of the largest ratio of error and tolerance; figures below matter to no quantile of the largest
 
@@ -44,16 +47,23 @@ class Look:
     asked : of "mean" or "sd"
     rows : (m, T, S) counts of some of the runs
     is_known : (T, S) figures that are no matter of chance
+    scouts : of what runs may not have shown; None where none could be sent
     """
 
-    def __init__(self, asked: AskedAccuracy, tally: Tally, rows: Ints, is_known: NDArray[np.bool_], seed: int) -> None:
+    def __init__(
+        self, asked: AskedAccuracy, tally: Tally, rows: Ints, is_known: NDArray[np.bool_], seed: int,
+        scouts: Scouts | None = None,
+    ) -> None:  # fmt: skip
         self.runs = tally.runs
         mean = (tally.sums / tally.runs).astype(float)
-        moments = central_moments(tally, mean, 3 if asked.of == "mean" else 6)
+        highest = 3 if asked.of == "mean" else 6
+        moments = central_moments(tally, mean, highest)
+        if scouts is not None:
+            moments = moments + scouts.moments(tally, mean, highest)
         variance = moments[2] * tally.runs / (tally.runs - 1)
         if asked.of == "mean":
             values, spread, third = rows.astype(float), variance, moments[3]
-            tolerances = np.broadcast_to(asked.tolerances(mean), mean.shape)
+            tolerances = np.broadcast_to(asked.tolerances(np.maximum(mean + moments[1], 0.0)), mean.shape)
         else:
             values = (rows - mean) ** 2
             spread = np.maximum(moments[4] - moments[2] ** 2, 0.0)
@@ -61,28 +71,58 @@ class Look:
             tolerances = of_variance(np.sqrt(variance), asked.tolerances(np.sqrt(variance)))
         skew = np.divide(np.abs(third), spread, out=np.zeros_like(spread), where=spread > 0.0)
         errors = np.sqrt((spread + np.maximum(skew, 1.0) * tolerances) / self.runs)
-        ratios = np.where(is_known, 0.0, errors / tolerances)
-        self._largest = largest_errors(values, ratios, seed)
-        self._seed = seed
+        self.ratios = np.where(is_known, 0.0, errors / tolerances)
+        self._values, self._seed, self._is_scouted = values, seed, scouts is not None
+        self.chance = chance_at(self.runs, self._is_scouted)
+
+    @cached_property
+    def _largest(self) -> Floats:
+        return largest_errors(self._values, self.ratios, self._seed)
+
+    @cached_property
+    def rough_runs(self) -> tuple[float, float]:
+        """Between how many runs the needed ones are, whatever the correlations: of one figure, and of independent
+        ones."""
+        largest = float(self.ratios.max(initial=0.0))
+        many = max(int((self.ratios > SMALL * largest).sum()), 1)
+        one, all_of_them = (NormalDist().inv_cdf(1 - self.chance / 2 / n) * largest for n in (1, many))
+        return self.runs * one**2, self.runs * all_of_them**2
+
+    @property
+    def about(self) -> float:
+        """Runs needed, roughly."""
+        one, all_of_them = self.rough_runs
+        return float(np.sqrt(one * all_of_them))
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the next look will not be the last, by one figure alone."""
+        return self.rough_runs[0] > GROWTH * self.runs
 
     def share_of_tolerance(self) -> float:
-        """The share of their tolerances that all errors keep within, but for the chance of a look at so many runs."""
-        chance = chance_at(self.runs)
-        return quantile(self._largest / students_roots(self.runs - 1, self._seed), 1 - chance)
+        """The share of their tolerances that all errors keep within, but for a small chance; roughly, where it is far
+        above 1."""
+        if self.is_far:
+            return float(np.sqrt(self.rough_runs[1] / self.runs))
+        return quantile(self._largest / students_roots(self.runs - 1, self._seed), 1 - self.chance)
 
     def runs_needed(self) -> float:
         """Runs after which that share will be 1, most likely."""
-        early = self.fixed(chance_at(0))
-        return early if early < FEW else max(self.fixed(chance_at(FEW)), FEW)
+        if self.is_far:
+            return self.about
+        early = self.fixed(self.chance)
+        if early < FEW or self.runs >= FEW:
+            return early
+        return max(self.fixed(chance_at(FEW, self._is_scouted)), FEW)
 
     def fixed(self, chance: float) -> float:
         """The same of a fixed number of runs, for this chance."""
         return self.runs * quantile(self._largest, 1 - chance) ** 2
 
 
-def chance_at(runs: int) -> float:
+def chance_at(runs: int, is_scouted: bool) -> float:
     """To be wrong, of a look at so many runs."""
-    return (1 - LEVEL) * (LATE if runs >= FEW else EARLY)
+    return (1 - LEVEL) * (ALLOWED if is_scouted or runs >= FEW else WITHOUT_SCOUTS)
 
 
 def quantile(drawn: Floats, level: float) -> float:
@@ -113,8 +153,8 @@ def central_moments(tally: Tally, mean: Floats, highest: int) -> Floats:
 
 @lru_cache(maxsize=2)
 def normals(rows: int, seed: int) -> NDArray[np.float32]:
-    """Standard normal draws (B, rows); the same at every look, so that a look finds what the one before foretold."""
-    return generator(seed, 0).standard_normal((DRAWN, rows), dtype=np.float32)
+    """Standard normal draws (rows, B); the same at every look, so that a look finds what the one before foretold."""
+    return generator(seed, 0).standard_normal((rows, DRAWN), dtype=np.float32)
 
 
 def students_roots(freedom: int, seed: int) -> Floats:
@@ -133,20 +173,22 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     values : (m, T, S) what is averaged, of some runs, for the correlations. Figures in which these runs do not differ
         have none; of each species they count as one, independent of all others.
     """
-    drawn, rng = normals(len(values), seed), generator(seed, 2)
+    rng = generator(seed, 2)
     away = values - values.mean(axis=0)
     scale = np.sqrt((away**2).sum(axis=0))
     matters = ratios > SMALL * ratios.max()
     moves = matters & (scale > 0.0)
     single = np.where(matters & ~moves, ratios, 0.0).max(axis=0)
     single = single[single > 0.0]
-    errors = np.abs(rng.standard_normal((DRAWN, single.size + 1)) * np.append(single, 0.0)).max(axis=1)
+    errors = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
     if moves.any():
-        weights = (away[:, moves] * (ratios[moves] / scale[moves])).astype(
-            np.float32
-        )  # digits enough, at half the cost
+        weights = away[:, moves] * (ratios[moves] / scale[moves])
+        if weights.shape[1] < len(weights):  # the root of their covariances says the same in fewer rows
+            sizes, axes = np.linalg.eigh(weights.T @ weights)
+            weights = (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
+        drawn, turned = normals(len(weights), seed), weights.T.astype(np.float32)  # digits enough, at half the cost
         at_a_time = max(1, ONE_THREAD // weights.size)
         for begin in range(0, DRAWN, at_a_time):
             part = slice(begin, begin + at_a_time)
-            errors[part] = np.maximum(errors[part], np.abs(drawn[part] @ weights).max(axis=1))
+            errors[part] = np.maximum(errors[part], np.abs(turned @ drawn[:, part]).max(axis=0))
     return errors

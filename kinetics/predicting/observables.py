@@ -8,20 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.runs import Ensemble
 from kinetics.sampling import SamplingMethod
-from kinetics.sampling.base import check_numbers
-from kinetics.support.arrays import Counts, Ints, integers, rising_times
+from kinetics.support.arrays import Counts, Ints, integers
 
 if TYPE_CHECKING:
-    from kinetics.sampling.base import Sampler
+    from kinetics.sampling.run_source import RunSource, Sampler
     from kinetics.solving import Distribution
-
-BLOCK_BYTES = 2**26  # of all counts that are there at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,31 +72,12 @@ class ObservedSampling(SamplingMethod):
     name: ClassVar[str] = "observed"
 
     def prepared(self, network: Network) -> Sampler:  # noqa: ARG002
-        """The model made ready: its runs, of which `simulate` takes the sums."""
+        """The model made ready, of whose counts `source` takes the sums."""
         return self.method.sampler(self.model)
 
-    def simulate(
-        self,
-        network: Network,
-        initial: Counts,
-        times: ArrayLike,
-        runs: int = 1000,
-        seed: int = 0,
-        threads: int | None = None,
-        first_run: int = 0,
-    ) -> Ensemble:
-        """The observables of the method's runs from `initial` (S,); `network` is that of the observables."""
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
-        check_numbers(runs, threads, first_run)
-        block = max(1, BLOCK_BYTES // (8 * max(1, grid.size) * len(self.model.species)))
-        parts = []
-        for begin in range(0, runs, block):
-            many = min(block, runs - begin)
-            part = self.method.simulate(self.model, initial, grid, many, seed, threads, first_run=first_run + begin)
-            parts.append(part.counts @ self.observables.weights)
-        return Ensemble(network, grid, np.concatenate(parts), self.name_for(network, initial))
+    def source(self, network: Network, initial: Counts, seed: int = 0) -> RunSource:  # noqa: ARG002
+        """The observables of the model's runs from `initial` (S,); `network` is that of the observables."""
+        return replace(self.method.source(self.model, initial, seed), weights=self.observables.weights)
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
         """That of the method that makes the runs."""

@@ -16,7 +16,7 @@ from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
-from kinetics.support.arrays import Counts, Floats, real_number, rising_times
+from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
@@ -286,9 +286,7 @@ def _reach(
     from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.reaching import BUDGET, AskedCounts, reach
 
-    grid = rising_times(times)
-    if not grid.size:
-        raise ValueError("times is empty; give at least one time")
+    grid = some_times(times)
     allowed = BUDGET if budget is None else real_number("budget", budget)
     if not 0 < allowed < np.inf:
         raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import NamedTuple
 
@@ -12,9 +14,10 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, AskedAccuracy, ForetoldWay, Reached
-from kinetics.predicting.enough_runs import RunsUntil, Sampled
+from kinetics.predicting.enough_runs import FIRST_SECONDS, RunsUntil, Sampled
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.run_cost import FIRST_RUNS, STATISTICS, first_runs
+from kinetics.predicting.scouts import send_scouts
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto
@@ -25,13 +28,15 @@ from kinetics.support.arrays import Floats, Ints
 
 BUDGET = 1200.0  # s
 FEW_STATES = 1000  # listed before anything else is tried
-LIST_SECONDS = 1e-6  # of a state, on a common machine
-SOLVE_SECONDS = 4e-3  # of a solution, however few its states
+LIST_SECONDS = 3e-7  # of a state, on a common machine
+SOLVE_SECONDS, TIME_SECONDS = 8e-4, 2e-5  # of a solution, however few its states; of each of its times
 LISTING = 0.05  # of what runs are foretold to cost: may be spent on the list of states
-QUICK = 0.02  # s; a solution foretold to take no more is not weighed against runs, which would cost as much to try
-TRIED = 0.05  # s; where all else is foretold to cost more, a projection is tried
+QUICK = 3e-3  # s; a solution foretold to take no more is not weighed against runs, which would cost as much to try
+FOLLOWING = 0.5  # of the cost of a solution: may be spent on the first runs
+TRIED = 0.01  # s; where all else is foretold to cost more, a projection is tried
 LANES = 8  # runs that a vector holds, and that cost as much as one of them
-PROJECTING = 0.2  # of that cost: may be spent on it
+TRIAL = 0.2  # of that: done before the rest of a projection is foretold
+PROJECTING = 0.5  # of that cost: may be spent on it
 
 
 class AskedCounts(NamedTuple):
@@ -124,10 +129,10 @@ class _Reaching:
             made = self._solve()
             if made:
                 return made
-        self._weigh_sampling()
-        if self.runs is not None and self.runs.error <= self.asked.value:  # the few that were followed are enough
-            return self._sample()
         try:
+            self._weigh_sampling()
+            if self.runs is not None and self.runs.error <= self.asked.value:  # the few that were followed are enough
+                return self._sample()
             made = self._weigh_solutions()
         except KeyboardInterrupt:
             if self.runs is None:
@@ -175,7 +180,8 @@ class _Reaching:
         if floor > self.asked.value:
             self.exact = self.exact._replace(remark=f"{states}, whose rounding alone is more")
             return
-        self.exact = ForetoldWay(Transient.name, SOLVE_SECONDS + LIST_SECONDS * len(space) + seconds, states)
+        seconds += SOLVE_SECONDS + TIME_SECONDS * grid.size
+        self.exact = ForetoldWay(Transient.name, seconds, states)
 
     def _first(self, space: StateSpace) -> Distribution:
         """The distribution at time 0 with the least error that a solution has."""
@@ -198,20 +204,24 @@ class _Reaching:
             return
         name = f"{Auto.name} ({method.name})"
         self.report("following a few runs")
-        most = min(_cost(self.exact), self.budget) / FIRST_RUNS
-        each, counts = first_runs(
-            model, method, start, grid, grid.size * len(shown.species), most, self.seed, self.threads
+        dearest = min(FOLLOWING * _cost(self.exact), self.budget) / FIRST_RUNS
+        source = method.source(model, start, self.seed)
+        each, counts, seen = first_runs(
+            model, method, source, grid, grid.size * len(shown.species), dearest, self.threads
         )
-        if counts is None or each > most:
+        if counts is None or seen is None or each > dearest:
             least = FIRST_RUNS * each
             self.sampling = ForetoldWay(name, None, f"over {least:.2g} s for {FIRST_RUNS} runs alone")
             self.run_seconds = each
             return
-        sampler = method if observables is None else observables.sampling(method, model)
-        first = counts if observables is None else counts @ observables.weights
+        if observables is not None:
+            source, counts = replace(source, weights=observables.weights), counts @ observables.weights
+        scouting = partial(
+            send_scouts, model, source, seen, grid, max(FIRST_RUNS, int(FIRST_SECONDS / each)), self.seed
+        )
         self.runs = RunsUntil(
-            self.asked, shown, sampler, start, grid, self.question.is_known, self.seed, self.threads, self.report,
-            each, first, name, LANES if method.is_for_ensembles else 1,
+            self.asked, shown, source, grid, self.question.is_known, self.seed, self.threads, self.report, each,
+            counts, name, LANES if method.is_for_ensembles else 1, scouting,
         )  # fmt: skip
         needed = max(self.runs.foretell(), self.runs.tally.runs)
         self.run_seconds = each
@@ -229,7 +239,7 @@ class _Reaching:
         self.report("trying a projection")
         began = time.process_time()
         try:
-            method = FiniteStateProjection(tolerance, max_seconds=most)
+            method = FiniteStateProjection(tolerance, max_seconds=most, trial=TRIAL)
             found = self.question.of_distribution(method.solve(model, start, grid))
         except ValueError:
             self.projection = self.projection._replace(remark=f"given up: over {most:.2g} s, or too many states")
@@ -273,12 +283,13 @@ class _Reaching:
         """The answer that runs give."""
         statistics, error = made
         is_proven, name = self.asked.of == "distribution", self.sampling.method
-        needed = inf if self.runs is None else self.runs.needed_of_many
+        needed = inf if self.runs is None else self.runs.needed
         needed = max(min(statistics.runs * (error / self.asked.value) ** 2, needed), FIRST_RUNS / TENFOLD**2)
         tenfold = self._tenfold_sampling(STATISTICS / TENFOLD**2 + needed * self.run_seconds)
         if self.exact.seconds is not None:
             tenfold = min([self.exact, *filter(None, [tenfold])], key=_cost)
-        reached = Reached(self.asked, error, is_proven, LEVEL, name, self._candidates(), tenfold)
+        seldom = "" if self.runs is None else self.runs.seldom
+        reached = Reached(self.asked, error, is_proven, LEVEL, name, self._candidates(), tenfold, seldom)
         return ReachedAnswer(statistics, reached, name, statistics.is_complete and error <= self.asked.value)
 
     def _tenfold_sampling(self, seconds: float | None = None) -> ForetoldWay | None:

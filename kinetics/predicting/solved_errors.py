@@ -12,8 +12,14 @@ from kinetics.support.arrays import Floats, Ints
 
 
 def largest_counts(network: Network, start: Ints) -> Floats:
-    """Limits (S,) on the counts that the stated conserved quantities set; inf where none does."""
-    tops = np.full(len(network.species), np.inf)
+    """Limits (S,) on the counts; inf where none is known.
+
+    The stated conserved quantities set some, and so does the number of all copies where nothing makes it grow.
+    """
+    change = network.sparse_stoichiometry
+    gained = np.bincount(change.rows, change.copies, minlength=len(network.channels))
+    may_grow = bool(network.events) or gained.max(initial=0.0) > 0.0
+    tops = np.full(len(network.species), np.inf if may_grow else float(start.sum()))
     for weights in network.conserved.values():
         if weights.min() >= 0.0:
             shares = np.divide(weights @ start, weights, out=np.full(tops.size, np.inf), where=weights > 0.0)

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.leap_length import FEWEST_COPIES
+from kinetics.sampling.run_source import Sampler
 from kinetics.support.arrays import Counts, Floats, Ints
 
 

@@ -1,43 +1,22 @@
-"""The base of all sampling methods: their traits, checks of arguments, random streams and threads."""
+"""The base of all sampling methods: their traits, checks of arguments, and random streams."""
 
 from __future__ import annotations
 
-import os
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from itertools import count, pairwise
+from itertools import count
 from math import inf
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import order_refusal
-from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
-from kinetics.support.memory import check_memory
-
-PIECE = 1000  # runs; an interrupt waits for a piece only
-
-
-class StalledClockError(ValueError):
-    """Waits became so short that adding one no longer changed the time."""
-
-
-class Sampler(Protocol):
-    """A network made ready for a method. Run number n has the same events however it is asked for."""
-
-    def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, see `kernels.outcomes`, and the number of the last run begun."""
-
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
+from kinetics.sampling.run_source import RunSource, Sampler, check_outcome
+from kinetics.support.arrays import Counts, Floats, rising_times, some_times, whole_number
 
 
 class SamplingMethod(ABC):
@@ -47,7 +26,7 @@ class SamplingMethod(ABC):
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
     2. Say what it takes, by the traits below; the base refuses what it does not. What no trait says, `refusal` says.
     3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
-    4. Give `cost` if `auto` may choose it.
+    4. Give `cost` and `start_cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
        tuple made there.
 
@@ -65,6 +44,7 @@ class SamplingMethod(ABC):
     most_species: ClassVar[float] = inf
     most_channels: ClassVar[float] = inf
     most_factors: ClassVar[float] = 1e7  # channels times reactants of the largest, a table; up to 4 reactants, any
+    start_cost: ClassVar[float] = 2e4  # processor time of a run without events, ns
     is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
 
     @abstractmethod
@@ -131,6 +111,10 @@ class SamplingMethod(ABC):
         """
         return lambda constants: self.sampler(network.with_rates(constants))
 
+    def source(self, network: Network, initial: Counts, seed: int = 0) -> RunSource:
+        """The runs from `initial` under a seed, of which `simulate` gives some; a ValueError as there."""
+        return RunSource(self.sampler(network), network.state(initial), stream_key(seed))
+
     def simulate(
         self,
         network: Network,
@@ -147,43 +131,10 @@ class SamplingMethod(ABC):
         first_run : number of the first run; with one seed, runs of different numbers are independent
         The same seed gives the same runs for any number of threads and any grid of times.
         """
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
-        start = network.state(initial)
+        grid = some_times(times)
         check_numbers(runs, threads, first_run)
-        workers = len(os.sched_getaffinity(0)) if threads is None else threads
-        shape = (runs, grid.size, start.size)
-        what = f"all counts of {runs} runs of {start.size} species at {grid.size} times"
-        advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
-        check_memory(what, 8.0 * runs * grid.size * start.size, advice)
-        key = stream_key(seed)
-        sampler = self.sampler(network)
-        out = np.empty(shape, dtype=np.int64)
-        writable = grid.copy()  # kernels are compiled for one kind of array
-        is_stopped = threading.Event()
-
-        def piece(begin: int, end: int) -> tuple[int, int]:
-            if is_stopped.is_set():
-                raise KeyboardInterrupt
-            return sampler.ensemble(start, writable, key, first_run + begin, out[begin:end])
-
-        cuts = [*range(0, runs, max(1, min(runs // workers, PIECE))), runs]
-        if workers == 1 or len(cuts) == 2:
-            outcomes = [piece(begin, end) for begin, end in pairwise(cuts)]
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            with ThreadPoolExecutor(workers) as pool:
-                try:
-                    outcomes = list(pool.map(piece, cuts[:-1], cuts[1:]))
-                except BaseException:
-                    is_stopped.set()
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    raise
-        for outcome, run in outcomes:
-            check_outcome(outcome, run)
-        return Ensemble(network, grid, out, self.name_for(network, start))
+        counts = self.source(network, initial, seed).counts(grid, runs, first_run, threads)
+        return Ensemble(network, grid, counts, self.name_for(network, initial))
 
     def sample_path(self, network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""
@@ -214,14 +165,3 @@ def check_numbers(runs: int, threads: int | None, first_run: int) -> None:
 def stream_key(seed: int) -> NDArray[np.uint64]:
     """Key (4,) from which the random stream of every run is derived."""
     return np.asarray(np.random.SeedSequence(whole_number("seed", seed, 0)).generate_state(4, np.uint64), np.uint64)
-
-
-def check_outcome(outcome: int, run: int) -> None:
-    """Raise where a run could not reach its end."""
-    if outcome == outcomes.STALLED_CLOCK:
-        raise StalledClockError(
-            f"run {run}: events came so quickly that the clock stood still; the rate constants are too large for "
-            f"the times asked for, or counts grow without limit"
-        )
-    if outcome == outcomes.OVERFLOW:
-        raise ValueError(f"run {run}: a count went beyond 2**63 - 1, or a propensity beyond 1e308")

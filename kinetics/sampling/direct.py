@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from kinetics.kernels.outcomes import UNFINISHED
 from kinetics.native import twins
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.dependency_graph import updating_sampler
 from kinetics.sampling.merging import Merging
+from kinetics.sampling.run_source import Sampler
 from kinetics.support.arrays import Floats, Ints
 
 BUFFER = 4096  # events a sampled path grows by
@@ -40,6 +41,7 @@ class Direct(SamplingMethod):
     """
 
     name: ClassVar[str] = "ssa"
+    start_cost: ClassVar[float] = 60.0
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""

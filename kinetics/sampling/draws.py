@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.sampling.auto import Auto
-from kinetics.sampling.base import SamplingMethod, check_numbers, check_outcome, stream_key
+from kinetics.sampling.base import SamplingMethod, check_numbers, stream_key
 from kinetics.sampling.direct import RecomputingSampler
 from kinetics.sampling.mass_action import mass_action
-from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times
+from kinetics.sampling.run_source import check_outcome
+from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times, some_times
 from kinetics.support.memory import check_memory
 
 PIECE_BYTES = 2**26  # of all counts of a draw that are there at a time, where only sums of them are asked for
@@ -53,9 +54,7 @@ def simulate_draws(
     """
     table, start = _checked(network, constants, initial, runs, first_run)
     check_numbers(runs, threads, first_run)
-    grid = rising_times(times).copy()  # which may be written: kernels are compiled for one kind of array
-    if not grid.size:
-        raise ValueError("times is empty; give at least one time")
+    grid = some_times(times).copy()  # which may be written: kernels are compiled for one kind of array
     sums = None if weights is None else integers("weights", weights, (start.size, None), minimum=0)
     piece = runs if sums is None else min(runs, max(1, PIECE_BYTES // (8 * grid.size * start.size)))
     check_memory(

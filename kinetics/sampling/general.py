@@ -7,8 +7,9 @@ from math import inf
 from typing import ClassVar
 
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.run_source import Sampler
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class General(SamplingMethod):
     """
 
     name: ClassVar[str] = "general"
+    start_cost: ClassVar[float] = 18e3
     takes_rate_laws: ClassVar[bool] = True
     takes_events: ClassVar[bool] = True
     most_factors: ClassVar[float] = inf

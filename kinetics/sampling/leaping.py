@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import recomputing_cost, updating_cost
 from kinetics.sampling.leap_length import OPEN_EVENTS
 from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.merging import Merging
+from kinetics.sampling.run_source import Sampler
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class Leaping(SamplingMethod):
 
     fewest: float | None = None
     name: ClassVar[str] = "leaping"
+    start_cost: ClassVar[float] = 1.3e3
     most_channels: ClassVar[float] = 2000
 
     def __post_init__(self) -> None:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from kinetics.native import twins
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, SamplingMethod
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import Direct, RecomputingSampler
 from kinetics.sampling.merging import Merging
+from kinetics.sampling.run_source import Sampler
 from kinetics.support.arrays import Floats, Ints
 
 LARGEST_CHANGE = 2**40  # of a count by one event
@@ -39,6 +40,7 @@ class Lockstep(SamplingMethod):
     """
 
     name: ClassVar[str] = "lockstep"
+    start_cost: ClassVar[float] = 50.0
     most_channels: ClassVar[float] = 2000
     is_for_ensembles: ClassVar[bool] = True
 

@@ -6,21 +6,15 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling.base import SamplingMethod, check_numbers
 from kinetics.sampling.methods import sampling_method
-from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
-
-if TYPE_CHECKING:
-    from kinetics.sampling.base import SamplingMethod
-
-BLOCK_BYTES = 2**24  # of counts that are there at a time; larger ones cost more to have than to fill
-FEWEST_RUNS = 16  # of a block, however large a run is
+from kinetics.support.arrays import Counts, some_times
 
 
 def simulate_statistics(
@@ -53,14 +47,13 @@ def simulate_statistics(
     >>> np.array_equal(statistics.mean(), simulate(decay, "auto", {"A": 100}, [10.0], runs=500, seed=1).mean())
     True
     """
-    grid = rising_times(times)
-    if not grid.size:
-        raise ValueError("times is empty; give at least one time")
-    whole_number("runs", runs, 1)
+    grid = some_times(times)
+    check_numbers(runs, threads, first_run)
     n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
+    source = sampler.source(network, initial, seed)
     try:
-        for part in blocks(network, sampler, initial, grid, (0, runs), seed, threads, first_run):
+        for part in source.blocks(grid, first_run, first_run + runs, threads):
             with unbroken():
                 tally.add(part)
             if progress is not None:
@@ -69,24 +62,6 @@ def simulate_statistics(
         if not tally.runs:
             raise
     return tally.statistics(runs, sampler.name_for(network, initial))
-
-
-def blocks(
-    network: Network,
-    method: SamplingMethod,
-    initial: Counts,
-    grid: Floats,
-    numbers: tuple[int, int],
-    seed: int,
-    threads: int | None,
-    first_run: int = 0,
-) -> Iterator[Ints]:
-    """Counts (runs, T, S) of the runs from the first number to before the second, a block at a time."""
-    begin, end = numbers
-    block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * len(network.species)))
-    for at in range(begin, end, block):
-        many = min(block, end - at)
-        yield method.simulate(network, initial, grid, many, seed, threads, first_run=first_run + at).counts
 
 
 @contextmanager

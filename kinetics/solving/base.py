@@ -12,7 +12,7 @@ from kinetics.network import Network
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transitions import Transitions
-from kinetics.support.arrays import Counts, Floats, Ints, real_number, rising_times, whole_number
+from kinetics.support.arrays import Counts, Floats, Ints, real_number, some_times, whole_number
 from kinetics.support.memory import check_memory
 
 
@@ -67,9 +67,7 @@ class SolvingMethod(ABC):
         ValueError: rates are missing, times do not rise, or the states are too many or the time too long to solve for.
         """
         network.known_rates  # noqa: B018  # fails before the states are explored
-        grid = rising_times(times)
-        if not grid.size:
-            raise ValueError("times is empty; give at least one time")
+        grid = some_times(times)
         return self.distribution(network, network.state(initial), grid)
 
     @abstractmethod

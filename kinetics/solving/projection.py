@@ -25,10 +25,8 @@ MOST_LAYERS = 8  # events that the states are extended by at a time
 SMALLEST = 1e-300
 SHARE = 1e-3  # of the tolerance that the Poisson windows may leave out
 MINOR = 0.1  # of the allowed loss: states that lose less than this together are not extended
-TRIAL = (
-    0.02  # of the work allowed: done before the rest is foretold, to see whether rates fall or the distribution settles
-)
-BUILDING = 60.0  # uniformised steps that cost as much as building their chain
+TRIAL = 0.02  # of the work allowed: done before the rest is foretold, to see whether rates fall or the law settles
+BUILDING = 200.0  # uniformised steps that cost as much as building their chain
 WINDOW_SECONDS = 1e-3  # that a window takes however few its states, on a common machine
 
 
@@ -49,7 +47,8 @@ class FiniteStateProjection(SolvingMethod):
 
     tolerance : largest probability that may be lost, or shift after the distribution has settled, until the last time
     max_states : largest size of one set, and of all sets together; more states are refused
-    max_seconds : work estimated to take longer is refused; the estimate is made after a fiftieth of the work allowed
+    max_seconds : work estimated to take longer is refused
+    trial : share of `max_seconds` that is spent before that estimate: sets of states often shrink after the beginning
 
     >>> from kinetics import FiniteStateProjection, Network, solve
     >>> turnover = Network.from_text("0 <-> A, 5, 1")  # without limit: Poisson, with mean 5 (1 - exp(-t))
@@ -64,6 +63,7 @@ class FiniteStateProjection(SolvingMethod):
     tolerance: float = 1e-9
     max_states: int = MAX_STATES
     max_seconds: float = 7200.0
+    trial: float = TRIAL
 
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
         """Probabilities of the states kept; `error` is the lost probability, the last drift, and rounding."""
@@ -186,7 +186,7 @@ class _Front:
         total = self.steps + max((chain.rate - 0.5 * fall * lasting) * lasting - steps, 0.0)
         cost = self.seconds + (total - self.steps) * seconds / steps
         limit = self.method.max_seconds
-        is_long = self.seconds > TRIAL * limit and cost > limit
+        is_long = self.seconds > self.method.trial * limit and cost > limit
         is_stiff = self.steps > TRIAL * MAX_STEPS and total > MAX_STEPS
         if is_long or is_stiff or self.time + steps / chain.rate == self.time:
             raise ValueError(

@@ -204,8 +204,6 @@ class Search:
 
     def add(self, states: Ints) -> Ints:
         """Rows (n,) of the states (n, S), which are added where they are new."""
-        from kinetics.kernels import exploration
-
         keys, room = _keys(states, self._multipliers), self._n + len(states)
         if room > self._keys.size:
             more = max(room, 2 * self._n) - self._n
@@ -213,7 +211,7 @@ class Search:
             self._keys = np.append(self._keys[: self._n], np.empty(more, dtype=np.uint64))
             self._slots = twins.tabulate(self._keys, self._n, _slots_for(self._keys.size))
         rows = np.empty(len(states), dtype=np.int64)
-        self._n = exploration.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
+        self._n = twins.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
         if self._n > self._max_states:
             raise TooManyStatesError(self._too_many())
         return rows

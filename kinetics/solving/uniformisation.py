@@ -24,7 +24,7 @@ from kinetics.support.arrays import Floats, Ints
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
 BLOCK_BYTES = 2**29  # of these vectors
 MAX_STEPS = 5_000_000
-STEP_SECONDS = 2e-9  # a step takes this for every transition and every state, on a common machine
+STEP_SECONDS = 7e-10  # a step takes this for every transition and every state, on a common machine
 
 
 class Arrays(NamedTuple):

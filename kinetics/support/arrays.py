@@ -56,6 +56,14 @@ def rising_times(times: ArrayLike, strictly: bool = True) -> Floats:
     return checked
 
 
+def some_times(times: ArrayLike) -> Floats:
+    """The same; a ValueError where there is none."""
+    grid = rising_times(times)
+    if not grid.size:
+        raise ValueError("times is empty; give at least one time")
+    return grid
+
+
 def whole_number(name: str, value: int, least: int) -> int:
     """`value`, a whole number of any type but truth, where it is at least `least`."""
     try:

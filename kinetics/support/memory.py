@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 MAX_BYTES = 24 * 2**30
+SMALL = 2**22  # bytes; for no more the system is not asked, which takes .1 ms
 GROUPS = Path("/sys/fs/cgroup")
 # Files of the group of processes that a container or a job is confined to: limit, use, and of the use what is cache
 # that gives way. Version 2, then version 1.
@@ -17,6 +18,8 @@ GROUP_FILES = (
 
 def check_memory(what: str, n_bytes: float, advice: str) -> None:
     """Raise a ValueError where `what` would take more than is free, or more than 24 GB."""
+    if n_bytes <= SMALL:
+        return
     allowed = min(MAX_BYTES, available_bytes())
     if n_bytes > allowed:
         raise ValueError(

@@ -120,7 +120,7 @@ def needed(asked: Asked) -> int:
     """The fixed number of runs that keep the accuracy, from what `PROBED` other runs say of variances."""
     _, network, start, times, accuracy = asked
     known = AskedCounts(network, network.state(start), times).is_known
-    runs = RunsUntil(accuracy, network, Auto(), network.state(start), times, known, 78, 1, lambda _: None)
+    runs = RunsUntil(accuracy, network, Auto().source(network, start, 78), times, known, 78, 1, lambda _: None)
     if accuracy.of == "distribution":
         return int(runs.foretell())
     return max(16, int(runs.fixed_from(PROBED)))

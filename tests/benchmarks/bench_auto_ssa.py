@@ -14,7 +14,8 @@ from functools import partial
 import click
 import numpy as np
 
-from kinetics.sampling.base import Sampler, stream_key
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.run_source import Sampler
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, polymer, ring, tanks_in_a_row
 

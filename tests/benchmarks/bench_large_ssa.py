@@ -16,7 +16,8 @@ import click
 import numpy as np
 
 from kinetics.network import Network
-from kinetics.sampling.base import Sampler, stream_key
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.run_source import Sampler
 from tests.benchmarks.published_networks import receptor
 from tests.benchmarks.ssa_peers import installed
 from tests.benchmarks.ssa_timing import print_race, race

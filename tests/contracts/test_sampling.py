@@ -17,8 +17,9 @@ from kinetics import Transient
 from kinetics.network import Network
 from kinetics.network.laws import Event, hill
 from kinetics.sampling import SAMPLING_METHODS
-from kinetics.sampling.base import SamplingMethod, StalledClockError
+from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.run_source import StalledClockError
 
 METHODS = [method() for method in SAMPLING_METHODS]
 named = pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)

@@ -206,6 +206,7 @@ def test_a_setting_that_is_no_number_is_refused(method, setting, value):
 
 @every_method
 def test_what_does_not_fit_into_memory_is_refused(method, monkeypatch):
+    monkeypatch.setattr(memory, "SMALL", 0)
     monkeypatch.setattr(memory, "available_bytes", lambda: 1e3)
     with pytest.raises(ValueError, match="GB of memory"):
         method().solve(switch(), [100, 0], np.linspace(0.0, 1.0, 100))

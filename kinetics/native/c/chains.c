@@ -54,19 +54,40 @@ void tabulate(const uint64_t *keys, int64_t n, int64_t *slots, int64_t n_slots)
         put(keys[i], i, slots, n_slots);
 }
 
+/* The row of a state with this key; EMPTY where it is not in the table. */
+INLINE int64_t row_of(const HashedStates *space, const int64_t *state, uint64_t key)
+{
+    const size_t width = (size_t)space->n_species * sizeof *state;
+    const int64_t n_slots = space->n_slots;
+    for (int64_t slot = first_slot(key, n_slots); space->slots[slot] != EMPTY; slot = (slot + 1) & (n_slots - 1)) {
+        const int64_t row = space->slots[slot];
+        if (space->keys[row] == key && !memcmp(space->states + row * space->n_species, state, width))
+            return row;
+    }
+    return EMPTY;
+}
+
 void find(const int64_t *asked, const uint64_t *asked_keys, int64_t n, const HashedStates *space, int64_t *rows)
 {
-    const size_t width = (size_t)space->n_species * sizeof *asked;
-    for (int64_t i = 0; i < n; i++) {
-        int64_t slot = first_slot(asked_keys[i], space->n_slots);
-        rows[i] = EMPTY;
-        for (; space->slots[slot] != EMPTY && rows[i] == EMPTY; slot = (slot + 1) & (space->n_slots - 1)) {
-            const int64_t row = space->slots[slot];
-            if (space->keys[row] == asked_keys[i] &&
-                !memcmp(space->states + row * space->n_species, asked + i * space->n_species, width))
-                rows[i] = row;
-        }
+    for (int64_t i = 0; i < n; i++)
+        rows[i] = row_of(space, asked + i * space->n_species, asked_keys[i]);
+}
+
+/* Add those of m states that are new, for all of which there is room; returns how many there are then. */
+int64_t insert(const int64_t *states, const uint64_t *keys, int64_t m, const HashedStates *space, int64_t n, int64_t *rows)
+{
+    const size_t width = (size_t)space->n_species * sizeof *states;
+    for (int64_t i = 0; i < m; i++) {
+        const int64_t *state = states + i * space->n_species;
+        rows[i] = row_of(space, state, keys[i]);
+        if (rows[i] != EMPTY)
+            continue;
+        memcpy(space->states + n * space->n_species, state, width);
+        space->keys[n] = keys[i];
+        put(keys[i], n, space->slots, space->n_slots);
+        rows[i] = n++;
     }
+    return n;
 }
 
 /* Whether state i becomes state `row` by the changes of channel r, whose species rise in number. */

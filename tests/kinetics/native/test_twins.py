@@ -154,6 +154,20 @@ def test_explorations_are_the_same(name, monkeypatch):
         twins.find(asked, asked_keys, here.states, keys, table),
         exploration.find(asked, asked_keys, here.states, keys, table),
     )
+    half = len(here) // 2
+    for insert in (twins.insert, exploration.insert):
+        room, some_keys = here.states.copy(), keys.copy()
+        slots = exploration.tabulate(keys, half, table.size)
+        shuffled = np.random.default_rng(1).permutation(len(here))
+        rows = np.empty(len(here), np.int64)
+        assert insert(here.states[shuffled], keys[shuffled], room, some_keys, slots, half, rows) == len(here)
+        assert_array_equal(room[rows], here.states[shuffled])
+        assert_array_equal(room[:half], here.states[:half])
+        if insert is twins.insert:
+            found = room, some_keys, slots, rows
+        else:
+            for one, other in zip(found, (room, some_keys, slots, rows), strict=True):
+                assert_array_equal(one, other)
     begins = np.zeros(len(here), dtype=bool)
     begins[0] = True
     back = moves.leading_to(begins)

@@ -19,7 +19,7 @@ from kinetics.networkfree.growth import aligned
 from kinetics.networkfree.simulate import free_cubes
 from kinetics.networkfree.tank import bridges
 from kinetics.rates import ClassRates
-from kinetics.sampling.base import StalledClockError
+from kinetics.sampling.run_source import StalledClockError
 
 LINE4, T5, PYRAMID = (RuleBook.load(name) for name in ("line4", "t5", "pyramid45"))
 STICKY = RuleBook("sticky", ("a",), "a", Senses(faces="one"), combine=(Combination(rule="stick", becomes="a"),))

@@ -134,7 +134,10 @@ def test_a_long_walk():
 
 @pytest.mark.parametrize("kind", ["line", "random"])
 def test_three_ways_agree_on_5000_states(kind, monkeypatch):
-    """They share no step but the limits; each is below 1e-9; direct ways agree to 1e-13, iteration to 1e-11."""
+    """They share no step but the limits; each is below 1e-9; direct ways agree to 5e-13, iteration to 1e-11.
+
+    How closely depends on the processor, by whose BLAS they factorise: 4e-14 on one, 1.2e-13 on another.
+    """
     if kind == "line":
         chain = Chain.of(line(), [88, 0, 0, 0])
         goals = {"many": "quadmer >= 15", "one": "quadmer >= 1 and trimer == 0 and dimer == 0 and quadmer < 15"}
@@ -161,7 +164,7 @@ def test_three_ways_agree_on_5000_states(kind, monkeypatch):
         answers.append(np.concatenate([law.probabilities, [passage.mean, passage.sd], *split.committors]))
     held = answers[1] > 1e-280
     assert len(chain) >= 5000
-    assert np.abs(answers[2][held] / answers[1][held] - 1).max() < 1e-13
+    assert np.abs(answers[2][held] / answers[1][held] - 1).max() < 5e-13
     assert np.abs(answers[0][held] / answers[1][held] - 1).max() < 1e-11
     assert (answers[0] != answers[1]).any()  # the control: it is another way
 

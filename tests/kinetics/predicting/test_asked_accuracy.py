@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,31 +13,40 @@ from scipy.stats import binom, norm, t
 from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
 from kinetics.predicting import AskedAccuracy, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
-from kinetics.predicting.enough_runs import RunsUntil, runs_for_distributions
+from kinetics.predicting.enough_runs import MOST_FIRST, RunsUntil, runs_for_distributions
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
 from kinetics.predicting.run_cost import first_runs
+from kinetics.predicting.scouts import send_scouts
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.sampling.cost_model import NetworkSize
 
 FALSE_ALARM = 1e-6
+MOST_SCOUTS = 32
 DECAY = Network.from_text("A -> 0, 0.1")
 TIMES = np.array([5.0, 10.0, 20.0])
 
 
-def sampled(asked, network, start, times, seed, most=10**9):
+def sampled(asked, network, start, times, seed, most=10**9, with_scouts=True):
     """Runs until they are enough, whatever else would be cheaper."""
     state = network.state(start)
     known = AskedCounts(network, state, times).is_known
-    runs = RunsUntil(asked, network, Auto(), state, times, known, seed, 1, lambda _: None)
+    method = Auto().choose(network, state)
+    source = method.source(network, state, seed)
+    first = first_runs(network, method, source, times, known.size, np.inf)
+    scouting = partial(send_scouts, network, source, first.seen, times, MOST_SCOUTS, seed)
+    runs = RunsUntil(
+        asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
+        scouting=scouting if with_scouts else lambda _: None,
+    )  # fmt: skip
     runs.foretell()
     return runs.finish(most)
 
 
-def failures(asked, network, start, times, truth, repeats):
+def failures(asked, network, start, times, truth, repeats, with_scouts=True):
     """How often the accuracy was not kept."""
-    made = (sampled(asked, network, start, times, seed).statistics for seed in range(repeats))
+    made = (sampled(asked, network, start, times, n, with_scouts=with_scouts).statistics for n in range(repeats))
     return sum(share_of_accuracy(asked, each, truth) > 1 for each in made)
 
 
@@ -70,8 +80,7 @@ def test_runs_keep_the_accuracy_as_often_as_they_say(case, truth_of):
 
 
 def test_looks_that_are_easily_content_are_seen(monkeypatch, truth_of):
-    honest = looks.quantile
-    monkeypatch.setattr(looks, "quantile", lambda drawn, level: honest(drawn, 1 - 8 * (1 - level)))
+    monkeypatch.setattr(looks, "chance_at", lambda *_: 8 * looks.ALLOWED * (1 - LEVEL))
     asked, text, start, times, repeats = CASES["mean"]
     missed = failures(asked, Network.from_text(text), start, times, truth_of(text, start, times), repeats)
     assert missed > allowed(repeats)
@@ -88,15 +97,14 @@ def chance_to_be_wrong(first, needed, chains=20_000):
     runs = np.full(chains, first)
     squares = variance * rng.chisquare(first - 1, chains)
     wrong = 0.0
-    early, late = norm.isf(looks.chance_at(0) / 2) ** 2, norm.isf(looks.chance_at(looks.FEW) / 2) ** 2
+    chance = looks.chance_at(first, True)
     while runs.size:
         seen = squares / (runs - 1)
-        chance = np.where(runs < looks.FEW, looks.chance_at(0), looks.chance_at(looks.FEW))
         factor = t.isf(chance / 2, runs - 1)
         ends = factor**2 * seen <= runs
         wrong += 2 * norm.sf(np.sqrt(runs[ends] / variance)).sum()
         runs, squares, seen = runs[~ends], squares[~ends], seen[~ends]
-        more = np.where(early * seen < looks.FEW, early * seen, np.maximum(late * seen, looks.FEW))
+        more = norm.isf(chance / 2) ** 2 * seen
         aim = np.minimum(looks.MARGIN * more, looks.GROWTH * runs)
         more = np.ceil(np.maximum(aim, looks.LEAST_GROWTH * runs)).astype(int) - runs
         squares = squares + variance * rng.chisquare(more)
@@ -111,7 +119,7 @@ def test_looks_at_normal_figures_are_wrong_no_more_often_than_they_say(first):
 
 
 def test_a_chance_twice_as_large_would_be_seen(monkeypatch):
-    monkeypatch.setattr(looks, "LATE", 2 * looks.LATE)
+    monkeypatch.setattr(looks, "ALLOWED", 2 * looks.ALLOWED)
     assert max(chance_to_be_wrong(64, ratio * 64) for ratio in (1.0, 1.6, 2.0)) > 1 - LEVEL
 
 
@@ -123,7 +131,7 @@ def test_correlated_figures_count_once_and_independent_ones_each():
         np.quantile(looks.largest_errors(values, np.ones(values.shape[1:]), 3), 0.95)
         for values in (same[:, :1], same, own)
     )
-    assert all_same == pytest.approx(one, rel=1e-6)
+    assert all_same == pytest.approx(one, rel=0.15)
     assert one == pytest.approx(1.96, rel=0.15)
     assert all_own > 1.3 * one
 
@@ -318,7 +326,8 @@ def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
     lines = []
     with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
         predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.001%", budget=1.0, progress=lines.append)
-    assert not any("of about" in text for text in lines)  # the first look alone
+    made = [int(text.split()[0]) for text in lines if "of about" in text]
+    assert max(made) <= MOST_FIRST  # those alone that foretell the cost
 
 
 def test_rates_that_depend_on_time_are_sampled():
@@ -332,21 +341,28 @@ def test_events_of_a_run_are_foretold_also_where_they_crowd():
     network, grid = DECAY, np.array([10.0, 1000.0])
     per_event = 1e-9 * Auto().choose(network).cost(NetworkSize.of(network))
     method = Auto().choose(network)
-    some, none = (first_runs(network, method, np.array([n]), grid, 2, np.inf, 1) for n in (1000, 0))
+    some, none = (first_runs(network, method, method.source(network, [n], 1), grid, 2, np.inf) for n in (1000, 0))
     assert some.seconds - none.seconds == pytest.approx(1000 * per_event, rel=0.1)
 
 
 def test_the_first_runs_are_those_of_the_ensemble_and_end_where_they_would_cost_too_much():
     start, grid = np.array([20_000]), np.array([3.0, 50.0])
     method = Auto().choose(DECAY, start)
-    made = first_runs(DECAY, method, start, grid, 2, np.inf, 7)
+    source = method.source(DECAY, start, 7)
+    made = first_runs(DECAY, method, source, grid, 2, np.inf)
     assert_array_equal(made.counts, method.simulate(DECAY, start, grid, 16, 7, 1).counts)
-    assert first_runs(DECAY, method, start, grid, 2, 0.1 * made.seconds, 7).counts is None
+    assert first_runs(DECAY, method, source, grid, 2, 0.1 * made.seconds).counts is None
 
 
 def test_conserved_cubes_limit_counts():
     assert largest_counts(line(), np.array([60, 0, 0, 0])).tolist() == [60, 30, 20, 15]
-    assert largest_counts(DECAY, np.array([60])).tolist() == [np.inf]
+
+
+def test_copies_that_nothing_makes_more_limit_counts():
+    assert largest_counts(DECAY, np.array([60])).tolist() == [60]
+    binding = Network.from_text("A + B -> AB, 1\nA -> 2 C, 1")
+    assert largest_counts(binding, np.array([3, 2, 0, 0])).tolist() == [np.inf] * 4
+    assert largest_counts(Network.from_text("A + B -> AB, 1"), np.array([3, 2, 0])).tolist() == [5] * 3
 
 
 def test_a_plain_prediction_imports_nothing_of_it():
@@ -354,7 +370,7 @@ def test_a_plain_prediction_imports_nothing_of_it():
         "import sys; from kinetics import Network, predict; "
         "predict(Network.from_text('A -> 0, 1'), None, {'A': 5}, [1.0], runs=5); "
         "print([m for m in sys.modules if m.split('.')[-1] in "
-        "('accuracy', 'reaching', 'looks', 'enough_runs', 'run_cost', 'solved_errors')])"
+        "('accuracy', 'reaching', 'looks', 'enough_runs', 'run_cost', 'solved_errors', 'scouts')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

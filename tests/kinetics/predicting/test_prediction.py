@@ -11,7 +11,8 @@ from kinetics.predicting.observables import Observables
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import statistics
-from kinetics.sampling import streamed
+from kinetics.sampling import run_source
+from kinetics.sampling.run_source import RunSource
 
 TIMES = [50.0, 400.0]
 START = [30, 0, 0, 0]
@@ -207,15 +208,15 @@ def test_a_mean_time_without_a_posterior_mean_has_its_median_in_closed_form():
 
 
 def test_interrupted_runs_give_a_prediction_that_says_so(monkeypatch):
-    monkeypatch.setattr(streamed, "BLOCK_BYTES", 50 * 8 * 4 * 2)
-    simulate_runs = Direct.simulate
+    monkeypatch.setattr(run_source, "BLOCK_BYTES", 50 * 8 * 4 * 2)
+    counts = RunSource.counts
 
-    def interrupted(method, *arguments, first_run=0, **options):
+    def interrupted(source, grid, runs, first_run=0, threads=None):
         if first_run >= 100:
             raise KeyboardInterrupt
-        return simulate_runs(method, *arguments, first_run=first_run, **options)
+        return counts(source, grid, runs, first_run, threads)
 
-    monkeypatch.setattr(Direct, "simulate", interrupted)
+    monkeypatch.setattr(RunSource, "counts", interrupted)
     made = predict(bare_line(), Rates.load("table3"), START, TIMES, Direct(), runs=400, seed=1)
     assert (made.runs, made.low, made.is_complete) == (100, None, False)
     assert "interrupted: 100 of 400 runs were made" in made.notes

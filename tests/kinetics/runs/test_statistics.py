@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kinetics import Auto, Direct, Lockstep, simulate, simulate_statistics
 from kinetics.runs import statistics
 from kinetics.runs.statistics import MOST_BINS, Tally, kept_pairs, statistics_of
-from kinetics.sampling import streamed
+from kinetics.sampling import run_source
+from kinetics.sampling.run_source import RunSource
 from kinetics.support import memory
 
 TIMES = [0.0, 20.0, 300.0]
@@ -26,7 +27,7 @@ def assert_identical(one, other):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(streamed, "BLOCK_BYTES", 37 * 8 * 4 * len(TIMES))  # 37 runs
+    monkeypatch.setattr(run_source, "BLOCK_BYTES", 37 * 8 * 4 * len(TIMES))  # 37 runs
 
 
 def streamed_equals_full(method, runs=500, **options):
@@ -50,15 +51,19 @@ def test_blocks_that_repeat_their_runs_are_seen(small_blocks):
     class Repeating(Direct):
         """The control: every block makes the same runs."""
 
-        def simulate(self, *arguments, first_run=0, **options):
-            return super().simulate(*arguments, **options)
+        def source(self, *arguments):
+            return RepeatingSource(**vars(super().source(*arguments)))
+
+    class RepeatingSource(RunSource):
+        def counts(self, grid, runs, first_run=0, threads=None):
+            return super().counts(grid, runs, 0, threads)
 
     assert not streamed_equals_full(Repeating())
 
 
 def test_neither_blocks_nor_threads_matter(monkeypatch):
     def made(block, threads):
-        monkeypatch.setattr(streamed, "BLOCK_BYTES", block * 8 * 4 * len(TIMES))
+        monkeypatch.setattr(run_source, "BLOCK_BYTES", block * 8 * 4 * len(TIMES))
         return simulate_statistics(line(), Lockstep(), START, TIMES, runs=300, seed=1, threads=threads)
 
     first = made(300, 1)
@@ -150,24 +155,23 @@ def test_ranges_that_need_several_passes_are_exact():
     assert_array_equal(gathered(counts).products, (exact[:, :, first] * exact[:, :, second]).sum(axis=0))
 
 
-def test_interrupted_runs_leave_the_statistics_of_those_that_were_made(small_blocks):
-    class Interrupted(Direct):
-        """Ctrl-C comes in the block that begins at run `at`."""
+def test_interrupted_runs_leave_the_statistics_of_those_that_were_made(small_blocks, monkeypatch):
+    counts, at = RunSource.counts, 74
 
-        at = 74
+    def interrupted(source, grid, runs, first_run=0, threads=None):
+        if first_run == at:
+            raise KeyboardInterrupt
+        return counts(source, grid, runs, first_run, threads)
 
-        def simulate(self, *arguments, first_run=0, **options):
-            if first_run == self.at:
-                raise KeyboardInterrupt
-            return super().simulate(*arguments, first_run=first_run, **options)
-
+    monkeypatch.setattr(RunSource, "counts", interrupted)
     told = []
-    made = simulate_statistics(line(), Interrupted(), START, TIMES, runs=400, seed=3, progress=told.append)
+    made = simulate_statistics(line(), Direct(), START, TIMES, runs=400, seed=3, progress=told.append)
     assert (made.runs, made.asked, made.is_complete, told) == (74, 400, False, [37, 74])
+    at = -1
     assert_identical(made, simulate_statistics(line(), Direct(), START, TIMES, runs=74, seed=3))
-    Interrupted.at = 0
+    at = 0
     with pytest.raises(KeyboardInterrupt):
-        simulate_statistics(line(), Interrupted(), START, TIMES, runs=400)
+        simulate_statistics(line(), Direct(), START, TIMES, runs=400)
 
 
 def test_ctrl_c_never_cuts_a_block_in_two(small_blocks, monkeypatch):
@@ -287,6 +291,7 @@ def test_bad_questions_of_the_result():
 
 
 def test_full_counts_that_do_not_fit_are_refused_before_a_run_is_made(monkeypatch):
+    monkeypatch.setattr(memory, "SMALL", 0)
     monkeypatch.setattr(memory, "available_bytes", lambda: 2.0**20)
     with pytest.raises(ValueError, match=r"would take 0.0\d* GB of memory.*simulate_statistics"):
         simulate(line(), Direct(), START, TIMES, runs=20_000)

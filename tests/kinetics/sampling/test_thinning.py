@@ -13,7 +13,8 @@ from kinetics.kernels import general, outcomes
 from kinetics.network import Network
 from kinetics.network.laws import hill, hill_repression, michaelis_menten, periodic, steps_in_count, steps_in_time
 from kinetics.sampling import General
-from kinetics.sampling.base import StalledClockError, stream_key
+from kinetics.sampling.base import stream_key
+from kinetics.sampling.run_source import StalledClockError
 
 BIRTH_DEATH = {"birth": ({}, {"X": 1}), "death": ({"X": 1}, {})}
 DECAY = {"death": ({"X": 1}, {})}

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom, wasserstein_distance
 
 from kinetics import Direct, Lockstep, Transient, simulate
+from kinetics.sampling.run_source import RunSource
 from kinetics.trust.accuracy import diagram
 from kinetics.trust.accuracy.curves import CURVES, Curve, sampled
 from kinetics.trust.accuracy.diagram import measure
@@ -131,15 +132,15 @@ def test_rate_equation_in_closed_form():
     assert_allclose(rate_equation(product, [100], times)[:, 0], 100 / (1 + 2 * 0.03 * 100 * times), rtol=1e-7)
 
 
-def test_no_run_is_used_twice():
-    used = []
+def test_no_run_is_used_twice(monkeypatch):
+    used, counts = [], RunSource.counts
 
-    class Noting(Direct):
-        def simulate(self, *arguments, first_run=0, **options):
-            used.extend(range(first_run, first_run + arguments[3]))
-            return super().simulate(*arguments, first_run=first_run, **options)
+    def noted(source, grid, runs, first_run=0, threads=None):
+        used.extend(range(first_run, first_run + runs))
+        return counts(source, grid, runs, first_run, threads)
 
-    curve = Curve("noting", "runs", (10.0, 100.0, 1000.0), sampled(Noting()))
+    monkeypatch.setattr(RunSource, "counts", noted)
+    curve = Curve("ssa", "runs", (10.0, 100.0, 1000.0), sampled(Direct()))
     task = diagram.Task(decay(), np.array([1]), np.array([0.1]), 0)
     for setting in curve.settings:
         for repeat in range(curve.repeats(setting)):
@@ -151,8 +152,8 @@ def test_no_run_is_used_twice():
 def test_a_biased_sampler_stands_out():
     # The control: with a rate 5 % off, more runs do not help.
     class Biased(Direct):
-        def simulate(self, network, *arguments, **options):
-            return super().simulate(network.with_rates(1.05 * network.known_rates), *arguments, **options)
+        def prepared(self, network):
+            return super().prepared(network.with_rates(1.05 * network.known_rates))
 
     times = np.linspace(0.0, 2.0, 6)
     curves = [Curve(m.name, "runs", (1e4,), sampled(m)) for m in (Direct(), Biased())]
