@@ -129,6 +129,8 @@ class RunsUntil:
     def _made(self, wanted: int) -> Sampled:
         if self.asked.of == "distribution":
             self.error = self.asked.value * sqrt(self._for_distributions / self.tally.runs)
+        elif self.error == inf:
+            self.error = self.asked.value * self._seen_now().share_of_tolerance()
         return Sampled(self.tally.statistics(wanted, self.name), self.error)
 
     def _make(self, runs: int) -> None:
@@ -149,9 +151,9 @@ class RunsUntil:
                 self._rows.append(counts[: self._most_rows - kept].copy())
 
     def _look(self) -> Look:
-        """How far off the runs may be, and how many are needed."""
+        """How many runs are needed, and how far off these may be; not drawn where that is far from enough."""
         look = self._seen_now()
-        self.error = self.asked.value * look.share_of_tolerance()
+        self.error = inf if look.is_far else self.asked.value * look.share_of_tolerance()
         self.needed = look.runs_needed()
         return look
 

@@ -100,14 +100,11 @@ class Look:
         return self.rough_runs[0] > GROWTH * self.runs
 
     def share_of_tolerance(self) -> float:
-        """The share of their tolerances that all errors keep within, but for a small chance; roughly, where it is far
-        above 1."""
-        if self.is_far:
-            return float(np.sqrt(self.rough_runs[1] / self.runs))
+        """The share of their tolerances that all errors keep within, but for a small chance."""
         return quantile(self._largest / students_roots(self.runs - 1, self._seed), 1 - self.chance)
 
     def runs_needed(self) -> float:
-        """Runs after which that share will be 1, most likely."""
+        """Runs after which that share will be 1, most likely; roughly, where that is far."""
         if self.is_far:
             return self.about
         early = self.fixed(self.chance)
@@ -183,7 +180,7 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     errors = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
     if moves.any():
         weights = away[:, moves] * (ratios[moves] / scale[moves])
-        if weights.shape[1] < len(weights):  # the root of their covariances says the same in fewer rows
+        if 3 * weights.shape[1] < len(weights):  # the root of their covariances says the same in fewer rows
             sizes, axes = np.linalg.eigh(weights.T @ weights)
             weights = (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
         drawn, turned = normals(len(weights), seed), weights.T.astype(np.float32)  # digits enough, at half the cost

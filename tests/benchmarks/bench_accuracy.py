@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
-from itertools import count
+from itertools import count, pairwise
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,6 +37,7 @@ PROBED = 128  # runs from which the number needed in hindsight comes
 TIMED = 500  # runs that are timed; of more, about as many as take `TIMING`, and their number scales the rest
 TIMING = 0.3  # s
 PATIENCE = 2.0  # s allowed to a solution
+CLASSES = (0.1, 0.01, 0.005, 0.002)  # s; questions by the cost of their best choice, for the table
 NOTABLE = 0.1  # s; below, starting anything is what costs
 AGAIN = 3
 BUDGET = 1.0  # s, of a prediction; questions that are foretold to cost more are refused, and passed over
@@ -153,7 +154,8 @@ def report(rows: list[Row]) -> None:
     """The table."""
     by_kind = [(kind, [r for r in rows if r.kind == kind]) for kind in dict.fromkeys(r.kind for r in rows)]
     groups = [*by_kind, ("runs", [r for r in rows if r.method.startswith("auto")]), ("all", rows)]
-    groups.append((f"best >= {NOTABLE:g} s", [r for r in rows if r.best_cost >= NOTABLE]))
+    for low, high in pairwise((inf, *CLASSES, 0.0)):
+        groups.append((f"best >= {high:g} s", [r for r in rows if high <= r.best_cost < low]))
     click.echo(f"\n{'group':14} {'number':>6} {'kept':>7} {'median ratio':>12} {'within 1.5':>10} {'all together':>12}")
     for name, group in groups:
         if group:
