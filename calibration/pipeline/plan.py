@@ -29,7 +29,7 @@ class Tanks(Settings):
     along : for the reader, the time on the predicted path at which the composition is expected, tu
     """
 
-    composition: Annotated[dict[str, int], Meta(min_length=1)]
+    composition: Annotated[dict[str, Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
     tank: tuple[float, float, float] | None = None
     runs: AtLeastOne
     duration: Positive

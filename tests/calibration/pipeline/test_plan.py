@@ -43,3 +43,9 @@ def test_the_name_of_a_shipped_scene_is_the_same_everywhere(tmp_path):
     plan.save(tmp_path / "plan.toml")
     assert StudyPlan.load(tmp_path / "plan.toml") == plan
     assert plan.fingerprint != plan_of("t5").fingerprint
+
+
+@pytest.mark.parametrize("copies", [-8, 2.5, True])
+def test_copies_of_a_plan_are_whole_numbers_of_at_least_0(copies):
+    with pytest.raises(ValueError, match=r"composition\.monomer = .*should be a whole number at least 0"):
+        Tanks(composition={"monomer": copies}, runs=2, duration=1.0)
