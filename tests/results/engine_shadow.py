@@ -1,26 +1,32 @@
-"""Two engines from the same state, step by step: what each makes of the same contacts.
+"""Engines from the same state, step by step: what each makes of the same contacts.
 
     python -m tests.results.engine_shadow    # makes results/engines/shadow.csv; ten seconds of CPU time
 
 PyBullet moves the crowded tank of `engine_trials`. In every step our own engine gets the poses and motions that
-PyBullet gets, and makes the same step from them; only what PyBullet makes of it goes on. Pairs of bodies that touch are
-sorted by whether PyBullet had them touching in the step before, and whether our own engine sees them touch at all.
+PyBullet gets, and makes the same step from them, once with its memory of contact points and once without; only what
+PyBullet makes of it goes on. Pairs of bodies that push each other are sorted by whether they overlap, which is
+measured by neither engine, and whether PyBullet had them pushing in the step before.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
 
 import numpy as np
 import pandas as pd
 
 from mechsim.accuracy.trial import unbreakable
 from mechsim.inspection.speeds import whole_holds
+from mechsim.kernels.contact import cubes_overlap
 from mechsim.runs.record import book_of
 from mechsim.world.world import World
 from tests.results.engine_runs import FOLDER
-from tests.results.engine_trials import TANKS
+from tests.results.engine_trials import FORGETFUL, TANKS, forget
 
 LENGTH, SEED = 30.0, 5  # tu
-BEGUN, GOING_ON, REMEMBERED = "contacts that begin", "contacts that go on", "points without an overlap"
+BEGUN, GOING_ON, APART = "overlaps that begin", "overlaps that go on", "no overlap"
+ENGINES = ("pybullet", "own", FORGETFUL)
 Pair = tuple[int, int]
 
 
@@ -35,41 +41,68 @@ def populated(engine: str) -> World:
     return world
 
 
-def pushes(world: World) -> dict[Pair, float]:
-    """Impulse between each two bodies (-1: a wall) in the last step."""
+def pushes(world: World) -> dict[Pair, np.ndarray]:
+    """Impulse between each two bodies (-1: a wall) in the last step, on the second."""
     total: dict[Pair, np.ndarray] = {}
     for touch in world.engine.touches():
         pair = (min(touch.a, touch.b), max(touch.a, touch.b))
-        sign = 1.0 if touch.a == pair[0] else -1.0
+        sign = -1.0 if touch.a == pair[0] else 1.0
         total[pair] = total.get(pair, np.zeros(3)) + sign * np.array(touch.impulse)
-    return {pair: float(np.linalg.norm(impulse)) for pair, impulse in total.items()}
+    return total
+
+
+def overlap(world: World, pair: Pair, centre: np.ndarray, axes: np.ndarray) -> bool:
+    """Do two bodies overlap, or a body (the second) and a wall, whose cubes lie there?"""
+    edge, members = world.bodies.edge, world.bodies.members
+    if pair[0] < 0:
+        cubes = list(members[pair[1]])
+        return bool((np.abs(centre[cubes]) + np.abs(axes[cubes]).sum(axis=2) * edge / 2 > world.half).any())
+    return any(
+        cubes_overlap(centre[i], axes[i], centre[j], axes[j], edge / 2, edge / 2)
+        for i in members[pair[0]]
+        for j in members[pair[1]]
+    )
+
+
+def steps(length: float) -> Iterator[tuple[World, tuple[np.ndarray, np.ndarray], list[dict[Pair, np.ndarray]]]]:
+    """Of each step: PyBullet's world, where its cubes were, and what was pushed by each of ENGINES."""
+    with ExitStack() as stack:
+        first, *others = (
+            stack.enter_context(populated("own" if engine == FORGETFUL else engine)) for engine in ENGINES
+        )
+        at = [name for name, _ in first.parts].index("motions into the engine")
+        after = [name for name, _ in others[0].parts].index("motions into the engine")
+        for _ in range(whole_holds(first.scene, length)):
+            for _, part in first.parts[:at]:
+                part()
+            for other in others:
+                for name in ("position", "orientation", "velocity", "spin"):
+                    np.copyto(getattr(other.bodies, name), getattr(first.bodies, name))
+            forget(others[ENGINES.index(FORGETFUL) - 1])
+            place = first.bodies.centre.copy(), first.bodies.axes.copy()
+            for _, part in first.parts[at:]:
+                part()
+            for other in others:
+                for _, part in other.parts[after:]:
+                    part()
+            yield first, place, [pushes(world) for world in (first, *others)]
 
 
 def compare(length: float) -> pd.DataFrame:
-    """By kind of contact: pairs that touch, a tu, and the sum of their impulses by each engine, a tu."""
-    found = {kind: np.zeros(3) for kind in (BEGUN, GOING_ON, REMEMBERED)}
-    touched: set[Pair] = set()
-    with populated("pybullet") as first, populated("own") as other:
-        at = [name for name, _ in first.parts].index("motions into the engine")
-        after = [name for name, _ in other.parts].index("motions into the engine")
-        steps = whole_holds(first.scene, length)
-        for _ in range(steps):
-            for _, part in first.parts[:at]:
-                part()
-            for name in ("position", "orientation", "velocity", "spin"):
-                np.copyto(getattr(other.bodies, name), getattr(first.bodies, name))
-            for _, part in first.parts[at:]:
-                part()
-            for _, part in other.parts[after:]:
-                part()
-            one, two = pushes(first), pushes(other)
-            for pair in one.keys() | two.keys():
-                kind = REMEMBERED if pair not in two else GOING_ON if pair in touched else BEGUN
-                found[kind] += (1, one.get(pair, 0.0), two.get(pair, 0.0))
-            touched = set(one)
-        time = steps * first.step_size
+    """By kind of contact, a tu: pairs that PyBullet or our own engine lets push each other, the sum of their impulses
+    by each engine, and that of the differences between the first two."""
+    found = {kind: np.zeros(2 + len(ENGINES)) for kind in (BEGUN, GOING_ON, APART)}
+    pushed: set[Pair] = set()
+    time, nothing = 0.0, np.zeros(3)
+    for first, place, by in steps(length):
+        for pair in by[0].keys() | by[1].keys():
+            kind = APART if not overlap(first, pair, *place) else GOING_ON if pair in pushed else BEGUN
+            impulses = [one.get(pair, nothing) for one in by]
+            found[kind] += (1, *map(np.linalg.norm, impulses), np.linalg.norm(impulses[1] - impulses[0]))
+        pushed = set(by[0])
+        time += first.step_size
     rows = [(kind, *(values / time)) for kind, values in found.items()]
-    return pd.DataFrame(rows, columns=["contact", "pairs", "pybullet", "own"])
+    return pd.DataFrame(rows, columns=["contact", "pairs", *ENGINES, "difference"])
 
 
 def main() -> None:
