@@ -1,22 +1,24 @@
 """Engines from the same state, step by step: what each makes of the same contacts.
 
-    python -m tests.results.engine_shadow    # makes results/engines/shadow.csv; ten seconds of CPU time
+    python -m tests.results.engine_shadow    # makes results/engines/shadow*.csv; a minute and a half of CPU time
 
 PyBullet moves the crowded tank of `engine_trials`. In every step our own engine gets the poses and motions that
 PyBullet gets, and makes the same step from them, once with its memory of contact points and once without; only what
 PyBullet makes of it goes on. Pairs of bodies that push each other are sorted by whether they overlap, which is
-measured by neither engine, and whether PyBullet had them pushing in the step before.
+measured by neither engine, and whether PyBullet had them pushing in the step before. Hits are those of one step, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from mechsim.accuracy.trial import unbreakable
+from mechsim.effects.hits import Hit
 from mechsim.inspection.speeds import whole_holds
 from mechsim.kernels.contact import cubes_overlap
 from mechsim.runs.record import book_of
@@ -24,16 +26,18 @@ from mechsim.world.world import World
 from tests.results.engine_runs import FOLDER
 from tests.results.engine_trials import FORGETFUL, TANKS, forget
 
-LENGTH, SEED = 30.0, 5  # tu
+LENGTH, SEED = 200.0, 5  # tu
+SHARES = (0.25, 0.5)  # of the load that breaks
 BEGUN, GOING_ON, APART = "overlaps that begin", "overlaps that go on", "no overlap"
 ENGINES = ("pybullet", "own", FORGETFUL)
 Pair = tuple[int, int]
 
 
 def populated(engine: str) -> World:
-    """The crowded tank by an engine."""
+    """The crowded tank by an engine, in which hits are told from the lowest of SHARES on."""
     tank = TANKS["crowded"]
-    scene = unbreakable(tank.scene(engine))
+    scene = tank.scene("own" if engine == FORGETFUL else engine)
+    scene = unbreakable(scene).changed("breaking", log_above=min(SHARES) * scene.effect("breaking").threshold)
     book, derivation = book_of(scene.rules)
     start = [derivation.structures[name] for name, n in tank.composition.items() for _ in range(n)]
     world = World(scene, book, sum(map(len, start)), np.random.SeedSequence(SEED))
@@ -64,12 +68,23 @@ def overlap(world: World, pair: Pair, centre: np.ndarray, axes: np.ndarray) -> b
     )
 
 
-def steps(length: float) -> Iterator[tuple[World, tuple[np.ndarray, np.ndarray], list[dict[Pair, np.ndarray]]]]:
-    """Of each step: PyBullet's world, where its cubes were, and what was pushed by each of ENGINES."""
+class Step(NamedTuple):
+    """Of a step: where PyBullet's cubes were before (centres and axes), what was pushed, and the loads of bodies that
+    were hit, by slot, by each of ENGINES."""
+
+    world: World
+    place: tuple[np.ndarray, np.ndarray]
+    pushed: list[dict[Pair, np.ndarray]]
+    loads: list[dict[int, float]]
+
+
+def steps(length: float) -> Iterator[Step]:
+    """PyBullet's steps, and beside each what our own engine makes of the same state."""
     with ExitStack() as stack:
-        first, *others = (
-            stack.enter_context(populated("own" if engine == FORGETFUL else engine)) for engine in ENGINES
-        )
+        first, *others = worlds = [stack.enter_context(populated(engine)) for engine in ENGINES]
+        hits: list[list[Hit]] = [[] for _ in worlds]
+        for world, seen in zip(worlds, hits, strict=True):
+            world.hit_listeners.append(seen.append)
         at = [name for name, _ in first.parts].index("motions into the engine")
         after = [name for name, _ in others[0].parts].index("motions into the engine")
         for _ in range(whole_holds(first.scene, length)):
@@ -78,36 +93,56 @@ def steps(length: float) -> Iterator[tuple[World, tuple[np.ndarray, np.ndarray],
             for other in others:
                 for name in ("position", "orientation", "velocity", "spin"):
                     np.copyto(getattr(other.bodies, name), getattr(first.bodies, name))
-            forget(others[ENGINES.index(FORGETFUL) - 1])
+            forget(worlds[ENGINES.index(FORGETFUL)])
             place = first.bodies.centre.copy(), first.bodies.axes.copy()
             for _, part in first.parts[at:]:
                 part()
             for other in others:
                 for _, part in other.parts[after:]:
                     part()
-            yield first, place, [pushes(world) for world in (first, *others)]
+            loads = [{hit.slot: hit.load for hit in seen} for seen in hits]
+            for seen in hits:
+                seen.clear()
+            yield Step(first, place, [pushes(world) for world in worlds], loads)
 
 
-def compare(length: float) -> pd.DataFrame:
-    """By kind of contact, a tu: pairs that PyBullet or our own engine lets push each other, the sum of their impulses
-    by each engine, and that of the differences between the first two."""
+def compare(length: float) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What the engines make of the same states.
+
+    By kind of contact, a tu: pairs that PyBullet or our own engine lets push each other, the sum of their impulses by
+    each engine, and that of the differences between the first two. By size and share of the load that breaks: hits
+    above it by each engine, and those above it by one of the first two alone.
+    """
     found = {kind: np.zeros(2 + len(ENGINES)) for kind in (BEGUN, GOING_ON, APART)}
-    pushed: set[Pair] = set()
+    begun: set[Pair] = set()
     time, nothing = 0.0, np.zeros(3)
-    for first, place, by in steps(length):
-        for pair in by[0].keys() | by[1].keys():
-            kind = APART if not overlap(first, pair, *place) else GOING_ON if pair in pushed else BEGUN
-            impulses = [one.get(pair, nothing) for one in by]
+    tank = TANKS["crowded"]
+    threshold = tank.scene("pybullet").effect("breaking").threshold  # that of the study, not the worlds', which is none
+    hits = {(size, share): np.zeros(1 + len(ENGINES), int) for size in tank.sizes[1:] for share in SHARES}
+    for step in steps(length):
+        for pair in step.pushed[0].keys() | step.pushed[1].keys():
+            kind = APART if not overlap(step.world, pair, *step.place) else GOING_ON if pair in begun else BEGUN
+            impulses = [one.get(pair, nothing) for one in step.pushed]
             found[kind] += (1, *map(np.linalg.norm, impulses), np.linalg.norm(impulses[1] - impulses[0]))
-        pushed = set(by[0])
-        time += first.step_size
-    rows = [(kind, *(values / time)) for kind, values in found.items()]
-    return pd.DataFrame(rows, columns=["contact", "pairs", *ENGINES, "difference"])
+        begun = set(step.pushed[0])
+        time += step.world.step_size
+        for slot in set().union(*step.loads):
+            size = len(step.world.bodies.members[slot])
+            for share in SHARES:
+                above = [loads.get(slot, 0.0) > share * threshold for loads in step.loads]
+                hits[size, share] += (*above, above[0] != above[1])
+    kinds = [(kind, *(values / time)) for kind, values in found.items()]
+    loads = [(*which, *values) for which, values in hits.items()]
+    return (
+        pd.DataFrame(kinds, columns=["contact", "pairs", *ENGINES, "difference"]),
+        pd.DataFrame(loads, columns=["size", "share", *ENGINES, "one alone"]),
+    )
 
 
 def main() -> None:
-    """Write the table."""
-    compare(LENGTH).to_csv(FOLDER / "shadow.csv", index=False, float_format="%.5g")
+    """Write the tables."""
+    for name, table in zip(("shadow", "shadow_loads"), compare(LENGTH), strict=True):
+        table.to_csv(FOLDER / f"{name}.csv", index=False, float_format="%.5g")
 
 
 if __name__ == "__main__":

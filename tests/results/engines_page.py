@@ -182,6 +182,19 @@ def shadow_table(stored: pd.DataFrame) -> str:
     return "\n".join(rows) + "\n"
 
 
+def hits_table(stored: pd.DataFrame) -> str:
+    """A line a size and share of the load that breaks: hits by each engine in the same steps."""
+    rows = ["| hits above | on | by PyBullet | by our own engine | by one of the two alone | change (%) |"]
+    rows.append("|---|---|---|---|---|---|")
+    for row in stored.to_dict("records"):
+        change, error = row["own"] / row["pybullet"] - 1, row["one alone"] ** 0.5 / row["pybullet"]
+        rows.append(
+            f"| {row['share']:g} of the threshold | {row['size']:.0f} | {row['pybullet']:.0f} | {row['own']:.0f} "
+            f"| {row['one alone']:.0f} | {signed(change)} ± {100 * error:.2f} |"
+        )
+    return "\n".join(rows) + "\n"
+
+
 def signed(share: float) -> str:
     """A share in per cent."""
     return f"{100 * share:+.2f}".replace("-", "−")
@@ -212,6 +225,7 @@ def written(text: str) -> str:
         "trials": table(found),
         "single": single_lines(found),
         "shadow": shadow_table(pd.read_csv(file_of("shadow"))),
+        "hits": hits_table(pd.read_csv(file_of("shadow_loads"))),
         "control": control_table(control()),
         "rates": rates_table(rates()),
     }
