@@ -25,9 +25,10 @@ def exchange(
     """Exchange impulses at the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the
     first body of each contact to `impulse` (M, 3).
 
-    who (M, 2), contact (M, 7) : as `touching.find_contacts` writes them
+    who (M, 4), contact (M, 7) : as `remembered.remember` writes them; a depth below 0 is a gap
     restitution, friction : of any two surfaces; least_bounce : speed below which approaches do not bounce
-    recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce
+    recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce. What gap is
+        left, to a depth of `slop`, may be closed in the step, by a speed that takes from the bounce
     iterations : rounds at most
     pushed (B,) : -1; ready (B, 5, 3), rows (M, 3, 17) : room to work
     Bodies of unequal moments take up Euler's gyroscopic term before they touch, and again in the free flight that
@@ -41,17 +42,8 @@ def exchange(
                 _prepare(body, orientation, spin, inertia, step, ready)
     for c in range(n):
         a, b = who[c, 0], who[c, 1]
-        nx, ny, nz = contact[c, 3], contact[c, 4], contact[c, 5]
-        if abs(nx) < 0.6:
-            length = math.sqrt(ny * ny + nz * nz)
-            tx, ty, tz = 0.0, nz / length, -ny / length
-        else:
-            length = math.sqrt(nx * nx + ny * ny)
-            tx, ty, tz = ny / length, -nx / length, 0.0
-        _row(rows[c, 0], contact[c], a, b, nx, ny, nz, position, mass, ready)
-        _row(rows[c, 1], contact[c], a, b, tx, ty, tz, position, mass, ready)
-        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        _row(rows[c, 2], contact[c], a, b, sx, sy, sz, position, mass, ready)
+        _row(rows[c, 0], contact[c], a, b, contact[c, 3], contact[c, 4], contact[c, 5], position, mass, ready)
+        rows[c, 1, EASE] = 0.0  # the rows across it are filled once something pushes
         speed = _speed(rows[c, 0], a, b, velocity, spin)
         wanted = -restitution * speed if -speed >= least_bounce else 0.0
         beyond = contact[c, 6] - slop
@@ -78,6 +70,10 @@ def exchange(
             if pushed[a] < turn - 1 and (b < 0 or pushed[b] < turn - 1):
                 continue
             one, two = rows[c, 1], rows[c, 2]
+            if one[EASE] == 0.0:
+                if impulse[c, 0] == 0.0:
+                    continue
+                _rows_across(one, two, contact[c], a, b, position, mass, ready)
             p = impulse[c, 1] - _speed(one, a, b, velocity, spin) * one[EASE]
             q = impulse[c, 2] - _speed(two, a, b, velocity, spin) * two[EASE]
             rub, most = math.sqrt(p * p + q * q), friction * impulse[c, 0]
@@ -176,6 +172,20 @@ def _row(row, contact, a, b, dx, dy, dz, position, mass, ready):
             )
             against += row[turn + k] * row[lever + k]
     row[EASE] = 1.0 / against
+
+
+@compiled(nogil=False, error_model="python")
+def _rows_across(one, two, contact, a, b, position, mass, ready):
+    """Fill the rows of two directions across a contact's normal and each other."""
+    nx, ny, nz = contact[3], contact[4], contact[5]
+    if abs(nx) < 0.6:
+        length = math.sqrt(ny * ny + nz * nz)
+        tx, ty, tz = 0.0, nz / length, -ny / length
+    else:
+        length = math.sqrt(nx * nx + ny * ny)
+        tx, ty, tz = ny / length, -nx / length, 0.0
+    _row(one, contact, a, b, tx, ty, tz, position, mass, ready)
+    _row(two, contact, a, b, ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx, position, mass, ready)
 
 
 @compiled(nogil=False, error_model="python")

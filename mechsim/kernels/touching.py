@@ -2,7 +2,8 @@
 
 Indices: R boxes, of which `order` lists those in use; M contacts at most. A contact is a point half-way between the two
 surfaces, the normal along which they push the first body, and the depth of the overlap. Boxes touch by a face (all
-corners of the part of a face that lies below the other one) or by two edges (one point).
+corners of the part of a face that lies below the other one) or by two edges (one point, also where these are about 1e-5
+of a size apart: such a depth is below 0).
 
 Source: Gottschalk, Lin & Manocha (1996), doi:10.1145/237170.237244, for the axes; Sutherland & Hodgman (1974),
 doi:10.1145/360767.360802, for the clipping.
@@ -16,6 +17,7 @@ from kinetics.kernels.compiled import compiled
 from mechsim.kernels.motion import rotation_of
 
 FLAT = 1.05  # edges are chosen where a face would have to give way by so much more: a face has more points
+NEARLY = 1e-5  # added to the cosines of edges: those that are nearly parallel count as deeper, and faces are chosen
 PARALLEL = 1e-6  # squared sine of the angle below which two edges span no axis that their faces do not give
 
 
@@ -41,8 +43,9 @@ def place_boxes(order, slot, offset, turn, position, orientation, centre, axes):
 
 @compiled(nogil=False, error_model="python")
 def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, who, contact):
-    """All contacts: writes the two bodies, -1 for a wall, to `who` (M, 2) and point, normal and depth to `contact`
-    (M, 7). Returns how many there are; where that is above M, only the first were written.
+    """All contacts: writes the two bodies, -1 for a wall, and their boxes, -1 - 2 axis - side for a wall, to `who`
+    (M, 4), and point, normal and depth to `contact` (M, 7). Returns how many there are; where that is above M, only the
+    first were written.
 
     order : boxes in use; sorted here by their lower ends along z, from how they were last time
     half (R, 3), radius (R,) : of a box, and of the sphere around it
@@ -88,9 +91,9 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
             j = order[m]
             if slot[i] == slot[j]:
                 continue
-            kind, gap = _overlap(i, j, dx, dy, dz, half, axes, turned, far)
+            kind = _overlap(i, j, dx, dy, dz, half, axes, turned, far)
             if kind >= 6:
-                found = _edges_touch(i, j, kind - 6, -gap, half, centre, axes, slot, who, contact, found)
+                found = _edges_touch(i, j, kind - 6, half, centre, axes, slot, who, contact, found)
             elif kind >= 3:
                 found = _face_touches(
                     j, i, kind - 3, -1.0, half, centre, axes, corners, clipped, slot, who, contact, found
@@ -132,11 +135,14 @@ def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
                 best, kind = away, 3 + j
     if kind >= 0:
         for i in range(3):
+            for j in range(3):
+                far[i, j] += NEARLY
+        for i in range(3):
             i1, i2 = (1, 2) if i == 0 else (2, 0) if i == 1 else (0, 1)
             p = dx * axes[a, 0, i1] + dy * axes[a, 1, i1] + dz * axes[a, 2, i1]
             q = dx * axes[a, 0, i2] + dy * axes[a, 1, i2] + dz * axes[a, 2, i2]
             for j in range(3):
-                square = 1.0 - far[i, j] * far[i, j]
+                square = 1.0 - turned[i, j] * turned[i, j]
                 if square < PARALLEL:
                     continue
                 j1, j2 = (1, 2) if j == 0 else (2, 0) if j == 1 else (0, 1)
@@ -151,14 +157,14 @@ def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
                     best, kind = away, 6 + 3 * i + j
             if kind < 0:
                 break
-    return kind, best
+    return kind
 
 
 @compiled(nogil=False, error_model="python")
-def _note(found, who, contact, a, b, x, y, z, nx, ny, nz, depth):
-    """Write a contact, if there is room; one more."""
+def _note(found, who, contact, slot, a, b, x, y, z, nx, ny, nz, depth):
+    """Write a contact of box a with box or wall b, if there is room; one more."""
     if found < len(who):
-        who[found, 0], who[found, 1] = a, b
+        who[found, 0], who[found, 1], who[found, 2], who[found, 3] = slot[a], slot[b] if b >= 0 else -1, a, b
         contact[found, 0], contact[found, 1], contact[found, 2] = x, y, z
         contact[found, 3], contact[found, 4], contact[found, 5] = nx, ny, nz
         contact[found, 6] = depth
@@ -174,6 +180,7 @@ def _touches_wall(box, axis, side, slot, half, centre, axes, wall, who, contact,
             facing = k
     one, two = (facing + 1) % 3, (facing + 2) % 3
     up = half[box, facing] if side * axes[box, axis, facing] > 0.0 else -half[box, facing]
+    plane = -1 - 2 * axis - (1 if side > 0.0 else 0)
     nx = -side if axis == 0 else 0.0
     ny = -side if axis == 1 else 0.0
     nz = -side if axis == 2 else 0.0
@@ -187,13 +194,13 @@ def _touches_wall(box, axis, side, slot, half, centre, axes, wall, who, contact,
         if depth > 0.0:
             h = 0.5 * depth
             found = _note(
-                found, who, contact, slot[box], -1, x + h * nx, y + h * ny, z + h * nz, nx, ny, nz, depth
+                found, who, contact, slot, box, plane, x + h * nx, y + h * ny, z + h * nz, nx, ny, nz, depth
             )  # fmt: skip
     return found
 
 
 @compiled(nogil=False, error_model="python")
-def _edges_touch(a, b, pair, depth, half, centre, axes, slot, who, contact, found):
+def _edges_touch(a, b, pair, half, centre, axes, slot, who, contact, found):
     """The contact of an edge of a along its axis i with one of b along j, pair = 3 i + j."""
     i, j = pair // 3, pair % 3
     ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
@@ -222,10 +229,11 @@ def _edges_touch(a, b, pair, depth, half, centre, axes, slot, who, contact, foun
     pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
     apart = 1.0 - uv * uv
     s, t = (pu - uv * pv) / apart, (uv * pu - pv) / apart
-    x = 0.5 * (ax + s * ux + bx + t * vx)
-    y = 0.5 * (ay + s * uy + by + t * vy)
-    z = 0.5 * (az + s * uz + bz + t * vz)
-    return _note(found, who, contact, slot[a], slot[b], x, y, z, nx, ny, nz, depth)
+    ax, ay, az = ax + s * ux, ay + s * uy, az + s * uz
+    bx, by, bz = bx + t * vx, by + t * vy, bz + t * vz
+    x, y, z = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
+    depth = (bx - ax) * nx + (by - ay) * ny + (bz - az) * nz
+    return _note(found, who, contact, slot, a, b, x, y, z, nx, ny, nz, depth)
 
 
 @compiled(nogil=False, error_model="python")
@@ -272,7 +280,7 @@ def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, 
         if depth >= 0.0:
             w = height + 0.5 * depth
             found = _note(
-                found, who, contact, slot[a] if sign > 0.0 else slot[b], slot[b] if sign > 0.0 else slot[a],
+                found, who, contact, slot, a if sign > 0.0 else b, b if sign > 0.0 else a,
                 centre[a, 0] + cu * axes[a, 0, u] + cv * axes[a, 0, v] + w * nx,
                 centre[a, 1] + cu * axes[a, 1, u] + cv * axes[a, 1, v] + w * ny,
                 centre[a, 2] + cu * axes[a, 2, u] + cv * axes[a, 2, v] + w * nz,

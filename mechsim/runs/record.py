@@ -27,6 +27,7 @@ from mechsim.runs.contents import RunInputs, is_trial
 from mechsim.runs.load_log import LoadLog
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
+from mechsim.world.engines import engine_named
 
 if TYPE_CHECKING:
     from mechsim.world.world import BondEvent, World
@@ -151,6 +152,9 @@ class RunSpec:
             "poses": self.poses,
             "physics": {"wellmixed": PHYSICS} | {name: version(name) for name in self.scene.packages},
         }
+        engine = engine_named(self.scene.numerics.engine)
+        if engine.version > 1:
+            inputs["physics"] |= {"engine": engine.version}
         if self.scene.provider("drag") is None:
             inputs["physics"] |= {"free_spin": FREE_SPIN}
         # Named only where it is asked for: a run without it keeps the name that it had before there was one.

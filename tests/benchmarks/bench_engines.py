@@ -1,7 +1,7 @@
 """CPU time of a whole mechanics step through each engine, in turns, and what each part of it takes.
 
     python -m tests.benchmarks.bench_engines
-    git worktree add --detach FOLDER f501cb9  # release 0.1.0
+    git worktree add --detach FOLDER f501cb9  # release 0.1.0, which needs pydantic
     python -m tests.benchmarks.bench_engines --against FOLDER
 
 The same tanks of line4 with everything on, one world an engine; stretches of steps alternate between them, so that both

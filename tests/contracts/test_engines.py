@@ -94,10 +94,29 @@ def test_a_scene_names_it_and_so_does_a_record(entry):
     installed(entry)
     scene, plain = scene_with(entry.name), Scene.load("line4")
     spec = RunSpec(scene, {"monomer": 2}, 1.0, seed=1, run=0)
-    assert set(spec.inputs["physics"]) == {"wellmixed", "numpy", *entry.packages}
+    told = ("engine",) if entry.version > 1 else ()
+    assert set(spec.inputs["physics"]) == {"wellmixed", "numpy", *entry.packages, *told}
     assert (scene.fingerprint == plain.fingerprint) == (entry is ENGINES[0])
     assert spec.inputs["scene"]["numerics"].get("engine", ENGINES[0].name) == entry.name
     assert RunSpec.of_inputs(spec.inputs, "a.run").key == spec.key
+
+
+@every_engine
+def test_runs_by_two_versions_of_it_have_two_names(entry, monkeypatch):
+    """An engine that makes another record of the same inputs gets another version, and its runs another key."""
+    installed(entry)
+    spec = RunSpec(scene_with(entry.name), {"monomer": 2}, 1.0, seed=1, run=0)
+    keys = {spec.key}
+    for version in {1, entry.version + 1} - {entry.version}:
+        others = [other if other is not entry else entry._replace(version=version) for other in ENGINES]
+        monkeypatch.setattr(engines, "ENGINES", tuple(others))
+        keys.add(RunSpec(scene_with(entry.name), {"monomer": 2}, 1.0, seed=1, run=0).key)
+    assert len(keys) == len({1, entry.version, entry.version + 1})
+
+
+def test_the_first_version_of_an_engine_is_not_told():
+    """Runs by the first engine keep the key that they had before there were versions; our own has changed."""
+    assert {entry.name: entry.version for entry in ENGINES} == {"pybullet": 1, "near": 1, "own": 2}
 
 
 def test_scenes_keep_the_name_that_they_had_before_there_were_engines():

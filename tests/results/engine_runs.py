@@ -1,7 +1,8 @@
 """Makes the runs of docs/engines.md, one by one: a killed run loses the one it was at, the next call goes on.
 
-    python -m tests.results.engine_runs                 # all that is missing of the plan; half an hour of CPU time
+    python -m tests.results.engine_runs                 # all that is missing of the plan; CPU time: an hour and a half
     python -m tests.results.engine_runs --minutes 10    # as much of it as this long allows
+    python -m tests.results.engine_runs --anew own      # all runs by this engine; those by the other stay
 
 The plan: the tanks of `engine_trials`, and every fifth of the calibration runs of results/line4, made again by our own
 engine. Whatever is furthest behind its plan comes next, so that a part of the plan is a part of each of its tanks.
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
@@ -19,7 +21,7 @@ import pandas as pd
 from calibration import estimate
 from calibration.pipeline.plan import StudyPlan
 from mechsim.runs.record import RunSpec, execute
-from tests.results.engine_trials import TANKS, by_engine, measure, names
+from tests.results.engine_trials import FORGETFUL, TANKS, by_engine, measure, names
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "results" / "engines"
@@ -34,18 +36,14 @@ def file_of(tank: str) -> Path:
     return FOLDER / f"{tank}.csv"
 
 
-def runs_of(tank: str) -> pd.DataFrame:
-    """What was seen in the runs of a tank made by both engines; index (engine, seed)."""
+def runs_of(tank: str, engines: tuple[str, ...] = COMPARED) -> pd.DataFrame:
+    """What was seen in the runs of a tank made by all of these engines; index (engine, seed)."""
     if not file_of(tank).exists():
         return pd.DataFrame(columns=["engine", "seed", *names(TANKS[tank])]).set_index(["engine", "seed"])
-    stored = (
-        pd.read_csv(file_of(tank))
-        .drop_duplicates(["seed", "engine"], keep="last")
-        .set_index(["seed", "engine"])
-        .unstack("engine")
-        .dropna()
-    )
-    return stored.stack("engine", future_stack=True).swaplevel().sort_index()
+    rows = pd.read_csv(file_of(tank))
+    rows = rows[rows["engine"].isin(engines)].drop_duplicates(["seed", "engine"], keep="last")
+    is_whole = rows.groupby("seed")["engine"].nunique() == len(engines)
+    return rows[rows["seed"].map(is_whole)].set_index(["engine", "seed"]).sort_index()
 
 
 def specs() -> list[RunSpec]:
@@ -54,15 +52,42 @@ def specs() -> list[RunSpec]:
     return [replace(spec, scene=by_engine(spec.scene, "own")) for spec in plan.specs(plan.calibration)[::EVERY]]
 
 
+def planned(tank: str) -> list[tuple[int, str]]:
+    """Seeds and engines of the plan, in order."""
+    seeds = range(FIRST_SEED, FIRST_SEED + TANKS[tank].runs)
+    controls = [(seed, FORGETFUL) for seed in seeds[: TANKS[tank].controls]]
+    return sorted([*product(seeds, COMPARED), *controls])
+
+
+def missing(tank: str) -> list[tuple[int, str]]:
+    """Seeds and engines of the plan that no stored run has, in order."""
+    known = set()
+    if file_of(tank).exists():
+        stored = pd.read_csv(file_of(tank), usecols=["seed", "engine"])
+        known = set(stored.itertuples(index=False, name=None))
+    return [run for run in planned(tank) if run not in known]
+
+
+def forget(engine: str) -> None:
+    """Take an engine's runs out of the files: another version of it made them."""
+    for tank in TANKS:
+        if file_of(tank).exists():
+            lines = file_of(tank).read_text("utf-8").splitlines(keepends=True)
+            kept = [line for line in lines if line.split(",")[1] != engine]
+            file_of(tank).write_text("".join(kept), encoding="utf-8")
+    if engine == "own":
+        file_of("rates").unlink(missing_ok=True)
+
+
 def _append(rows: pd.DataFrame, file: Path) -> None:
     text = rows.to_csv(header=not file.exists(), index=False, float_format="%.6g", lineterminator="\n")
     with file.open("a", encoding="utf-8") as open_file:
         open_file.write(text)  # at once: a kill leaves all of a run or none
 
 
-def make_trial(tank: str, seed: int) -> None:
-    """One run by each engine."""
-    rows = [{"seed": seed, "engine": engine} | measure(TANKS[tank], engine, seed) for engine in COMPARED]
+def make_trial(tank: str, seed: int, engines: tuple[str, ...] = COMPARED) -> None:
+    """One run by each of these engines."""
+    rows = [{"seed": seed, "engine": engine} | measure(TANKS[tank], engine, seed) for engine in engines]
     _append(pd.DataFrame(rows), file_of(tank))
 
 
@@ -77,17 +102,21 @@ def main() -> None:
     """Make what is missing."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--minutes", type=float, default=float("inf"))
-    end = time.monotonic() + 60 * options.parse_args().minutes
+    options.add_argument("--anew", choices=COMPARED, help="an engine whose runs are made again")
+    given = options.parse_args()
+    end = time.monotonic() + 60 * given.minutes
     FOLDER.mkdir(exist_ok=True)
+    if given.anew:
+        forget(given.anew)
     again = specs()
     known = set(pd.read_csv(file_of("rates"))["run"]) if file_of("rates").exists() else set()
     # From all over the list: the tanks of the plan follow each other in it.
     left = sorted(
         (spec for spec in again if spec.run not in known), key=lambda spec: (spec.run // EVERY * 13) % len(again)
     )
-    done = {tank: len(runs_of(tank)) // len(COMPARED) for tank in TANKS}
+    ahead = {tank: missing(tank) for tank in TANKS}
     while time.monotonic() < end:
-        shares = {tank: done[tank] / TANKS[tank].runs for tank in TANKS}
+        shares = {tank: 1 - len(ahead[tank]) / len(planned(tank)) for tank in TANKS}
         shares["rates"] = 1 - len(left) / len(again)
         behind = min(shares, key=lambda name: shares[name])
         if shares[behind] >= 1:
@@ -95,8 +124,8 @@ def main() -> None:
         if behind == "rates":
             make_calibration(left.pop(0))
         else:
-            make_trial(behind, FIRST_SEED + done[behind])
-            done[behind] += 1
+            seed, engine = ahead[behind].pop(0)
+            make_trial(behind, seed, (engine,))
 
 
 if __name__ == "__main__":

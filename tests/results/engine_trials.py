@@ -5,10 +5,15 @@ from one seed: the same places at its start and the same noise. The two stay ali
 crowded tank, 2 tu on, the correlation is .7), so that the difference is known better than either; a run lasts about as
 long as that, and their scatter gives the standard error of the difference.
 
-The plan, made before any of its runs: TANKS, below. `crowded` gives meetings by pair of sizes and the spectrum of loads
+The plan, made before its runs: TANKS, below. `crowded` gives meetings by pair of sizes and the spectrum of loads
 (three times as dense as the study's calibration tanks of 120 cubes: pairs grow with the square, costs do not); `shaken`
 the rate of hits that break, which the study's own shaking gives a structure once in hundreds of tu: three times its
 agitation, steps a third as long, the same threshold; `single` what slow drifts apart would show, in longer runs.
+
+The first plan had 500, 50 and 50 runs. With our own engine's second version its rows were made anew, and the plan grew
+before any further run: `crowded` to 1,500, which should give hits above half of the threshold to 1 % of each size;
+`unlimited`, which is `shaken` by PyBullet without its limit on spins, 100 runs; and as a control, 200 runs of `crowded`
+by our own engine without its memory of contact points (FORGETFUL).
 """
 
 from __future__ import annotations
@@ -33,6 +38,7 @@ WARM_UP = 1.0  # tu, many times the relaxation of a speed
 LOOK_EVERY = 20  # steps between two looks at where all cubes are
 WALL_BINS = (0.5, 0.75, 1.0, 1.5)  # distances of centres from the nearest wall, edges
 PAIR_BINS = (0.9, 1.25, 1.5, 2.0)  # distances of two cubes' centres, edges
+FORGETFUL = "forgetful"  # our own engine, whose bodies forget their contact points before each step
 LINES = ("monomer", "dimer", "trimer", "quadmer")
 
 
@@ -42,6 +48,9 @@ class Tank(NamedTuple):
     title : on the page; composition : bodies by name; runs, length : how many runs are planned, tu of each
     shaking : times the scene's agitation, its step being divided by as much
     shares : of the threshold at which a bond breaks, above which hits are counted
+    is_limited : PyBullet cuts each component of a spin at 100 / tu once its body has touched something, as it does
+        unless told otherwise
+    controls : as many of the runs are made by our own engine without its memory, too
     """
 
     title: str
@@ -50,6 +59,8 @@ class Tank(NamedTuple):
     length: float
     shaking: int = 1
     shares: tuple[float, ...] = (0.25, 0.5, 1.0)
+    is_limited: bool = True
+    controls: int = 0
 
     @property
     def sizes(self) -> list[int]:
@@ -66,10 +77,11 @@ class Tank(NamedTuple):
 
 
 TANKS = {
-    "crowded": Tank("36 bodies of each size", dict.fromkeys(LINES, 36), runs=500, length=5.0),
+    "crowded": Tank("36 bodies of each size", dict.fromkeys(LINES, 36), runs=1500, length=5.0, controls=200),
     "shaken": Tank("the same, shaken", dict.fromkeys(LINES, 36), runs=50, length=3.0, shaking=3, shares=(1.0, 1.5)),
     "single": Tank("120 single cubes", {"monomer": 120}, runs=50, length=20.0),
 }
+TANKS["unlimited"] = TANKS["shaken"]._replace(title="shaken, no limit on spins", runs=100, is_limited=False)
 
 
 def by_engine(scene: Scene, engine: str) -> Scene:
@@ -77,6 +89,24 @@ def by_engine(scene: Scene, engine: str) -> Scene:
     data = scene.as_dict()
     data["numerics"]["engine"] = engine
     return validated(Scene, data, f"scene {scene.name}")
+
+
+def forget(world: World) -> None:
+    """Let all bodies forget their contact points: what is put somewhere has none."""
+    for slot in world.bodies.live:
+        world.engine.put(slot)
+
+
+def lift_limit(world: World) -> None:
+    """Let PyBullet leave spins of the bodies that are there as they are, however fast."""
+    import pybullet  # an extra, which our own engine does without
+
+    from mechsim.world.engines.pybullet_engine import PyBulletEngine
+
+    assert isinstance(world.engine, PyBulletEngine)
+    client = world.engine.client
+    for k in range(pybullet.getNumBodies(physicsClientId=client)):
+        pybullet.changeDynamics(pybullet.getBodyUniqueId(k, client), -1, maxJointVelocity=1e9, physicsClientId=client)
 
 
 class _Watch:
@@ -156,7 +186,7 @@ def names(tank: Tank) -> list[str]:
 
 def measure(tank: Tank, engine: str, seed: int) -> dict[str, float]:
     """One run of a tank by an engine: each quantity of `names`."""
-    scene = tank.scene(engine)
+    scene = tank.scene("own" if engine == FORGETFUL else engine)
     book, derivation = book_of(scene.rules)
     start = [derivation.structures[name] for name, n in tank.composition.items() for _ in range(n)]
     if len(tank.sizes) == 1:
@@ -166,9 +196,13 @@ def measure(tank: Tank, engine: str, seed: int) -> dict[str, float]:
     with World(made, book, sum(map(len, start)), np.random.SeedSequence(seed)) as world:
         watch = _Watch(scene, world, tank.shares)
         world.populate(start)
+        if engine == "pybullet" and not tank.is_limited:
+            lift_limit(world)
         for length in (WARM_UP, tank.length):
             watch.begin()
             for _ in range(whole_holds(scene, length)):
+                if engine == FORGETFUL:
+                    forget(world)
                 world.step()
                 watch.after_step()
         seen = watch.found()

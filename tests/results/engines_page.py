@@ -1,7 +1,7 @@
 """The figure and the tables of docs/engines.md: what depends on the engine of contacts.
 
     python -m tests.results.engine_runs     # the runs, or what is missing of them
-    python -m tests.results.engine_shadow   # both engines from the same states
+    python -m tests.results.engine_shadow   # engines from the same states
     python -m tests.results.engines_page    # figure and tables anew, from results/engines
 
 The errors of the trials are those of the difference, from the scatter of pairs of runs by the two engines. Rates are
@@ -19,8 +19,8 @@ import pandas as pd
 from scipy.stats import beta, chi2
 
 from kinetics.support.plots import colour, save_figure
-from tests.results.engine_runs import FOLDER, ROOT, STUDY, file_of, runs_of, specs
-from tests.results.engine_trials import TANKS
+from tests.results.engine_runs import COMPARED, FOLDER, ROOT, STUDY, file_of, runs_of, specs
+from tests.results.engine_trials import FORGETFUL, TANKS
 
 PAGE = ROOT / "docs" / "engines.md"
 BLOCKS = re.compile(r"(<!-- engines: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -44,6 +44,8 @@ def changes() -> pd.DataFrame:
     found = []
     for name, tank in TANKS.items():
         seen = runs_of(name)
+        if seen.empty:
+            continue
         first, own = seen.loc["pybullet"], seen.loc["own"]
         mean = first.mean().where(lambda values: values > 0)
         table = pd.DataFrame({
@@ -83,7 +85,10 @@ def table(found: pd.DataFrame) -> str:
 def single_lines(found: pd.DataFrame) -> str:
     """A line a pair of sizes, and a size for loads, where each is known best."""
     rows = ["| what | tank | change (%) | events |", "|---|---|---|---|"]
-    for begin, tank in (("meetings", "crowded"), ("hits above 0.25", "crowded"), ("hits above 1", "shaken")):
+    for begin, tank in (
+        ("meetings", "crowded"), ("hits above 0.25", "crowded"), ("hits above 0.5", "crowded"),
+        ("hits above 1", "shaken"), ("hits above 1", "unlimited"), ("hits above 1.5", "unlimited"),
+    ):  # fmt: skip
         rows += [
             f"| {row['quantity']} | {tank} | {signed(row['change'])} ± {100 * row['error']:.2f} | {row['events']:.0f} |"
             for row in of_group(found[found["tank"] == tank], begin).to_dict("records")
@@ -91,16 +96,46 @@ def single_lines(found: pd.DataFrame) -> str:
     return "\n".join(rows) + "\n"
 
 
-def progress(found: pd.DataFrame) -> str:
+def progress() -> str:
     """What was run of the plan."""
     rows = ["| tank | bodies | runs planned | made | tu of each | shaking |", "|---|---|---|---|---|---|"]
     for name, tank in TANKS.items():
-        made = int(found.loc[found["tank"] == name, "runs"].iloc[0])
+        made = len(runs_of(name)) // len(COMPARED)
         shaking = f"{tank.shaking} times, steps {tank.shaking} times finer" if tank.shaking > 1 else "the study's"
+        shaking += "" if tank.is_limited else "; no limit on spins"
         bodies = ", ".join(f"{count} {what}s" for what, count in tank.composition.items())
         rows.append(f"| {name} | {bodies} | {tank.runs} | {made} | {tank.length:g} | {shaking} |")
     again = pd.read_csv(file_of("rates"))["run"].nunique()
     rows.append(f"| calibration of line4 | as in its plan | {len(specs())} | {again} | 500 | the study's |")
+    return "\n".join(rows) + "\n"
+
+
+def control() -> pd.DataFrame:
+    """Loads in the crowded tank by our own engine, as it is and without its memory, relative to PyBullet: in the runs
+    that all three made."""
+    seen = runs_of("crowded", (*COMPARED, FORGETFUL))
+    rows = []
+    for share in ("0.25", "0.5"):
+        names = [name for name in seen if name.startswith(f"hits above {share} ")]
+        for name, columns in [*((name, [name]) for name in names), (f"hits above {share} on all", names)]:
+            first = seen.loc["pybullet", columns].sum(axis=1)
+            row = {"quantity": name, "runs": len(first)}
+            for engine in ("own", FORGETFUL):
+                change = (seen.loc[engine, columns].sum(axis=1) - first) / first.mean()
+                row |= {engine: change.mean(), f"{engine} error": change.std(ddof=1) / len(first) ** 0.5}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def control_table(found: pd.DataFrame) -> str:
+    """A line a load and size."""
+    runs = found["runs"].iloc[0]
+    rows = [f"| in {runs} runs of the crowded tank | own engine (%) | without its memory (%) |", "|---|---|---|"]
+    rows += [
+        f"| {row['quantity']} | {signed(row['own'])} ± {100 * row['own error']:.2f} "
+        f"| {signed(row[FORGETFUL])} ± {100 * row[f'{FORGETFUL} error']:.2f} |"
+        for row in found.to_dict("records")
+    ]
     return "\n".join(rows) + "\n"
 
 
@@ -136,12 +171,27 @@ def rates_table(found: pd.DataFrame) -> str:
 
 
 def shadow_table(stored: pd.DataFrame) -> str:
-    """A line a kind of contact: pairs of bodies, and impulses by each engine, a tu."""
-    rows = ["| what | pairs of bodies | impulse by PyBullet | by our own engine |", "|---|---|---|---|"]
+    """A line a kind of contact, a tu: pairs of bodies, impulses by each engine, and what parts the first two."""
+    titles = "| pairs of bodies | number | impulse by PyBullet | by our own engine | without its memory | apart (%) |"
+    rows = [titles, "|---|---|---|---|---|---|"]
     rows += [
-        f"| {row['contact']} | {row['pairs']:.0f} | {row['pybullet']:.3f} | {row['own']:.3f} |"
+        f"| {row['contact']} | {row['pairs']:.0f} | {row['pybullet']:.3f} | {row['own']:.3f} | {row[FORGETFUL]:.3f} "
+        f"| {100 * row['difference'] / row['pybullet']:.1f} |"
         for row in stored.to_dict("records")
     ]
+    return "\n".join(rows) + "\n"
+
+
+def hits_table(stored: pd.DataFrame) -> str:
+    """A line a size and share of the load that breaks: hits by each engine in the same steps."""
+    rows = ["| hits above | on | by PyBullet | by our own engine | by one of the two alone | change (%) |"]
+    rows.append("|---|---|---|---|---|---|")
+    for row in stored.to_dict("records"):
+        change, error = row["own"] / row["pybullet"] - 1, row["one alone"] ** 0.5 / row["pybullet"]
+        rows.append(
+            f"| {row['share']:g} of the threshold | {row['size']:.0f} | {row['pybullet']:.0f} | {row['own']:.0f} "
+            f"| {row['one alone']:.0f} | {signed(change)} ± {100 * error:.2f} |"
+        )
     return "\n".join(rows) + "\n"
 
 
@@ -171,10 +221,12 @@ def written(text: str) -> str:
     """The page with its tables made anew; ValueError: it has not the blocks for them."""
     found = changes()
     tables = {
-        "plan": progress(found),
+        "plan": progress(),
         "trials": table(found),
         "single": single_lines(found),
         "shadow": shadow_table(pd.read_csv(file_of("shadow"))),
+        "hits": hits_table(pd.read_csv(file_of("shadow_loads"))),
+        "control": control_table(control()),
         "rates": rates_table(rates()),
     }
     if sorted(block[2] for block in BLOCKS.finditer(text)) != sorted(tables):
@@ -184,7 +236,7 @@ def written(text: str) -> str:
 
 def main() -> None:
     """Draw and write."""
-    save_figure(str(FOLDER / "line4.svg"), partial(draw, changes()), (7.0, 12.0))
+    save_figure(str(FOLDER / "line4.svg"), partial(draw, changes()), (7.0, 15.0))
     PAGE.write_text(written(PAGE.read_text("utf-8")), encoding="utf-8")
 
 

@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from tests.results import engine_runs, engines_page
-from tests.results.engine_runs import COMPARED, file_of, make_trial, runs_of
-from tests.results.engine_shadow import BEGUN, REMEMBERED, compare
-from tests.results.engine_trials import TANKS, measure, names
-from tests.results.engines_page import GROUPS, PAGE, changes, of_group, rates, table, written
+from tests.results.engine_runs import COMPARED, file_of, forget, make_trial, missing, planned, runs_of
+from tests.results.engine_shadow import APART, BEGUN, GOING_ON, compare
+from tests.results.engine_trials import FORGETFUL, TANKS, measure, names
+from tests.results.engines_page import GROUPS, PAGE, changes, control, of_group, rates, table, written
 
-# Loads are what depends on the engine, as the page says; known to 2 % at best where they are of the whole threshold.
+# Of what is common enough: a hit that breaks is not in the crowded tank.
 ALIKE = [begin for begin in GROUPS if not begin.startswith("hits")]
 
 
@@ -32,23 +32,48 @@ def test_every_quantity_is_in_one_group(found):
         assert sum(name.startswith(begin + " ") for begin in GROUPS) == 1
 
 
-def test_no_quantity_but_loads_is_off_by_2_percent_beyond_its_error(found):
+def test_no_quantity_is_off_by_2_percent_beyond_its_error(found):
     """At five standard errors, over all of them: a false alarm in ten thousand such pages or so."""
-    alike = pd.concat([of_group(found, begin) for begin in ALIKE])
-    assert len(alike) > 60
+    alike = pd.concat([of_group(found, begin) for begin in GROUPS])
+    assert len(alike) > 100
     assert (alike["change"].abs() < 0.02 + 5 * alike["error"]).all()
 
 
 def test_what_the_page_says_of_single_groups(found):
-    """Meetings by pair: known to 1 %, alike; loads of a quarter: more by our own engine, most on long structures."""
-    crowded = found[found["tank"] == "crowded"]
-    meetings, loads = of_group(crowded, "meetings"), of_group(crowded, "hits above 0.25")
-    assert meetings["error"].max() < 0.01
-    assert (meetings["change"].abs() < 0.02).all()
-    assert (meetings["change"].abs() < 3 * meetings["error"]).all()
-    assert loads["change"].is_monotonic_increasing
-    assert 0.02 < loads["change"].iloc[-1] < 0.04
-    assert loads["change"].iloc[-1] > 5 * loads["error"].iloc[-1]
+    """Meetings by pair, and loads of a quarter, are known to 1 % and alike; so are loads that break, where PyBullet
+    does not limit spins."""
+    crowded, unlimited = (found[found["tank"] == tank] for tank in ("crowded", "unlimited"))
+    for group in (
+        of_group(crowded, "meetings"),
+        of_group(crowded, "hits above 0.25"),
+        of_group(unlimited, "hits above 1"),
+    ):
+        assert group["error"].max() < 0.01
+        assert (group["change"].abs() < 0.01 + 3 * group["error"]).all()
+
+
+def test_spins_are_cut_by_pybullet_in_the_shaken_tank_alone(found):
+    spins = found[found["quantity"] == "spin of 1"].set_index("tank")
+    assert spins.loc["shaken", "change"] > 5 * spins.loc["shaken", "error"]
+    for tank in ("crowded", "single", "unlimited"):
+        assert abs(spins.loc[tank, "change"]) < 0.001 + 3 * spins.loc[tank, "error"]
+
+
+def test_it_is_memory_that_brings_loads_together():
+    """Of a quarter of the threshold on four cubes; without memory they are off as far as they were by version 1."""
+    seen = control().set_index("quantity").loc["hits above 0.25 of the threshold on 4"]
+    assert abs(seen["own"]) < 0.01 + 2 * seen["own error"]
+    assert seen[FORGETFUL] > 0.01 + 2 * seen[f"{FORGETFUL} error"]
+
+
+def test_hits_from_the_same_state_are_the_same_to_half_a_per_cent():
+    """Of a quarter of the threshold, by size; some lie above it by one engine alone."""
+    stored = pd.read_csv(file_of("shadow_loads"))
+    quarter = stored[stored["share"] == 0.25]
+    assert (quarter["pybullet"] > 5000).all()
+    assert (
+        (quarter["own"] / quarter["pybullet"] - 1).abs() < 0.005 + 3 * quarter["one alone"] ** 0.5 / quarter["own"]
+    ).all()
 
 
 def test_the_study_s_rates_lie_within_the_intervals_of_their_ratios():
@@ -83,12 +108,41 @@ def test_runs_that_were_cut_off_are_made_again(monkeypatch, tmp_path):
     pd.testing.assert_frame_equal(runs_of("single"), whole)
 
 
-def test_from_the_same_state_engines_push_alike_and_pybullet_remembers():
+def test_an_engine_s_runs_are_made_anew_and_the_other_s_kept(monkeypatch, tmp_path):
     pytest.importorskip("pybullet")
-    seen = compare(1.0).set_index("contact")
-    assert abs(seen.loc[BEGUN, "own"] / seen.loc[BEGUN, "pybullet"] - 1) < 0.02
-    assert seen.loc[REMEMBERED, "own"] == 0.0
-    assert 0.02 < seen.loc[REMEMBERED, "pybullet"] / seen["pybullet"].sum() < 0.1
+    monkeypatch.setattr(engine_runs, "FOLDER", tmp_path)
+    small = {"composition": {"monomer": 4}, "length": 0.1, "runs": 2, "controls": 1}
+    monkeypatch.setitem(TANKS, "single", TANKS["single"]._replace(**small))
+    assert (
+        missing("single") == planned("single") == [(1, FORGETFUL), (1, "own"), (1, "pybullet"), *missing("single")[3:]]
+    )
+    for seed, engine in planned("single"):
+        make_trial("single", seed, (engine,))
+    assert missing("single") == []
+    whole, lines = runs_of("single"), file_of("single").read_text("utf-8").splitlines()
+    forget("own")
+    assert file_of("single").read_text("utf-8").splitlines() == [line for line in lines if ",own," not in line]
+    assert missing("single") == [(1, "own"), (2, "own")]
+    assert len(runs_of("single")) == 0
+    for seed, engine in missing("single"):
+        make_trial("single", seed, (engine,))
+    pd.testing.assert_frame_equal(runs_of("single"), whole)
+    assert len(runs_of("single", (*COMPARED, FORGETFUL))) == 3
+
+
+def test_from_the_same_state_engines_push_alike_where_both_remember():
+    """Also where bodies do not overlap, to 1 % of the impulse; without its memory our own engine pushes nothing there
+    but edges that all but touch."""
+    pytest.importorskip("pybullet")
+    kinds, hits = compare(3.0)
+    seen = kinds.set_index("contact")
+    for kind in (BEGUN, GOING_ON, APART):
+        assert abs(seen.loc[kind, "own"] / seen.loc[kind, "pybullet"] - 1) < 0.02
+        assert seen.loc[kind, "difference"] / seen.loc[kind, "pybullet"] < 0.03
+    assert seen.loc[APART, FORGETFUL] < 0.05 * seen.loc[APART, "own"]
+    assert 0.02 < seen.loc[APART, "pybullet"] / seen["pybullet"].sum() < 0.1
+    assert hits["pybullet"].sum() > 500
+    assert hits["one alone"].sum() < 0.03 * hits["pybullet"].sum()
 
 
 @pytest.mark.validate

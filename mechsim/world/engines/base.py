@@ -21,6 +21,7 @@ LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
 RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
 SLOP = 1e-5  # length: overlap that is left as it is
 SLEEPING = 0.0  # speed below which a body is put to rest: switched off
+BREAKING = 0.02  # of the smaller radius of two bodies: contact points are remembered until they are so far apart
 CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
 OF_ALL_ENGINES = {  # the same, as `Engine.in_force` tells it
     "least_bounce": LEAST_BOUNCE,
@@ -116,6 +117,7 @@ class EngineEntry(NamedTuple):
     home, kind : the module and the class
     packages : whose versions decide its numbers, and so are part of a run's name
     lacks : effects that it cannot do
+    version : raised by hand whenever it makes another record of the same inputs; part of a run's name but for the first
     """
 
     name: str
@@ -123,6 +125,7 @@ class EngineEntry(NamedTuple):
     kind: str
     packages: tuple[str, ...]
     lacks: tuple[str, ...] = ()
+    version: int = 1
 
     def load(self) -> type[Engine]:
         """The engine's class. ModuleNotFoundError: a package that it needs is not installed."""

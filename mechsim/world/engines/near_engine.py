@@ -19,10 +19,9 @@ import numpy as np
 
 from mechsim.kernels.closeness import mark_close
 from mechsim.world.bodies import Bodies
+from mechsim.world.engines.base import BREAKING
 from mechsim.world.engines.pybullet_engine import PyBulletEngine
 
-# Of the smaller one's radius: a contact point between bodies further apart is dropped.
-BREAKING = 0.02
 # Left-out bodies stand in a row so far away, in edges, that nothing else comes there, at rest.
 AWAY = 1e9
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -1,12 +1,13 @@
 """An engine of our own: boxes and walls, compiled, in the table of bodies itself.
 
 It keeps the conventions of `base`, and PyBullet's on what these leave open: contacts are looked for where bodies lie
-before the step; restitution is taken of the speeds before any impulse; friction keeps within a cone. Other than there,
-an impulse acts at one point on both bodies, so that angular momentum is kept, too; contact points are not remembered
-from one step to the next; and a wall has no back through which a fast body could leave.
+before the step; restitution is taken of the speeds before any impulse; friction keeps within a cone; two boxes keep
+their contact points, four at most, until these have come apart. Other than there, an impulse acts at one point on both
+bodies, so that angular momentum is kept, too; a body that something other than a step has moved forgets its contact
+points; and a wall has no back through which a fast body could leave.
 
-Nothing is called for each body: a step is three kernels, whatever the tank holds, and a body that touches nothing is
-left to the world's free flight bit for bit.
+Nothing is called for each body: a step is one call of a kernel, whatever the tank holds, and a body that touches
+nothing is left to the world's free flight bit for bit.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mechsim.kernels.impulses import exchange
-from mechsim.kernels.touching import find_contacts, place_boxes
+from mechsim.kernels.meeting import meet
+from mechsim.kernels.remembered import MOST
 from mechsim.world.bodies import Bodies, BodyShape
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
+from mechsim.world.engines.base import BREAKING, LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
 
-FIRST_ROOM = 256  # contacts; doubled where a step finds more
+FIRST_ROOM = 1024  # contacts; doubled where a step finds more
 
 
 class OwnEngine(Engine):
@@ -41,7 +42,10 @@ class OwnEngine(Engine):
         self._half, self._offset, self._turn = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._centre, self._axes = np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._pushed, self._ready = np.full(n, -1), np.zeros((n, 5, 3))
-        self._found = 0
+        self._breaking, self._first = np.zeros(n), np.full(n, -1)
+        self._found = self._remembered = 0
+        self._pair, self._count = np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+        self._point = np.zeros((0, MOST, 10))
         self._make_room(FIRST_ROOM)
 
     def close(self) -> None:
@@ -67,15 +71,21 @@ class OwnEngine(Engine):
         self._radius[rows] = np.linalg.norm(self._half[rows], axis=1)
         self._offset[rows] = (middles - shape.centre) @ shape.frame * edge
         self._turn[rows] = shape.frame.T
+        reach = self._half[rows] @ np.abs(shape.frame)  # of each box, along the body's axes
+        low, high = (self._offset[rows] - reach).min(axis=0), (self._offset[rows] + reach).max(axis=0)
+        # A body's radius: half of its bounds' diagonal, and how far their middle is from its centre.
+        self._breaking[slot] = BREAKING * (np.linalg.norm(high - low) + np.linalg.norm(high + low)) / 2
         self._order = np.concatenate([self._order, np.array(rows, np.int64)])
 
     def remove(self, slot: int) -> None:
-        """Take a slot's boxes out, and the impulses of its contacts."""
+        """Take a slot's boxes out, and its contacts: their impulses and what is remembered of them."""
         self._order = self._order[self._slot[self._order] != slot]
-        self._impulse[: self._found][(self._who[: self._found] == slot).any(axis=1)] = 0.0
+        self._impulse[: self._found][(self._who[: self._found, :2] == slot).any(axis=1)] = 0.0
+        self._forget(slot)
 
     def put(self, slot: int) -> None:
-        """The table is what the engine works in."""
+        """Forget the contact points of a slot's body, which is elsewhere now."""
+        self._forget(slot)
 
     def set_motions(self) -> None:
         """The table is what the engine works in."""
@@ -83,23 +93,18 @@ class OwnEngine(Engine):
     def step(self) -> None:
         """Find the contacts as the bodies lie, and exchange impulses in the table; the world moves the bodies."""
         b = self.bodies
-        place_boxes(
-            self._order, self._slot, self._offset, self._turn, b.position, b.orientation, self._centre, self._axes
-        )
         while True:
-            self._found = find_contacts(
-                self._order, self._slot, self._half, self._radius, self._centre, self._axes, self._do_collide,
-                self._wall, self._who, self._contact,
-            )  # fmt: skip
-            if self._found <= len(self._who):
-                break
-            self._make_room(2 * self._found)
-        if self._found:
-            exchange(
-                self._found, self._who, self._contact, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
+            pairs, found = meet(
+                self._order, self._slot, self._offset, self._turn, self._half, self._radius, self._centre, self._axes,
+                self._do_collide, self._wall, self._breaking, self._remembered, self._pair, self._count, self._point,
+                self._first, self._after, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
                 self.restitution, self.friction, LEAST_BOUNCE, RECOVERY, SLOP, self.step_size, self.iterations,
-                self._pushed, self._ready, self._rows, self._impulse,
+                self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse,
             )  # fmt: skip
+            if pairs >= 0:
+                break
+            self._make_room(2 * found)
+        self._remembered, self._found = pairs, found
 
     def near_contacts(self) -> Iterable[int]:
         """None: free flight takes every body on from the motions that the contacts gave it."""
@@ -118,7 +123,7 @@ class OwnEngine(Engine):
             return []
         found = []
         for (a, b), place, impulse in zip(
-            self._who[:n].tolist(), self._contact[:n, :3].tolist(), self._impulse[:n].tolist(), strict=True
+            self._who[:n, :2].tolist(), self._contact[:n, :3].tolist(), self._impulse[:n].tolist(), strict=True
         ):
             if of_structures and len(members[a]) < 2 and (b < 0 or len(members[b]) < 2):
                 continue
@@ -148,6 +153,19 @@ class OwnEngine(Engine):
         }
 
     def _make_room(self, most: int) -> None:
-        """For so many contacts in a step."""
-        self._who, self._contact = np.zeros((most, 2), np.int64), np.zeros((most, 7))
+        """For so many contacts in a step, of a quarter as many pairs of boxes."""
+        self._who, self._contact = np.zeros((most, 4), np.int64), np.zeros((most, 7))
         self._rows, self._impulse = np.zeros((most, 3, 17)), np.zeros((most, 3))
+        self._after = np.zeros(most // MOST, np.int64)
+        kept = self._pair, self._count, self._point
+        self._pair, self._count, self._point = (np.zeros((most // MOST, *a.shape[1:]), a.dtype) for a in kept)
+        for new, old in zip((self._pair, self._count, self._point), kept, strict=True):
+            new[: len(old)] = old
+
+    def _forget(self, slot: int) -> None:
+        """Forget the contact points of a slot's body."""
+        n, pair = self._remembered, self._pair[: self._remembered]
+        stays = ((pair < 0) | (self._slot[np.maximum(pair, 0)] != slot)).all(axis=1)  # below 0: a wall
+        self._remembered = int(stays.sum())
+        for kept in (self._pair, self._count, self._point):
+            kept[: self._remembered] = kept[:n][stays]
