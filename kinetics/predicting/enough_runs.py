@@ -51,14 +51,14 @@ class RunsUntil:
     first : (runs, T, S) counts of the first runs, where these were made
     name : of the method, as results show it
     together : runs that cost about as much as one more would
-    scouting : gives the scouts of what so many runs may not show; None where none can be sent
+    scouting : gives the scouts of what so many runs beside those tallied may not show; None where none can be sent
     """
 
     def __init__(
         self, asked: AskedAccuracy, shown: Network, source: RunSource, grid: Floats, is_known: NDArray[np.bool_],
         seed: int, threads: int | None, report: Callable[[str], None], run_seconds: float = inf,
         first: Ints | None = None, name: str = "", together: int = 1,
-        scouting: Callable[[float], Scouts | None] = lambda _: None,
+        scouting: Callable[[Tally, float], Scouts | None] = lambda *_: None,
     ) -> None:  # fmt: skip
         self.asked, self.shown, self.source, self.grid = asked, shown, source, grid
         self.is_known, self.seed, self.threads, self.report = is_known, seed, threads, report
@@ -83,9 +83,8 @@ class RunsUntil:
         """Runs that will be needed: from the first few, unless it is known without."""
         if self.asked.of != "distribution":
             self._make(FIRST_RUNS)
-            self.scouts = self._scouting(max(self._seen_now().about, FIRST_RUNS))
-            sent = self.scouts
-            self.seldom = NOT_SENT if sent is None else sent.in_words(self.tally.low, self.tally.high)
+            self.scouts = self._scouting(self.tally, max(self._seen_now().about, FIRST_RUNS))
+            self.seldom = NOT_SENT if self.scouts is None else self.scouts.in_words
             self._look()
             more = int(min(self._next(), FIRST_SECONDS / self.run_seconds, MOST_FIRST))
             if self.error > self.asked.value and more > FIRST_RUNS:

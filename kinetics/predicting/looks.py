@@ -47,7 +47,7 @@ class Look:
     asked : of "mean" or "sd"
     rows : (m, T, S) counts of some of the runs
     is_known : (T, S) figures that are no matter of chance
-    scouts : of what runs may not have shown; None where none could be sent
+    scouts : of what runs may not have shown; None where none could be sent, which counts as those that left some out
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Look:
         self.runs = tally.runs
         mean = (tally.sums / tally.runs).astype(float)
         highest = 3 if asked.of == "mean" else 6
-        moments = central_moments(tally, mean, highest)
+        moments = tally.central_moments(mean, highest)
         if scouts is not None:
             moments = moments + scouts.moments(tally, mean, highest)
         variance = moments[2] * tally.runs / (tally.runs - 1)
@@ -72,7 +72,7 @@ class Look:
         skew = np.divide(np.abs(third), spread, out=np.zeros_like(spread), where=spread > 0.0)
         errors = np.sqrt((spread + np.maximum(skew, 1.0) * tolerances) / self.runs)
         self.ratios = np.where(is_known, 0.0, errors / tolerances)
-        self._values, self._seed, self._is_scouted = values, seed, scouts is not None
+        self._values, self._seed, self._is_scouted = values, seed, scouts is not None and not scouts.left_out
         self.chance = chance_at(self.runs, self._is_scouted)
 
     @cached_property
@@ -132,20 +132,6 @@ def of_variance(sd: Floats, tolerances: Floats) -> Floats:
     """Largest error (T, S) of variances whose roots (T, S) may be off by `tolerances` (S,)."""
     down = np.where(sd > tolerances, -1.0, 1.0)  # below 0 there is no variance that could be missed
     return (2.0 * sd + down * tolerances) * tolerances
-
-
-def central_moments(tally: Tally, mean: Floats, highest: int) -> Floats:
-    """Moments (highest + 1, T, S) about the mean, from the histograms."""
-    moments = np.zeros((highest + 1, *mean.shape))
-    used = int(((tally.high >> tally.shift) - tally.origin).max()) + 1
-    for s in range(mean.shape[1]):
-        width = 1 << tally.shift[:, s, None]
-        away = (tally.origin[:, s, None] + np.arange(used)) * width + (width - 1) / 2 - mean[:, s, None]
-        term = tally.histogram[:, s, :used] / tally.runs
-        for power in range(highest + 1):
-            moments[power, :, s] = term.sum(axis=1)
-            term = term * away
-    return moments
 
 
 @lru_cache(maxsize=2)

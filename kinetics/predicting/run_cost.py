@@ -14,7 +14,7 @@ from kinetics.sampling.run_source import RunSource
 from kinetics.support.arrays import Floats, Ints
 
 FIRST_RUNS = 16
-FEWEST_COUNTED, PROPENSITIES = 2, 2**14  # of them, whose events are foretold: as many as have so many propensities
+FEWEST_COUNTED, PROPENSITIES = 2, 2**17  # of them, whose events are foretold: as many as have so many propensities
 LOOKED_AT = np.linspace(0.0, 1.0, 33) ** 3  # of a stretch: most at its beginning, where stiff chains are busiest
 FIRST_EVENTS = 2e3  # of a run, in the first stretch
 STEADY, RISING = 500.0, 8.0  # growth of events by the next, at most: less where events came ever quicker

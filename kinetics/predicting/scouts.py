@@ -3,8 +3,9 @@
 A burst that comes in one of 300 runs is missed by the first 300 more often than not, and their variance says nothing of
 it. But its chance is known, for the propensities that runs meet say how often each channel fires; and what it does is
 found by making it fire: from a state and at a time that runs have shown, in proportion to its propensity there, and by
-going on from there as the network does. Counts that come out beyond all that ordinary runs have shown enter the moments
-with the channel's chance, until runs have shown it themselves. What takes two rare channels in turn stays unseen.
+going on from there as the network does. Counts that come out beyond all that the first runs have shown enter the
+moments with the channel's chance, as far as runs have not shown as much themselves. What a rare event makes possible
+but seldom leads to, stays unseen.
 """
 
 from __future__ import annotations
@@ -16,19 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.predicting.run_cost import FIRST_EVENTS, SeenRates
+from kinetics.predicting.run_cost import FIRST_EVENTS, FIRST_RUNS, SeenRates
 from kinetics.runs.statistics import Tally
 from kinetics.sampling.run_source import RunSource
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.tables import counted
 
-SELDOM, NEVER = 10.0, 0.01  # firings in all runs that are needed: what fires more often shows itself, less is left out
-TIMES, RUNS = 3, 2  # at which a channel fires, and scouts of each
-MOST_CHANNELS = 64
-DEAREST = 100.0  # times the events of a run
+SELDOM, NEVER = 10.0, 0.01  # firings in all runs that are needed: of a channel that shows itself; of all left out
+TIMES, RUNS = 3, 16  # at which a channel fires, at most, and scouts of each
+MOST_CHANNELS, MOST_TIMES = 256, 192  # of all channels together
+BEYOND = 0.5  # widths of the range that runs have shown, by which a count has to be outside of it
+SHOWN = 30  # runs outside of it, which say enough themselves
+DEAREST = 10.0  # times the events of the first runs, of all scouts together
+LOOKS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8)  # on the way, while rates may become too large
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
-BEYOND = 0.5  # widths of the range that runs have shown, by which a count has to be outside of it
 
 
 class Scout(NamedTuple):
@@ -36,101 +39,115 @@ class Scout(NamedTuple):
 
     chance : expected firings in a run that it stands for
     counts : (runs, T', S) at the times after, of which `first` is the first
+    outside : (runs, T', S) which of them are beyond all that the first runs have shown
     """
 
     channel: str
     chance: float
     first: int
     counts: Ints
+    outside: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Scouts:
     """All scouts of a network.
 
+    inner : least and largest counts (T, S) that are not beyond what the first runs have shown
     made : one for each rare channel and time at which it fired
     left_out : number of channels that hardly ever fire and were left out, being too many or too dear to follow
     """
 
+    inner: tuple[Ints, Ints]
     made: tuple[Scout, ...] = ()
     left_out: int = 0
 
-    def beyond(self, low: Ints, high: Ints) -> list[tuple[Scout, NDArray[np.bool_]]]:
-        """Scouts that came out beyond the ranges (T, S) that runs have shown, and where (runs, T', S)."""
-        margin = np.ceil(BEYOND * (high - low))
-        found = []
-        for scout in self.made:
-            part = slice(scout.first, None)
-            outside = (scout.counts > (high + margin)[part]) | (scout.counts < (low - margin)[part])
-            if outside.any():
-                found.append((scout, outside))
-        return found
-
-    def in_words(self, low: Ints, high: Ints) -> str:
-        """What they found beyond the ranges that runs have shown, and what was left out; empty where neither."""
-        chances: dict[str, float] = {}
-        for scout, _ in self.beyond(low, high):
-            chances[scout.channel] = sum(each.chance for each in self.made if each.channel == scout.channel)
+    @property
+    def in_words(self) -> str:
+        """What they found beyond what the first runs have shown, and what was left out; empty where neither."""
+        found = [each.channel for each in self.made if each.outside.any()]
+        chances = {r: sum(each.chance for each in self.made if each.channel == r) for r in dict.fromkeys(found)}
         rare = [f"{name!r} ({chance:.2g} firings a run)" for name, chance in chances.items()]
         more = f" and {len(rare) - MOST_NAMED} more" if len(rare) > MOST_NAMED else ""
         were = "was" if len(rare) == 1 else "were"
-        found = f"{', '.join(rare[:MOST_NAMED])}{more} {were} made to fire, and what came of it is allowed for"
+        made = f"{', '.join(rare[:MOST_NAMED])}{more} {were} made to fire, and what came of it is allowed for"
         left = f"left out, as too many or too dear to follow: {counted(self.left_out, 'rare channel')}"
-        return "; ".join(filter(None, [found * bool(rare), left * bool(self.left_out)]))
+        return "; ".join(filter(None, [made * bool(rare), left * bool(self.left_out)]))
 
     def moments(self, tally: Tally, mean: Floats, highest: int) -> Floats:
         """What to add to the moments (highest + 1, T, S) of runs about their mean (T, S), for what these have not
         shown."""
         added = np.zeros((highest + 1, *mean.shape))
-        for scout, outside in self.beyond(tally.low, tally.high):
-            away = np.where(outside, scout.counts - mean[scout.first :], 0.0)
+        acting = [scout for scout in self.made if scout.outside.any()]
+        if not acting:
+            return added
+        for scout in acting:
+            away = np.where(scout.outside, scout.counts - mean[scout.first :], 0.0)
             term = scout.chance / len(away) * away
             for power in range(1, highest + 1):
                 added[power, scout.first :] += term.sum(axis=0)
                 term = term * away
-        return added
+        shown = tally.central_moments(mean, highest, self.inner)
+        is_less = (np.abs(added) > np.abs(shown)) & (shown[0] * tally.runs < SHOWN)
+        return np.where(is_less, added - shown, 0.0)
 
 
 def send_scouts(
-    network: Network, source: RunSource, seen: SeenRates, grid: Floats, most: int, seed: int, needed: float
-) -> Scouts | None:
+    network: Network, source: RunSource, seen: SeenRates, grid: Floats, most: int, seed: int, tally: Tally,
+    needed: float,
+) -> Scouts | None:  # fmt: skip
     """Scouts of all channels that fire seldom in so many runs; None where rates depend on time, or events set counts.
 
     source : the runs whose counts, or sums of these, are asked for at `grid` (T,)
-    most : scouts in all, at most
+    most : scouts in all, at most; more by a quarter of the runs needed
+    tally : the first runs
     needed : runs that will be made, as far as is known
 
-    None is sent that would, at the rates it begins with, have `DEAREST` times the events of a run.
+    Of more channels than can be followed some are drawn, by their chances, to stand for all. None is followed through
+    many times the events of the first runs.
     """
     if not network.is_homogeneous:
         return None
-    rates = seen.propensities.mean(axis=0)
-    spans = np.diff(seen.times)
-    fired = np.concatenate([np.zeros((1, rates.shape[1])), np.cumsum((rates[1:] + rates[:-1]) / 2 * spans[:, None], 0)])
+    margin = np.ceil(BEYOND * (tally.high - tally.low)).astype(np.int64)
+    inner = tally.low - margin, tally.high + margin
+    fired = _firings(seen)
     chances = fired[-1]
-    rare = np.flatnonzero((chances * needed < SELDOM) & (chances * needed > NEVER))
+    rare = np.flatnonzero((chances > 0.0) & (chances * needed < SELDOM))
+    rare = rare[np.argsort(chances[rare], kind="stable")]
+    rare = rare[np.cumsum(chances[rare]) * needed > NEVER][::-1]
     if not rare.size:
-        return Scouts()
-    chosen = rare[np.argsort(-chances[rare], kind="stable")][: min(MOST_CHANNELS, most)]
-    times = max(1, min(TIMES, most // chosen.size))
-    runs = max(1, min(RUNS, most // (times * chosen.size)))
+        return Scouts(inner)
+    most = min(max(most, int(needed / 4)), MOST_CHANNELS * RUNS)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
-    own, made, dear = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64)), list[Scout](), set[int]()
-    most_events = DEAREST * (float(chances.sum()) + FIRST_EVENTS)
-    for r in chosen.tolist():
-        share = chances[r] / times
+    chosen, shares = rare, chances[rare]
+    if rare.size > min(MOST_CHANNELS, most):
+        shares = np.full(min(MOST_CHANNELS, most), shares.sum() / min(MOST_CHANNELS, most))
+        chosen = rng.choice(rare, shares.size, p=chances[rare] / chances[rare].sum())
+    times = max(1, min(TIMES, most // chosen.size, MOST_TIMES // chosen.size))
+    runs = max(1, min(RUNS, most // (times * chosen.size)))
+    following = _Following(network, source, seen, rng)
+    made, dear = list[Scout](), set[int]()
+    for r, share in zip(chosen.tolist(), shares / times, strict=True):
         for k in range(times):
-            at = int(np.searchsorted(fired[:, r], (k + rng.random()) * share, side="right")) - 1
-            begin, state = _fired(network, seen, r, min(at, spans.size - 1), rng)
+            at = int(np.searchsorted(fired[:, r], (k + rng.random()) / times * chances[r], side="right")) - 1
+            begin, state = _fired(network, seen, r, min(at, seen.times.size - 2), rng)
             first = int(np.searchsorted(grid, begin, side="right"))
             if first == grid.size:  # nothing is asked for afterwards
                 continue
-            if float(network.propensities(state).sum()) * (seen.times[-1] - begin) > most_events:
+            counts = following.counts(state, begin, grid[first:], runs)
+            if counts is None:
                 dear.add(r)
                 continue
-            counts = own.starting_at(state).counts(grid[first:] - begin, runs, len(made) * runs, threads=1)
-            made.append(Scout(network.channels[r], share, first, counts))
-    return Scouts(tuple(made), rare.size - chosen.size + len(dear))
+            outside = (counts < inner[0][first:]) | (counts > inner[1][first:])
+            made.append(Scout(network.channels[r], share, first, counts, outside))
+    return Scouts(inner, tuple(made), rare.size - np.unique(chosen).size + len(dear))
+
+
+def _firings(seen: SeenRates) -> Floats:
+    """Expected firings (L, R) of each channel in a run until each of the times seen."""
+    rates = seen.propensities.mean(axis=0)
+    steps = (rates[1:] + rates[:-1]) / 2 * np.diff(seen.times)[:, None]
+    return np.concatenate([np.zeros((1, rates.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def _fired(network: Network, seen: SeenRates, channel: int, at: int, rng: np.random.Generator) -> tuple[float, Ints]:
@@ -139,6 +156,51 @@ def _fired(network: Network, seen: SeenRates, channel: int, at: int, rng: np.ran
     if not seen.propensities[:, at, channel].any():
         at += 1
     weights = seen.propensities[:, at, channel]
-    run = int(rng.choice(weights.size, p=weights / weights.sum()))
+    total = weights.sum()
+    run = int(rng.choice(weights.size, p=weights / total)) if total > 0.0 else 0
     state = network.sparse_stoichiometry.added_to(seen.states[run, [at]], np.array([channel]))[0]
     return float(seen.times[at]), state
+
+
+class _Following:
+    """Follows scouts to the last time, as long as all together have not too many events."""
+
+    def __init__(self, network: Network, source: RunSource, seen: SeenRates, rng: np.random.Generator) -> None:
+        self.network, self.last = network, float(seen.times[-1])
+        self.source = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64))
+        change = network.sparse_stoichiometry
+        self.may_grow = np.bincount(change.rows, change.copies, minlength=len(network.channels)).max(initial=0.0) > 0.0
+        self.left = DEAREST * FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
+        self.made = 0
+
+    def counts(self, state: Ints, begin: float, times: Floats, runs: int) -> Ints | None:
+        """Counts (runs, T', S) at `times` (T',) after they were in `state` (S,) at the time `begin`; None where that
+        would take too many events."""
+        source, length = self.source.starting_at(state), float(times[-1]) - begin
+        if state.min() < 0:
+            return None
+        try:
+            events = self._events(replace(source, weights=None), length, runs)
+            if events > self.left:
+                return None
+            self.left -= events
+            self.made += runs
+            return source.counts(times - begin, runs, self.made - runs, threads=1)
+        except ValueError:  # a clock that stalls, counts beyond 2^63
+            return None
+
+    def _events(self, source: RunSource, length: float, runs: int) -> float:
+        """Events of scouts, at the largest total propensity on the way to `length`.
+
+        Where counts may grow they are looked at on the way, until growth that went on as it has would not be too much.
+        """
+        first = rate = float(self.network.propensities(source.start).sum())
+        for part in LOOKS if self.may_grow else ():
+            if runs * rate * length > self.left:
+                break
+            there = source.counts(np.array([part * length]), runs, self.made, threads=1)[:, 0]
+            rate = max(rate, float(self.network.propensities(there).sum(axis=-1).max()))
+            growth = np.log(max(rate / first, 1.0)) if first > 0.0 else 0.0
+            if np.log(max(runs * first * length, 1.0)) + growth / part <= np.log(self.left):
+                break
+        return runs * rate * length

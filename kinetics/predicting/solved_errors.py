@@ -10,6 +10,8 @@ from kinetics.solving import Distribution
 from kinetics.solving.distribution import SLACK
 from kinetics.support.arrays import Floats, Ints
 
+WHOLE = 2**53  # up to here doubles hold every whole number
+
 
 def largest_counts(network: Network, start: Ints) -> Floats:
     """Limits (S,) on the counts; inf where none is known.
@@ -19,10 +21,15 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     change = network.sparse_stoichiometry
     gained = np.bincount(change.rows, change.copies, minlength=len(network.channels))
     may_grow = bool(network.events) or gained.max(initial=0.0) > 0.0
-    tops = np.full(len(network.species), np.inf if may_grow else float(start.sum()))
+    copies = sum(map(int, start))  # of any size
+    tops = np.full(
+        len(network.species), np.inf if may_grow else np.nextafter(copies, np.inf) if copies > WHOLE else copies
+    )
     for weights in network.conserved.values():
         if weights.min() >= 0.0:
-            shares = np.divide(weights @ start, weights, out=np.full(tops.size, np.inf), where=weights > 0.0)
+            shares = np.divide(
+                weights @ start.astype(float), weights, out=np.full(tops.size, np.inf), where=weights > 0.0
+            )
             tops = np.minimum(tops, np.floor(shares * (1.0 + 1e-12)))
     return tops
 

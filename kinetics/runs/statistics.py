@@ -318,6 +318,24 @@ class Tally:
         twins.rebin(self.histogram, self.shift, self.origin, shift, origin)
         self.shift, self.origin = shift, origin
 
+    def central_moments(self, mean: Floats, highest: int, inner: tuple[Ints, Ints] | None = None) -> Floats:
+        """Moments (highest + 1, T, S) about a mean (T, S), from the histograms.
+
+        inner : least and largest counts (T, S) of runs that are left out of the sums
+        """
+        moments = np.zeros((highest + 1, *mean.shape))
+        used = int(((self.high >> self.shift) - self.origin).max()) + 1
+        for s in range(mean.shape[1]):
+            width = 1 << self.shift[:, s, None]
+            middle = (self.origin[:, s, None] + np.arange(used)) * width + (width - 1) / 2
+            term = self.histogram[:, s, :used] / self.runs
+            if inner is not None:
+                term = np.where((middle < inner[0][:, s, None]) | (middle > inner[1][:, s, None]), term, 0.0)
+            for power in range(highest + 1):
+                moments[power, :, s] = term.sum(axis=1)
+                term = term * (middle - mean[:, s, None])
+        return moments
+
     def add_statistics(self, other: EnsembleStatistics) -> None:
         """Add runs whose statistics are known."""
         from kinetics.kernels import statistics

@@ -38,7 +38,7 @@ def sampled(asked, network, start, times, seed, most=10**9, with_scouts=True):
     scouting = partial(send_scouts, network, source, first.seen, times, MOST_SCOUTS, seed)
     runs = RunsUntil(
         asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
-        scouting=scouting if with_scouts else lambda _: None,
+        scouting=scouting if with_scouts else lambda *_: None,
     )  # fmt: skip
     runs.foretell()
     return runs.finish(most)
