@@ -104,6 +104,12 @@ def reach(
     is tried for at most `PROJECTING` of what the best of the others would cost, and ends itself where it sees that it
     will take longer.
     """
+    digit = float(np.spacing(float(question.start.max(initial=0))))
+    if asked.of != "distribution" and not asked.is_relative and asked.value < digit:
+        raise ValueError(
+            f"accuracy = {asked.in_words} of counts up to {float(question.start.max()):.3g}, which doubles hold within "
+            f"{digit:.3g}; ask for no less than that"
+        )
     return _Reaching(question, asked, seed, threads, budget, report).answer()
 
 

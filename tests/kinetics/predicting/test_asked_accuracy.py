@@ -318,6 +318,11 @@ def test_contradictions_are_refused(options, message):
         predict(DECAY, None, {"A": 10}, [1.0], **options)
 
 
+def test_an_accuracy_below_the_last_digit_of_the_counts_is_refused():
+    with pytest.raises(ValueError, match=r"accuracy = 100 copies of counts up to 4.61e\+18, which doubles hold within"):
+        predict(DECAY, None, {"A": 2**62}, [1.0], accuracy=100.0)
+
+
 def test_an_accuracy_of_what_is_refused():
     with pytest.raises(ValueError, match="accuracy of 'median'; expected that of mean, sd, distribution"):
         AskedAccuracy(0.1, of="median")
