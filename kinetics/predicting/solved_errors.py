@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.network import Network
 from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.solving import Distribution
 from kinetics.solving.distribution import SLACK
 from kinetics.support.arrays import Floats, Ints
-
-WHOLE = 2**53  # up to here doubles hold every whole number
 
 
 def largest_counts(network: Network, start: Ints) -> Floats:
@@ -21,10 +20,10 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     change = network.sparse_stoichiometry
     gained = np.bincount(change.rows, change.copies, minlength=len(network.channels))
     may_grow = bool(network.events) or gained.max(initial=0.0) > 0.0
-    copies = sum(map(int, start))  # of any size
-    tops = np.full(
-        len(network.species), np.inf if may_grow else np.nextafter(copies, np.inf) if copies > WHOLE else copies
-    )
+    copies = float(sum(map(int, start)))
+    if copies > LARGEST_COUNT:
+        copies = float(np.nextafter(copies, np.inf))
+    tops = np.full(len(network.species), np.inf if may_grow else copies)
     for weights in network.conserved.values():
         if weights.min() >= 0.0:
             shares = np.divide(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from kinetics import Network, Rates
+from kinetics import Auto, Network, Rates
 from kinetics.assembly import RuleBook, derive
 from kinetics.predicting import AskedAccuracy
+from kinetics.predicting.enough_runs import RunsUntil, Sampled
+from kinetics.predicting.reaching import AskedCounts
+from kinetics.predicting.run_cost import first_runs
+from kinetics.predicting.scouts import send_scouts
 from kinetics.runs import EnsembleStatistics
 from kinetics.solving import Distribution
 
@@ -120,3 +125,22 @@ def cumulative(found: EnsembleStatistics | Distribution, s: int, points: int = 4
     for row, p in zip(full, found.probabilities, strict=True):
         np.add.at(row, copies, p)
     return full.cumsum(axis=1)
+
+
+def sampled(
+    asked: AskedAccuracy, network: Network, start: object, times: np.ndarray, seed: int, most: int = 10**9,
+    with_scouts: bool = True,
+) -> Sampled:  # fmt: skip
+    """Runs until they are enough, whatever else would be cheaper."""
+    state = network.state(start)
+    known = AskedCounts(network, state, times).is_known
+    method = Auto().choose(network, state)
+    source = method.source(network, state, seed)
+    first = first_runs(network, method, source, times, known.size, np.inf)
+    scouting = partial(send_scouts, network, source, first.seen, times, 32, seed)
+    runs = RunsUntil(
+        asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
+        scouting=scouting if with_scouts else lambda *_: None,
+    )  # fmt: skip
+    runs.foretell()
+    return runs.finish(most)

@@ -1,11 +1,10 @@
 import subprocess
 import sys
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
-from accuracy_questions import question, share_of_accuracy
+from accuracy_questions import question, sampled, share_of_accuracy
 from known_systems import bare_line, line
 from numpy.testing import assert_array_equal
 from scipy.stats import binom, norm, t
@@ -13,35 +12,17 @@ from scipy.stats import binom, norm, t
 from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
 from kinetics.predicting import AskedAccuracy, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
-from kinetics.predicting.enough_runs import MOST_FIRST, RunsUntil, runs_for_distributions
+from kinetics.predicting.enough_runs import MOST_FIRST, runs_for_distributions
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
 from kinetics.predicting.run_cost import first_runs
-from kinetics.predicting.scouts import send_scouts
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.sampling.cost_model import NetworkSize
 
 FALSE_ALARM = 1e-6
-MOST_SCOUTS = 32
 DECAY = Network.from_text("A -> 0, 0.1")
 TIMES = np.array([5.0, 10.0, 20.0])
-
-
-def sampled(asked, network, start, times, seed, most=10**9, with_scouts=True):
-    """Runs until they are enough, whatever else would be cheaper."""
-    state = network.state(start)
-    known = AskedCounts(network, state, times).is_known
-    method = Auto().choose(network, state)
-    source = method.source(network, state, seed)
-    first = first_runs(network, method, source, times, known.size, np.inf)
-    scouting = partial(send_scouts, network, source, first.seen, times, MOST_SCOUTS, seed)
-    runs = RunsUntil(
-        asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
-        scouting=scouting if with_scouts else lambda *_: None,
-    )  # fmt: skip
-    runs.foretell()
-    return runs.finish(most)
 
 
 def failures(asked, network, start, times, truth, repeats, with_scouts=True):

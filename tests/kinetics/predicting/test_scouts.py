@@ -1,18 +1,16 @@
 import re
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from accuracy_questions import sampled
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from kinetics import Auto, Network, predict
 from kinetics.predicting import AskedAccuracy, scouts
 from kinetics.predicting.accuracy import LEVEL
-from kinetics.predicting.enough_runs import RunsUntil
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.reaching import AskedCounts
 from kinetics.predicting.run_cost import first_runs
 from kinetics.predicting.scouts import send_scouts
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -124,10 +122,9 @@ def test_those_that_would_cost_far_more_than_runs_are_left_out():
 def test_standard_deviations_of_bursts_are_kept():
     """Of a burst of 100 copies by the chance p the standard deviation is 100 sqrt(p (1 - p)), here about 7.7."""
     true, missed = 100 * np.sqrt(-np.expm1(-0.006) * np.exp(-0.006)), 0
+    once, asked = Network.from_text("burst: G -> 100 M, 0.001"), AskedAccuracy(0.1, True, "sd")
     for seed in range(20):
-        made = until(
-            Network.from_text("burst: G -> 100 M, 0.001"), {"G": 1}, TIMES, AskedAccuracy(0.1, True, "sd"), seed, True
-        )
+        made = sampled(asked, once, {"G": 1}, TIMES, seed).statistics
         missed += abs(made.sd()[-1, 1] / true - 1) > 0.1
     assert missed <= binom(20, 1 - LEVEL).isf(FALSE_ALARM)
 
@@ -138,21 +135,6 @@ def test_none_are_sent_where_rates_depend_on_time():
     made = predict(driven, None, {"A": 0}, [2.0], accuracy="10%", seed=1)
     assert made.runs >= 64  # more than first runs must say so then
     assert f"rare events: {scouts.NOT_SENT}" in made.notes
-
-
-def until(network, start, times, asked, seed, with_scouts):
-    state = network.state(start)
-    method = Auto().choose(network, state)
-    source = method.source(network, state, seed)
-    first = first_runs(network, method, source, times, times.size, np.inf)
-    scouting = partial(send_scouts, network, source, first.seen, times, 32, seed)
-    known = AskedCounts(network, state, times).is_known
-    runs = RunsUntil(
-        asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
-        scouting=scouting if with_scouts else lambda *_: None,
-    )  # fmt: skip
-    runs.foretell()
-    return runs.finish(10**8).statistics
 
 
 def true_mean(times):
@@ -169,7 +151,9 @@ def test_bursts_in_one_of_300_runs_are_not_missed(with_scouts):
     repeats, times = 60, np.array([3.0, 6.0])
     true, missed = true_mean(times), 0
     for seed in range(repeats):
-        mean = until(SWITCH, {"G": 1}, times, AskedAccuracy(0.1, True), seed, with_scouts).mean()
+        mean = sampled(
+            AskedAccuracy(0.1, True), SWITCH, {"G": 1}, times, seed, with_scouts=with_scouts
+        ).statistics.mean()
         missed += bool((abs(mean - true) > 0.1 * np.maximum(true.max(axis=0), 1.0)).any())
     allowed = binom(repeats, 1 - LEVEL).isf(FALSE_ALARM)
     assert (missed <= allowed) == with_scouts
