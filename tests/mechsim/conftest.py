@@ -56,7 +56,7 @@ def make_world(book, derivation, line4):
         world.engine.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def scene_of(line4):
     """scene_of({"effect": ...}, ..., step=, edge=, density=, tank=, guard=): line4's tank with these effects alone.
 
