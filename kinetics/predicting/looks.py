@@ -57,13 +57,12 @@ class Look:
         self.runs = tally.runs
         mean = (tally.sums / tally.runs).astype(float)
         highest = 3 if asked.of == "mean" else 6
-        moments = tally.central_moments(mean, highest)
-        if scouts is not None:
-            moments = moments + scouts.moments(tally, mean, highest)
-        variance = moments[2] * tally.runs / (tally.runs - 1)
+        unseen = np.zeros((highest + 1, *mean.shape)) if scouts is None else scouts.moments(tally, mean, highest)
+        moments = tally.central_moments(highest) + unseen
+        variance = tally.variance() + unseen[2]  # those of the histograms leave out what is within a bin
         if asked.of == "mean":
             values, spread, third = rows.astype(float), variance, moments[3]
-            tolerances = np.broadcast_to(asked.tolerances(np.maximum(mean + moments[1], 0.0)), mean.shape)
+            tolerances = np.broadcast_to(asked.tolerances(np.maximum(mean + unseen[1], 0.0)), mean.shape)
         else:
             values = (rows - mean) ** 2
             spread = np.maximum(moments[4] - moments[2] ** 2, 0.0)

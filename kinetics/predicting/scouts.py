@@ -11,6 +11,7 @@ but seldom leads to, stays unseen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -23,13 +24,18 @@ from kinetics.sampling.run_source import RunSource
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.tables import counted
 
-SELDOM, NEVER = 10.0, 0.01  # firings in all runs that are needed: of a channel that shows itself; of all left out
-TIMES, RUNS = 3, 16  # at which a channel fires, at most, and scouts of each
+SELDOM, NEVER = 30.0, 0.01  # firings in all runs that are needed: of a channel that shows itself; of all left out
+TIMES, RUNS = 3, 64  # at which a channel fires, at most, and scouts of each
 MOST_CHANNELS, MOST_TIMES = 256, 192  # of all channels together
 BEYOND = 0.5  # widths of the range that runs have shown, by which a count has to be outside of it
 SHOWN = 30  # runs outside of it, which say enough themselves
-DEAREST = 10.0  # times the events of the first runs, of all scouts together
-LOOKS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8)  # on the way, while rates may become too large
+PROBES, PROBED = 8, 10.0  # scouts that are looked at on the way; times the events of the first runs, of these
+DEAREST = 100.0  # times the events of the first runs, of all scouts together
+FIRST_LOOK, LAST_LOOK = 1 / 64, 7 / 8  # of the way, while rates may become too large
+MOST_LINEARISED = 100  # species
+FIRST_GROWTH = (
+    10.0  # until the first look: its logarithm, at most, where what grows was as quick as all channels together
+)
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
 
@@ -87,7 +93,7 @@ class Scouts:
             for power in range(1, highest + 1):
                 added[power, scout.first :] += term.sum(axis=0)
                 term = term * away
-        shown = tally.central_moments(mean, highest, self.inner)
+        shown = tally.moments_outside(*self.inner, mean, highest)
         is_less = (np.abs(added) > np.abs(shown)) & (shown[0] * tally.runs < SHOWN)
         return np.where(is_less, added - shown, 0.0)
 
@@ -170,37 +176,58 @@ class _Following:
         self.source = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64))
         change = network.sparse_stoichiometry
         self.may_grow = np.bincount(change.rows, change.copies, minlength=len(network.channels)).max(initial=0.0) > 0.0
-        self.left = DEAREST * FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
+        first_runs = FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
+        self.most_probed, self.left = PROBED * first_runs, DEAREST * first_runs
         self.made = 0
 
     def counts(self, state: Ints, begin: float, times: Floats, runs: int) -> Ints | None:
-        """Counts (runs, T', S) at `times` (T',) after they were in `state` (S,) at the time `begin`; None where that
-        would take too many events."""
+        """Counts (runs, T', S) at `times` (T',) after they were in `state` (S,) at the time `begin`, of fewer runs
+        where these would take too many events; None where a few would."""
         source, length = self.source.starting_at(state), float(times[-1]) - begin
         if state.min() < 0:
             return None
         try:
-            events = self._events(replace(source, weights=None), length, runs)
-            if events > self.left:
+            events = self._events(replace(source, weights=None), length)
+            runs = min(runs, int(self.left / max(events, 1.0)))
+            if runs == 0:
                 return None
-            self.left -= events
+            self.left -= runs * events
             self.made += runs
             return source.counts(times - begin, runs, self.made - runs, threads=1)
         except ValueError:  # a clock that stalls, counts beyond 2^63
             return None
 
-    def _events(self, source: RunSource, length: float, runs: int) -> float:
-        """Events of scouts, at the largest total propensity on the way to `length`.
+    def _events(self, source: RunSource, length: float) -> float:
+        """Events of a scout, at the largest total propensity that some have on average on the way to `length`; inf
+        where these few have too many.
 
-        Where counts may grow they are looked at on the way, until growth that went on as it has would not be too much.
+        Where counts may grow they are looked at on the way, until neither growth that went on as it has, nor one at the
+        rate of their linearised equations, would be too much.
         """
         first = rate = float(self.network.propensities(source.start).sum())
-        for part in LOOKS if self.may_grow else ():
-            if runs * rate * length > self.left:
+        if first == 0.0 or not self.may_grow:
+            return first * length
+        part = min(FIRST_LOOK, FIRST_GROWTH / (first * length))
+        while part <= LAST_LOOK:
+            if PROBES * rate * length > self.most_probed:
+                return inf
+            there = source.counts(np.array([part * length]), PROBES, self.made, threads=1)[:, 0]
+            rates = self.network.propensities(there).sum(axis=-1)
+            rate = max(rate, float(rates.mean()))
+            room = log(self.most_probed / (PROBES * first * length))
+            if log(rate / first) / part <= room and self._growth(there[rates.argmax()]) * (1 - part) * length <= room:
                 break
-            there = source.counts(np.array([part * length]), runs, self.made, threads=1)[:, 0]
-            rate = max(rate, float(self.network.propensities(there).sum(axis=-1).max()))
-            growth = np.log(max(rate / first, 1.0)) if first > 0.0 else 0.0
-            if np.log(max(runs * first * length, 1.0)) + growth / part <= np.log(self.left):
-                break
-        return runs * rate * length
+            part = min(2 * part, (1 + part) / 2)
+        return rate * length
+
+    def _growth(self, state: Ints) -> float:
+        """How quickly means near these counts (S,) grow at most, 1 / tu, by their linearised rate equations."""
+        size = state.size
+        if size > MOST_LINEARISED:
+            return inf
+        here = self.network.propensities(state)
+        change = self.network.sparse_stoichiometry
+        slopes = self.network.propensities(state + np.eye(size, dtype=np.int64)) - here
+        linear = np.zeros((size, size))
+        np.add.at(linear, change.columns, change.copies[:, None] * slopes.T[change.rows])
+        return float(np.linalg.eigvals(linear).real.max())

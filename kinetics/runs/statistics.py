@@ -6,6 +6,7 @@ statistics of a set of runs do not depend on the blocks in which they came, on t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -124,9 +125,7 @@ class EnsembleStatistics(Shown, Tabular):
         """(T, K) of some of the pairs that are kept."""
         if self.runs == 1:
             return np.full((self.times.size, asked.size), np.nan)
-        first, second = self.pairs[:, asked]
-        numerator = self.runs * self.products[:, asked] - self.sums[:, first] * self.sums[:, second]
-        return (numerator / (self.runs * (self.runs - 1))).astype(float)
+        return covariances_of(self.runs, self.sums, self.products[:, asked], self.pairs[:, asked])
 
     def quantile(self, q: float) -> Floats:
         """Smallest counts (T, S) with at least a share q of the runs at or below them, within `quantile_error`."""
@@ -318,23 +317,42 @@ class Tally:
         twins.rebin(self.histogram, self.shift, self.origin, shift, origin)
         self.shift, self.origin = shift, origin
 
-    def central_moments(self, mean: Floats, highest: int, inner: tuple[Ints, Ints] | None = None) -> Floats:
-        """Moments (highest + 1, T, S) about a mean (T, S), from the histograms.
+    def variance(self) -> Floats:
+        """Variance (T, S) among the runs, with runs - 1, rounded once."""
+        own = self.pairs[0] == self.pairs[1]
+        return covariances_of(self.runs, self.sums, self.products[:, own], self.pairs[:, own])
 
-        inner : least and largest counts (T, S) of runs that are left out of the sums
-        """
+    def central_moments(self, highest: int) -> Floats:
+        """Moments (highest + 1, T, S) about the mean, from the histograms; those of bins wider than a count are about
+        the mean of their middles."""
+        moments = np.zeros((highest + 1, *self.low.shape))
+        moments[0] = 1.0
+        for s, middle, share in self._bins():
+            away = middle - (share * middle).sum(axis=1, keepdims=True)
+            term = share * away
+            for power in range(2, highest + 1):
+                term = term * away
+                moments[power, :, s] = term.sum(axis=1)
+        return moments
+
+    def moments_outside(self, low: Ints, high: Ints, mean: Floats, highest: int) -> Floats:
+        """What counts below `low` and above `high` (T, S) add to the moments (highest + 1, T, S) about `mean` (T, S),
+        from the histograms."""
         moments = np.zeros((highest + 1, *mean.shape))
-        used = int(((self.high >> self.shift) - self.origin).max()) + 1
-        for s in range(mean.shape[1]):
-            width = 1 << self.shift[:, s, None]
-            middle = (self.origin[:, s, None] + np.arange(used)) * width + (width - 1) / 2
-            term = self.histogram[:, s, :used] / self.runs
-            if inner is not None:
-                term = np.where((middle < inner[0][:, s, None]) | (middle > inner[1][:, s, None]), term, 0.0)
+        for s, middle, share in self._bins():
+            term = np.where((middle < low[:, s, None]) | (middle > high[:, s, None]), share, 0.0)
             for power in range(highest + 1):
                 moments[power, :, s] = term.sum(axis=1)
                 term = term * (middle - mean[:, s, None])
         return moments
+
+    def _bins(self) -> Iterator[tuple[int, Floats, Floats]]:
+        """Of each species the middles of its bins (T, B), and the share of the runs in each."""
+        used = int(((self.high >> self.shift) - self.origin).max()) + 1
+        for s in range(self.low.shape[1]):
+            width = 1 << self.shift[:, s, None]
+            middle = (self.origin[:, s, None] + np.arange(used)) * width + (width - 1) / 2
+            yield s, middle, self.histogram[:, s, :used] / self.runs
 
     def add_statistics(self, other: EnsembleStatistics) -> None:
         """Add runs whose statistics are known."""
@@ -362,6 +380,12 @@ def bins_for(n_times: int, n_species: int) -> int:
     while n_bins > FEWEST_BINS and 8 * n_bins * n_times * n_species > HISTOGRAM_BYTES:
         n_bins //= 2
     return n_bins
+
+
+def covariances_of(runs: int, sums: Exact, products: Exact, pairs: NDArray[np.intp]) -> Floats:
+    """Covariances (T, K) of pairs (2, K) of species among the runs, with runs - 1, rounded once."""
+    first, second = pairs
+    return ((runs * products - sums[:, first] * sums[:, second]) / (runs * (runs - 1))).astype(float)
 
 
 def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.intp]:

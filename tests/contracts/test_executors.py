@@ -142,7 +142,7 @@ def test_what_every_run_would_meet_ends_the_call(executor, tmp_path):
     log, store = tmp_path / "log", RunStore(tmp_path / "runs")
     full = FakeSpec(1, 0, behaviour="full disk")
     with pytest.raises(OSError, match=f"could not write.*{full.key}"):
-        run_all([full, *specs_of(2, seconds=60.0, log=str(log))], store, workers=executor, execute=execute)
+        run_all([full, *specs_of(2, seconds=600.0, log=str(log))], store, workers=executor, execute=execute)
     stranger = FakeSpec(1, 1)
     vars(stranger)["key"] = "0" * 64  # as if asked for with other versions
     with pytest.raises(ValueError, match=r"has rules .* the run was asked for with others"):

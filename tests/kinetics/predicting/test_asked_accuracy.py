@@ -13,11 +13,14 @@ from kinetics import Auto, Network, Transient, predict, simulate_statistics, sol
 from kinetics.predicting import AskedAccuracy, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
 from kinetics.predicting.enough_runs import MOST_FIRST, runs_for_distributions
+from kinetics.predicting.looks import Look
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
 from kinetics.predicting.run_cost import first_runs
 from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
+from kinetics.runs import statistics
+from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.cost_model import NetworkSize
 
 FALSE_ALARM = 1e-6
@@ -115,6 +118,32 @@ def test_correlated_figures_count_once_and_independent_ones_each():
     assert all_same == pytest.approx(one, rel=0.15)
     assert one == pytest.approx(1.96, rel=0.15)
     assert all_own > 1.3 * one
+
+
+def test_wide_bins_neither_hide_nor_add_an_error():
+    """Of 20,000 runs without a copy and 100 with about 50,000: bins of 16 counts, of which 0 is in the first."""
+    model, rng = Network.from_text("A -> 0, 1"), np.random.default_rng(4)
+    counts = np.append(np.zeros(20_000, np.int64), rng.integers(40_000, 60_000, 100))[:, None, None]
+    tally, asked = Tally(model, [1.0], kept_pairs(1)), AskedAccuracy(0.1, True)
+    tally.add(counts)
+    assert tally.shift.min() == 4
+    look = Look(asked, tally, counts[-64:], np.zeros((1, 1), bool), 1)
+    mean, variance, third = counts.mean(), counts.var(ddof=1), np.mean((counts - counts.mean()) ** 3)
+    tolerance = asked.tolerances(np.array([[mean]]))[0]
+    error = np.sqrt((variance + third / variance * tolerance) / len(counts))
+    assert look.ratios[0, 0] == pytest.approx(error / tolerance, rel=1e-3)
+
+
+def test_a_spread_within_a_bin_counts(monkeypatch):
+    """One run far out makes bins of 16,384 counts where there are few; most of the variance is within the first."""
+    monkeypatch.setattr(statistics, "MOST_BINS", statistics.FEWEST_BINS)
+    model, rng = Network.from_text("A -> 0, 1"), np.random.default_rng(5)
+    counts = np.append(rng.integers(0, 16_000, 200_000), 10**6)[:, None, None]
+    tally, asked = Tally(model, [1.0], kept_pairs(1)), AskedAccuracy(10.0, False)
+    tally.add(counts)
+    assert tally.shift.min() == 14
+    ratio = Look(asked, tally, counts[:64], np.zeros((1, 1), bool), 1).ratios[0, 0]
+    assert ratio > np.sqrt(counts.var() / len(counts)) / 10
 
 
 def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
