@@ -18,7 +18,7 @@ from kinetics.predicting.enough_runs import FIRST_SECONDS, RunsUntil, Sampled
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.run_cost import FIRST_RUNS, STATISTICS, first_runs
 from kinetics.predicting.scouts import send_scouts
-from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
+from kinetics.predicting.solved_errors import error_reached, is_endless, largest_counts, tolerance_for
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto
 from kinetics.solving import Distribution, FiniteStateProjection, Transient
@@ -161,8 +161,11 @@ class _Reaching:
 
     def _list(self, most: int, limit: float) -> None:
         """List so many states, and foretell the solution over them; one of more seconds than `limit` is none."""
-        self.report(f"listing up to {most} states")
         model, start, grid, _ = self.question
+        if is_endless(model):
+            self.exact = self.exact._replace(remark="its states have no end")
+            return
+        self.report(f"listing up to {most} states")
         try:
             space = reachable(model, start, max_states=most)
         except ValueError as refusal:

@@ -33,6 +33,15 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     return tops
 
 
+def is_endless(network: Network) -> bool:
+    """Whether a channel that needs nothing makes copies for ever, so that no list of states ends."""
+    if network.events or not network.is_mass_action:
+        return False
+    change = network.sparse_stoichiometry
+    made = np.bincount(change.rows, change.copies, minlength=len(network.channels))
+    return bool((network.propensities(np.zeros(len(network.species), dtype=np.int64))[made > 0.0] > 0.0).any())
+
+
 def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> float:
     """Limit on the error of `found`, in the unit of `asked`; inf where nothing is proven.
 

@@ -314,7 +314,8 @@ class Tally:
         """Make the histograms hold low to high."""
         shift, origin = np.empty_like(self.shift), np.empty_like(self.origin)
         twins.fit_bins(self.low, self.high, self.histogram.shape[2], shift, origin)
-        twins.rebin(self.histogram, self.shift, self.origin, shift, origin)
+        if self.runs:
+            twins.rebin(self.histogram, self.shift, self.origin, shift, origin)
         self.shift, self.origin = shift, origin
 
     def variance(self) -> Floats:

@@ -17,7 +17,7 @@ from kinetics.predicting.looks import Look
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
 from kinetics.predicting.run_cost import first_runs
-from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
+from kinetics.predicting.solved_errors import error_reached, is_endless, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import statistics
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -396,3 +396,20 @@ def test_reach_answers_a_question_by_itself():
     answer = reach(AskedCounts(DECAY, np.array([100]), TIMES), AskedAccuracy(0.01, True))
     assert answer.method == "exact"
     assert answer.reached.is_reached
+
+
+@pytest.mark.parametrize(
+    ("text", "endless"),
+    [
+        ("0 -> A, 5\nA -> 0, 1", True),
+        ("A -> 2 A, 5\nA -> 0, 1", False),  # not sure: there may be no A
+        ("0 -> A, 0\nA -> 0, 1", False),
+        ("0 -> A, 5 / (1 + A)\nA -> 0, 1", False),  # a law, of which nothing is known
+        ("A + B <-> C, 1, 2", False),
+    ],
+)
+def test_states_without_end_are_not_listed(text, endless):
+    network = Network.from_text(text)
+    assert is_endless(network) == endless
+    made = predict(network, None, dict.fromkeys(network.species, 1), [1.0], accuracy="20%", seed=1)
+    assert ("exact: its states have no end" in str(made.notes)) == endless
