@@ -30,6 +30,7 @@ BEYOND = 0.5  # widths of the range that runs have shown, by which a count has t
 SHOWN = 30  # runs outside of it, which say enough themselves
 DEAREST = 10.0  # times the events of the first runs, of all scouts together
 LOOKS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8)  # on the way, while rates may become too large
+MOST_NEXT = 64  # channels by which a scout may go on that are looked at before it does
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
 
@@ -112,7 +113,7 @@ def send_scouts(
     inner = tally.low - margin, tally.high + margin
     fired = _firings(seen)
     chances = fired[-1]
-    rare = np.flatnonzero((chances > 0.0) & (chances * needed < SELDOM))
+    rare = np.flatnonzero(chances * needed < SELDOM)
     rare = rare[np.argsort(chances[rare], kind="stable")]
     rare = rare[np.cumsum(chances[rare]) * needed > NEVER][::-1]
     if not rare.size:
@@ -166,10 +167,8 @@ class _Following:
     """Follows scouts to the last time, as long as all together have not too many events."""
 
     def __init__(self, network: Network, source: RunSource, seen: SeenRates, rng: np.random.Generator) -> None:
-        self.network, self.last = network, float(seen.times[-1])
+        self.network = network
         self.source = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64))
-        change = network.sparse_stoichiometry
-        self.may_grow = np.bincount(change.rows, change.copies, minlength=len(network.channels)).max(initial=0.0) > 0.0
         self.left = DEAREST * FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
         self.made = 0
 
@@ -190,12 +189,14 @@ class _Following:
             return None
 
     def _events(self, source: RunSource, length: float, runs: int) -> float:
-        """Events of scouts, at the largest total propensity on the way to `length`.
+        """Events of scouts, at the largest total propensity on the way to `length`, or that is expected after the next
+        event.
 
-        Where counts may grow they are looked at on the way, until growth that went on as it has would not be too much.
+        They are looked at on the way, until growth that went on as it has would not be too much.
         """
-        first = rate = float(self.network.propensities(source.start).sum())
-        for part in LOOKS if self.may_grow else ():
+        first = float(self.network.propensities(source.start).sum())
+        rate = max(first, self._rate_after_one(source.start, length))
+        for part in LOOKS:
             if runs * rate * length > self.left:
                 break
             there = source.counts(np.array([part * length]), runs, self.made, threads=1)[:, 0]
@@ -204,3 +205,14 @@ class _Following:
             if np.log(max(runs * first * length, 1.0)) + growth / part <= np.log(self.left):
                 break
         return runs * rate * length
+
+    def _rate_after_one(self, state: Ints, length: float) -> float:
+        """Expected total propensity after the next event, of those that are most likely; 0 where none is before the
+        end."""
+        rates = self.network.propensities(state)
+        total = float(rates.sum())
+        likely = np.argsort(rates)[-MOST_NEXT:]
+        likely = likely[rates[likely] > 0.0]
+        after = self.network.sparse_stoichiometry.added_to(np.tile(state, (likely.size, 1)), likely)
+        expected = float(rates[likely] @ self.network.propensities(after).sum(axis=-1))
+        return -np.expm1(-total * length) * expected / total if expected > 0.0 else 0.0
