@@ -11,7 +11,7 @@ but seldom leads to, stays unseen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, log
+from math import expm1, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -33,9 +33,8 @@ PROBES, PROBED = 8, 10.0  # scouts that are looked at on the way; times the even
 DEAREST = 100.0  # times the events of the first runs, of all scouts together
 FIRST_LOOK, LAST_LOOK = 1 / 64, 7 / 8  # of the way, while rates may become too large
 MOST_LINEARISED = 100  # species
-FIRST_GROWTH = (
-    10.0  # until the first look: its logarithm, at most, where what grows was as quick as all channels together
-)
+FIRST_GROWTH = 10.0  # until the first look: its logarithm, at most, if what grows was as quick as all together
+MOST_NEXT = 64  # channels by which a scout may go on that are looked at before it does
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
 
@@ -118,7 +117,7 @@ def send_scouts(
     inner = tally.low - margin, tally.high + margin
     fired = _firings(seen)
     chances = fired[-1]
-    rare = np.flatnonzero((chances > 0.0) & (chances * needed < SELDOM))
+    rare = np.flatnonzero(chances * needed < SELDOM)
     rare = rare[np.argsort(chances[rare], kind="stable")]
     rare = rare[np.cumsum(chances[rare]) * needed > NEVER][::-1]
     if not rare.size:
@@ -172,10 +171,8 @@ class _Following:
     """Follows scouts to the last time, as long as all together have not too many events."""
 
     def __init__(self, network: Network, source: RunSource, seen: SeenRates, rng: np.random.Generator) -> None:
-        self.network, self.last = network, float(seen.times[-1])
+        self.network = network
         self.source = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64))
-        change = network.sparse_stoichiometry
-        self.may_grow = np.bincount(change.rows, change.copies, minlength=len(network.channels)).max(initial=0.0) > 0.0
         first_runs = FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
         self.most_probed, self.left = PROBED * first_runs, DEAREST * first_runs
         self.made = 0
@@ -201,12 +198,13 @@ class _Following:
         """Events of a scout, at the largest total propensity that some have on average on the way to `length`; inf
         where these few have too many.
 
-        Where counts may grow they are looked at on the way, until neither growth that went on as it has, nor one at the
-        rate of their linearised equations, would be too much.
+        They are looked at on the way, until neither growth that went on as it has, nor one at the rate of their
+        linearised equations, would be too much; and before that at what is expected after the next event.
         """
-        first = rate = float(self.network.propensities(source.start).sum())
-        if first == 0.0 or not self.may_grow:
-            return first * length
+        first = float(self.network.propensities(source.start).sum())
+        if first == 0.0:
+            return 0.0
+        rate = max(first, self._rate_after_one(source.start, length))
         part = min(FIRST_LOOK, FIRST_GROWTH / (first * length))
         while part <= LAST_LOOK:
             if PROBES * rate * length > self.most_probed:
@@ -231,3 +229,13 @@ class _Following:
         linear = np.zeros((size, size))
         np.add.at(linear, change.columns, change.copies[:, None] * slopes.T[change.rows])
         return float(np.linalg.eigvals(linear).real.max())
+
+    def _rate_after_one(self, state: Ints, length: float) -> float:
+        """Expected total propensity after the next event, of those that are most likely, if it is before the end."""
+        rates = self.network.propensities(state)
+        total = float(rates.sum())
+        likely = np.argsort(rates)[-MOST_NEXT:]
+        likely = likely[rates[likely] > 0.0]
+        after = self.network.sparse_stoichiometry.added_to(np.tile(state, (likely.size, 1)), likely)
+        expected = float(rates[likely] @ self.network.propensities(after).sum(axis=-1))
+        return -expm1(-total * length) * expected / total

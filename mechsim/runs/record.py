@@ -119,12 +119,12 @@ class RunSpec:
                 raise ValueError(f"until = {self.until!r}, but the composition already holds one: leave it out")
             if self.restart:
                 raise ValueError(f"until = {self.until!r} with restart: a tank put back at every event; choose one")
-        volume = self.n_cubes * self.scene.cubes.edge**3
-        room = float(np.prod(self.scene.tank.size))
-        if volume > room or max(self.scene.tank.size) < self.scene.cubes.edge:
-            raise ValueError(
-                f"{self.n_cubes} cubes of edge {self.scene.cubes.edge} take {volume:.4g}; the tank holds {room:.4g}"
-            )
+        edge, size = self.scene.cubes.edge, self.scene.tank.size
+        volume, room = self.n_cubes * edge**3, float(np.prod(size))
+        if volume > room:
+            raise ValueError(f"{self.n_cubes} cubes of edge {edge} take {volume:.4g}; the tank holds {room:.4g}")
+        if min(size) < edge:
+            raise ValueError(f"a cube of edge {edge} does not fit into a tank that is {min(size)} wide")
 
     @property
     def n_cubes(self) -> int:

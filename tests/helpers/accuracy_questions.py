@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -129,9 +129,9 @@ def cumulative(found: EnsembleStatistics | Distribution, s: int, points: int = 4
 
 def sampled(
     asked: AskedAccuracy, network: Network, start: object, times: np.ndarray, seed: int, most: int = 10**9,
-    with_scouts: bool = True,
+    with_scouts: bool = True, **options: Any,
 ) -> Sampled:  # fmt: skip
-    """Runs until they are enough, whatever else would be cheaper."""
+    """Runs until they are enough, whatever else would be cheaper; options : of `RunsUntil`."""
     state = network.state(start)
     known = AskedCounts(network, state, times).is_known
     method = Auto().choose(network, state)
@@ -140,7 +140,7 @@ def sampled(
     scouting = partial(send_scouts, network, source, first.seen, times, 32, seed)
     runs = RunsUntil(
         asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
-        scouting=scouting if with_scouts else lambda *_: None,
+        scouting=scouting if with_scouts else lambda *_: None, **options,
     )  # fmt: skip
     runs.foretell()
     return runs.finish(most)

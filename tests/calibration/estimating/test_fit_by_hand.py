@@ -108,6 +108,8 @@ def test_the_plot_says_what_is_drawn():
     fit = fit_rates(Weibull(), [PATH, UNEQUAL])
     ax = fit.plot(Figure().add_subplot(), 0.9)
     assert ax.get_legend_handles_labels()[1] == ["estimate, 90 % interval"]
+    usual = fit.plot(Figure().add_subplot())
+    assert usual.get_legend_handles_labels()[1] == ["estimate, 95 % interval"]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["k join", "k break"]
     assert ax.get_title() == f"weibull, kappa = {fit.parameters['kappa']:.3g}"
 

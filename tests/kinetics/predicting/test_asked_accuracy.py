@@ -10,13 +10,13 @@ from numpy.testing import assert_array_equal
 from scipy.stats import binom, norm, t
 
 from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
-from kinetics.predicting import AskedAccuracy, looks
+from kinetics.predicting import AskedAccuracy, enough_runs, looks
 from kinetics.predicting.accuracy import LEVEL, accuracy_of
-from kinetics.predicting.enough_runs import MOST_FIRST, runs_for_distributions
-from kinetics.predicting.looks import Look
+from kinetics.predicting.enough_runs import MOST_FIRST, RunsUntil, runs_for_distributions
+from kinetics.predicting.looks import ROWS, Look
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.reaching import AskedCounts, reach
-from kinetics.predicting.run_cost import first_runs
+from kinetics.predicting.run_cost import FIRST_RUNS, first_runs
 from kinetics.predicting.solved_errors import error_reached, is_endless, largest_counts, tolerance_for
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import statistics
@@ -118,6 +118,40 @@ def test_correlated_figures_count_once_and_independent_ones_each():
     assert all_same == pytest.approx(one, rel=0.15)
     assert one == pytest.approx(1.96, rel=0.15)
     assert all_own > 1.3 * one
+    seldom = np.zeros((64, 1, 50))  # of species that differ in one run alone, all in the same
+    seldom[0] = 1.0
+    assert np.quantile(looks.largest_errors(seldom, np.ones((1, 50)), 3), 0.95) == pytest.approx(one, rel=0.15)
+
+
+@pytest.mark.parametrize("of", ["mean", "sd"])
+def test_what_a_look_says_of_one_figure_by_hand(of):
+    """By Bernstein: the variance of what is averaged, and its skewness times the tolerance, both over the runs."""
+    counts = np.random.default_rng(1).poisson(np.repeat([3.0, 40.0], [56, 8]))
+    tally = Tally(DECAY, np.array([1.0]), kept_pairs(1, False))
+    tally.add(counts[:, None, None])
+    look = looks.Look(AskedAccuracy(0.5, False, of), tally, counts[:, None, None], np.zeros((1, 1), bool), 1)
+    away = counts - counts.mean()
+    values, sd = away if of == "mean" else away**2 - (away**2).mean(), counts.std(ddof=1)
+    tolerance = 0.5 if of == "mean" else sd**2 - (sd - 0.5) ** 2
+    spread = sd**2 if of == "mean" else (values**2).mean()
+    skew = (values**3).mean() / spread
+    assert skew > 1
+    assert look.ratios[0, 0] == pytest.approx(np.sqrt((spread + skew * tolerance) / 64) / tolerance)
+
+
+def test_errors_of_variances_count_once_where_distances_from_the_mean_are_alike():
+    """Whichever side of it each count is on."""
+    rng, names = np.random.default_rng(2), [f"S{i}" for i in range(40)]
+    network = Network.from_text("\n".join(f"{name} -> 0, 1" for name in names))
+    needed = []
+    for far in (rng.integers(1, 20, (32, 1)), rng.integers(1, 20, (32, 40))):
+        away = far * rng.choice([-1, 1], (32, 40))
+        rows = 100 + np.concatenate([away, -away])[:, None]
+        tally = Tally(network, np.array([1.0]), kept_pairs(40, False))
+        tally.add(rows)
+        look = looks.Look(AskedAccuracy(0.5, False, "sd"), tally, rows, np.zeros((1, 40), bool), 1)
+        needed.append(look.fixed(0.05) / look.ratios.max() ** 2)
+    assert needed[1] > 1.7 * needed[0]
 
 
 def test_wide_bins_neither_hide_nor_add_an_error():
@@ -149,6 +183,7 @@ def test_a_spread_within_a_bin_counts(monkeypatch):
 def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
     never = Network.from_text("A -> B, 1e-12")
     made = sampled(AskedAccuracy(0.01), never, {"A": 1}, np.array([1.0]), 1)
+    assert made.statistics.pairs.tolist() == [[0, 1], [0, 1]]  # no covariances, which nothing here needs
     assert made.statistics.runs >= np.log(0.05) / np.log(0.99)  # a chance of 1 % would have shown itself
     assert made.error <= 0.01
 
@@ -193,6 +228,7 @@ def test_distributions_take_as_many_runs_as_dvoretzky_kiefer_wolfowitz_and_massa
     made = sampled(AskedAccuracy(0.1, False, "distribution"), DECAY, {"A": 20}, TIMES, 1)
     assert made.statistics.runs == runs_for_distributions(0.1, 3)
     assert made.error == pytest.approx(0.1)
+    assert begun(AskedAccuracy(0.1, False, "distribution"), 0).foretell() == made.statistics.runs
 
 
 def test_what_was_chosen_is_the_cheaper_and_is_told():
@@ -265,6 +301,51 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
     assert made.runs > 10
     assert made.reached.error > 0.001
     assert "NOT reached" in str(made.notes)
+
+
+@pytest.mark.parametrize("with_scouts", [True, False])
+def test_first_runs_that_are_enough_are_all(with_scouts):
+    made = sampled(AskedAccuracy(30.0), DECAY, {"A": 100}, TIMES, 1, with_scouts=with_scouts)
+    assert made.statistics.runs == FIRST_RUNS
+
+
+def begun(asked, runs, run_seconds=np.inf):
+    """Runs of the decay until they are enough, of which so many were made."""
+    source = Auto().source(DECAY, np.array([100]), 1)
+    first = source.counts(TIMES, runs, threads=1) if runs else None
+    known = np.zeros((TIMES.size, 1), bool)
+    return RunsUntil(asked, DECAY, source, TIMES, known, 1, 1, lambda _: None, run_seconds, first)
+
+
+def test_two_runs_that_were_made_are_kept_and_one_is_not():
+    """An interrupt as early as it can come: one run has no variance."""
+    assert begun(AskedAccuracy(1.0), 2).interrupted().statistics.runs == 2
+    with pytest.raises(KeyboardInterrupt):
+        begun(AskedAccuracy(1.0), 1).interrupted()
+
+
+def test_all_runs_that_were_made_foretell_how_many_are_needed():
+    runs = begun(AskedAccuracy(0.5), 0, run_seconds=1e-5)
+    assert runs.foretell() == runs._seen_now().runs_needed()
+    assert runs.tally.runs > FIRST_RUNS
+
+
+@pytest.mark.parametrize(("room", "kept"), [(2**25, ROWS), (20 * 8 * TIMES.size, 20), (0, FIRST_RUNS)])
+def test_rows_are_kept_as_far_as_there_is_room(monkeypatch, room, kept):
+    monkeypatch.setattr(enough_runs, "ROW_BYTES", room)
+    runs = begun(AskedAccuracy(1.0), 0)
+    runs.fixed_from(100)
+    assert sum(map(len, runs._rows)) == kept
+
+
+def test_runs_that_cost_no_more_are_made_as_well():
+    """As many as a vector holds; one by one otherwise."""
+    ends = [sampled(AskedAccuracy(1.0), DECAY, {"A": 100}, TIMES, seed).statistics.runs for seed in range(6)]
+    assert {n % 2 for n in ends} == {0, 1}
+    ends = [
+        sampled(AskedAccuracy(1.0), DECAY, {"A": 100}, TIMES, seed, together=8).statistics.runs for seed in range(6)
+    ]
+    assert {n % 8 for n in ends} == {0}
 
 
 @pytest.mark.parametrize("at", ["trying a projection", "listing up to"])

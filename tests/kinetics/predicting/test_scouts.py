@@ -99,9 +99,27 @@ def test_where_there_are_too_many_some_stand_for_all():
     assert sum(burst) == pytest.approx(0.012 * 100**2, rel=0.06)
 
 
+def test_where_there_are_just_as_many_each_is_sent_once():
+    found, _ = sent(many_bursts(16, 0.012), {"G": 1}, TIMES, most=16)
+    assert {each.channel for each in found.made} == {f"c{i}" for i in range(16)}
+    assert found.left_out == 0
+    assert found.in_words.count("firings a run") == 3
+    assert " and 13 more were made to fire" in found.in_words
+    assert " more " not in sent(many_bursts(3, 0.012), {"G": 1}, TIMES)[0].in_words
+    found, _ = sent(many_bursts(16, 0.012), {"G": 1}, TIMES, most=4, needed=400.0)
+    assert sum(len(each.counts) for each in found.made) == 96  # as many as go evenly into a quarter of those needed
+
+
+def test_the_likeliest_are_followed_first():
+    text = "rarer: G -> K, 1e-4\nK -> K + M, 7500\nrare: G -> H, 0.001\nH -> H + M, 7500"
+    found, _ = sent(Network.from_text(text), {"G": 1}, TIMES, most=400, needed=40.0)
+    assert [each.channel for each in found.made].count("rare") == 3
+    assert found.left_out == 1
+
+
 def test_channels_that_are_rare_alone_are_not_left_out_if_they_are_not_together():
     found, _ = sent(many_bursts(200, 0.006), {"G": 1}, TIMES, most=2000)  # each fires 0.0005 times in 16 runs
-    assert len({each.channel for each in found.made}) > 150
+    assert len({each.channel for each in found.made}) == len(found.made) > 150  # at one time each
 
 
 @pytest.mark.parametrize(
@@ -184,6 +202,61 @@ def test_those_that_would_cost_far_more_than_runs_are_left_out():
     found, _ = sent(dear, {"G": 1}, TIMES)
     assert (found.made, found.left_out) == ((), 1)
     assert found.in_words == "left out, as too many or too dear to follow: 1 rare channel"
+
+
+@pytest.mark.parametrize(
+    ("turn", "back", "left_out"),
+    [(1, 1e6, 1), (0.02, 1e6, 1), (1, 1e3, 0), (1e-6, 1e6, 0)],  # in the last they hardly ever are there
+)
+def test_what_is_quick_after_another_event_is_not_followed(turn, back, left_out):
+    """Two copies that turn into each other, a million times a second, once they are there; no count grows."""
+    turning = Network.from_text(f"on: G -> H, 0.001\nH -> I, {turn:g}\nI -> J, {back:g}\nJ -> I, {back:g}")
+    found, _ = sent(turning, {"G": 1}, TIMES)
+    assert found.left_out == left_out
+
+
+def test_growth_from_a_small_rate_is_foreseen():
+    found, _ = sent(Network.from_text("on: G -> A, 1e-4\nA -> 2 A, 0.9"), {"G": 1}, 10 * TIMES)
+    assert found.left_out == 1
+
+
+def test_one_that_fires_late_is_followed_where_an_early_one_would_cost_too_much():
+    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 20000"), {"G": 1}, TIMES)
+    assert {each.first for each in found.made} == {2}
+    assert found.left_out == 1
+
+
+def test_the_more_events_the_runs_have_the_more_scouts_may_have():
+    text = "on: G -> H, 0.001\nH -> H + M, 20000\n"
+    alone, beside = (
+        sent(Network.from_text(text + more), {"G": 1}, TIMES)[0] for more in ("", "0 -> X, 1e4\nX -> 0, 5")
+    )
+    assert (alone.left_out, beside.left_out) == (1, 0)
+
+
+def test_a_channel_fires_in_runs_that_have_its_reactants():
+    found, _ = sent(Network.from_text("A -> B, 0.1\nrare: B -> 100 M, 1e-3"), {"A": 1}, TIMES)
+    fired = [each for each in found.made if each.channel == "rare"]
+    assert len(fired) == 3
+    assert found.left_out == 0
+    assert all((each.counts == [0, 0, 100]).all() for each in fired)
+
+
+def test_counts_are_those_so_long_after_it_fired():
+    """A switch that makes 100 copies in a unit of time, within the two until the next time that is asked for."""
+    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 100"), {"G": 1}, TIMES)
+    assert len(found.made) == 3
+    for each in found.made:
+        assert 0 < each.counts[:, 0, 2].mean() < 220
+        assert_allclose(np.diff(each.counts[:, :, 2].mean(axis=0)), 200, rtol=0.1)
+
+
+def test_what_stays_within_what_runs_have_shown_is_not_spoken_of():
+    network = Network.from_text("seldom: A -> 0, 1e-4\n0 -> A, 5\nA -> 0, 1")
+    found, tally = sent(network, {"A": 5}, TIMES)
+    assert {each.channel for each in found.made} == {"seldom"}
+    assert found.in_words == ""
+    assert not found.moments(tally, 0.0 * tally.low, 3).any()
 
 
 def test_standard_deviations_of_bursts_are_kept():

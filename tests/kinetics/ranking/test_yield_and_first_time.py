@@ -140,7 +140,7 @@ def test_like_runs_have_no_spread_at_any_horizon():
     """2000 times 1e-12 sum to a little less than 2e-9, which is no spread."""
     found = yield_and_first_time(decay(horizon=1e-12), 2000, 0, max_states=0).first
     assert (found.value, found.sd, found.high) == (1e-12, 0.0, 1e-12)
-    assert found.low == pytest.approx(1e-12 * 0.025 ** (1 / 2000), rel=1e-9)
+    assert found.low == pytest.approx(1e-12 * 0.025 ** (1 / 2000), rel=1e-9, abs=0.0)
 
 
 def test_names_that_noting_takes_may_be_in_use():

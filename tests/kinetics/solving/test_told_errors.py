@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics.solving.certificate import ABOVE, Entries, distance, exact_products, series_terms
+from kinetics import Network
+from kinetics.solving.certificate import ABOVE, Entries, best_entries, distance, exact_products, series_terms
 from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_tails, poisson_window, window_error
+from kinetics.solving.states import reachable
 from kinetics.solving.transitions import RATE_ERROR
 from kinetics.solving.uniformisation import STEP_SECONDS, Absorption, DiscreteChain, mixtures
 
@@ -37,9 +39,11 @@ def test_tails_and_error_of_a_window_by_hand():
     assert_allclose(poisson_tails(2, weights, 0.125), [1, 1, 0.875, 0.375, 0.125])
     # A quarter each is one ratio away from the mode, which rounds twice.
     rounding = ROUNDOFF * (2 * 0.5 + 2 * 2.0 + 2 * log2(3) + 40)
-    assert window_error(4.0, 3, weights, 0.0) == pytest.approx(rounding, rel=1e-12)
-    assert window_error(4.0, 3, weights, 1.0) == pytest.approx(2.0 + rounding, rel=1e-12)
-    assert window_error(4.9, 3, weights, 0.0) == pytest.approx(rounding + ROUNDOFF * 2 * (4.9**0.5 - 2), rel=1e-12)
+    assert window_error(4.0, 3, weights, 0.0) == pytest.approx(rounding, rel=1e-12, abs=0.0)
+    assert window_error(4.0, 3, weights, 1.0) == pytest.approx(2.0 + rounding, rel=1e-12, abs=0.0)
+    assert window_error(4.9, 3, weights, 0.0) == pytest.approx(
+        rounding + ROUNDOFF * 2 * (4.9**0.5 - 2), rel=1e-12, abs=0.0
+    )
     first, alone = poisson_window(0.0, 1e-9)
     assert (first, alone.tolist()) == (0, [1.0])
 
@@ -60,10 +64,10 @@ def test_a_discrete_chain_by_hand():
 def test_rounding_of_steps_by_hand():
     made = chain()
     unit = 1.001 * ROUNDOFF
-    assert made.rounding(100, 7, 3.0) == pytest.approx(unit * (100 + (4 + 2 * 3 + 6) * 7), rel=1e-12)
-    assert made.rounding(100, 7) == pytest.approx(unit * (100 + (4 + 2 * RATE_ERROR + 6) * 7), rel=1e-12)
-    assert made.rounding(100) == pytest.approx(unit * (100 + (4 + 2 * RATE_ERROR + 6) * 100), rel=1e-12)
-    assert made.rounding(100, 0, 0.0) == pytest.approx(unit * 100, rel=1e-12)
+    assert made.rounding(100, 7, 3.0) == pytest.approx(unit * (100 + (4 + 2 * 3 + 6) * 7), rel=1e-12, abs=0.0)
+    assert made.rounding(100, 7) == pytest.approx(unit * (100 + (4 + 2 * RATE_ERROR + 6) * 7), rel=1e-12, abs=0.0)
+    assert made.rounding(100) == pytest.approx(unit * (100 + (4 + 2 * RATE_ERROR + 6) * 100), rel=1e-12, abs=0.0)
+    assert made.rounding(100, 0, 0.0) == pytest.approx(unit * 100, rel=1e-12, abs=0.0)
 
 
 def steps(start, n):
@@ -86,7 +90,7 @@ def test_the_error_of_mixtures_by_hand(time):
     found = mixtures(made, start, [time], tolerance)
     assert_allclose(found.probabilities[0], weights @ vectors[first:], rtol=0, atol=1e-14)
     assert_allclose(found.stays, vectors.sum(axis=0), rtol=1e-12)
-    assert found.error == pytest.approx(error + made.rounding(n, jumps), rel=1e-9)
+    assert found.error == pytest.approx(error + made.rounding(n, jumps), rel=1e-9, abs=0.0)
 
 
 def test_many_times_are_mixed_in_one_pass():
@@ -127,7 +131,7 @@ def test_an_absorption_and_its_error_by_hand():
         flows = np.eye(1, last)[0]  # the first step moves all
         told = window_error(2 * time, first, weights, 1e-13) + ROUNDOFF * (weights.size + 2 + 2)
         told += made.rounding(last, float(flows @ poisson_tails(first, weights, 1e-13)))
-        assert error == pytest.approx(told, rel=1e-9)
+        assert error == pytest.approx(told, rel=1e-9, abs=0.0)
         assert gone == pytest.approx(-np.expm1(-2 * time), abs=error)
         assert left == pytest.approx(np.exp(-2 * time), abs=error)
 
@@ -137,6 +141,20 @@ def test_the_series_ends_at_the_first_term_below_what_is_cut_off():
     assert series_terms(2.0**-33) == 2  # and not below its own half
     assert series_terms(2.0**-50) == 2
     assert series_terms(2.0**-51) == 3
+
+
+def test_rates_are_exact_under_mass_action_alone():
+    """Else they are as they came, with their errors."""
+    third = Network.from_text("A -> B, 1\nB -> A, 3").with_rates([0.1 + 0.2, 1 / 3])
+    lawful = Network.from_text("A -> B, 0.3 * A / (1 + A)\nB -> A, 3")
+    for network, is_exact in ((third, True), (lawful, False)):
+        space = reachable(network, network.state({"A": 3}))
+        transitions = space.transitions()
+        assert best_entries(transitions, None).rate_error == transitions.rate_error > 0.0
+        found = best_entries(transitions, space)
+        assert found.rate_error == (0.0 if is_exact else transitions.rate_error)
+        assert found.rates.sum() == pytest.approx(transitions.rates.sum())
+        assert (found.rates is transitions.rates) != is_exact
 
 
 def test_products_are_kept_to_the_last_bit():

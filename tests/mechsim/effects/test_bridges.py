@@ -1,5 +1,7 @@
 """The bound by which breaking passes bodies over: never exceeded, and needed."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from kinetics.assembly import Structure
 from kinetics.runs import NO_BREAK
 from mechsim.effects.breaking import BOUNDS, CRITERIA, most_of_a_push
 from mechsim.effects.bridges import Bridges
-from mechsim.kernels.loads import bond_loads, hit_bound
+from mechsim.kernels.loads import SLACK, bond_loads, hit_bound
 from mechsim.runs.record import RunSpec, execute
 from mechsim.world.bodies import BodyShape, matrix_of
 
@@ -82,6 +84,24 @@ def test_a_push_anywhere_counts_as_no_more_than_the_most_of_a_push(criterion, sh
         counts = hit_bound(levers, bridges.sides, cubes, *pose, 0, tuple(place), tuple(push), 1.0, EDGE, *bound)
         largest = max(largest, counts)
     assert 0.4 * most < largest <= most
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_most_of_a_push_is_that_of_some_corner(shape):
+    """Of boxes two edges wide around each cube of the side that is hit; by what pushes along x, y and z do there."""
+    places = SHAPES[shape]
+    structure, cubes = Structure(places, (0,) * len(places), ("a",) * len(places)), BodyShape.of(places).offset
+    bridges = Bridges.of(structure)
+    levers, most = bridges.levers(cubes), 0.0
+    for lever, side in zip(levers, bridges.sides, strict=True):
+        for struck, who in enumerate((~side, side)):
+            for place in (cube + corner for cube in cubes[who] for corner in product((-1.0, 1.0), repeat=3)):
+                loads = np.array([lever[struck] @ np.append(push, np.cross(place, push)) for push in np.eye(3)])
+                pull, moment = (np.linalg.norm(part, ord=2) for part in (loads[:, :3], loads[:, 3:]))
+                most = max(most, 0.4 * pull + 0.7 * moment)
+    rounding = SLACK * (1.1 * (5.0 + np.abs(cubes).sum(axis=1).max()) + 0.2)
+    expected = (1.0 + SLACK) * (most + 0.2 + rounding)
+    assert most_of_a_push(bridges, levers, cubes, (0.4, 0.7, 0.2)) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinetics.runs import RESTART
-from mechsim.runs.record import RunSpec, execute
+from mechsim.runs.record import PROGRESS_STEPS, RunSpec, execute
 from mechsim.scene import TankSize
 from mechsim.world.world import World
 
@@ -110,6 +110,8 @@ def test_poses_are_recorded_only_on_request(busy, eager):
     assert set(busy.arrays) == {"initial", "times", "channels", "bonds", "partners"}
     record = execute(RunSpec(eager, {"monomer": 30}, 2.0, seed=4, run=0, poses=0.5))
     assert record.arrays["pose_times"] == pytest.approx([0, 0.5, 1.0, 1.5, 2.0, 2.0], abs=0.006)
+    often = execute(replace(record.spec, duration=0.1, poses=0.1 * eager.numerics.step))
+    assert len(often.arrays["pose_times"]) == often.facts["steps"] + 1  # no more than one a step, and the end
     centres, slots = record.arrays["centres"], record.arrays["slots"]
     assert centres.shape == (6, 30, 3)
     for frame in range(6):  # cubes of one body hang one edge apart
@@ -166,6 +168,41 @@ def test_a_run_until_a_species_ends_at_its_first_copy(eager):
     unreached = execute(replace(short, duration=first / 2))
     assert unreached.facts["end"] == pytest.approx(first / 2, abs=0.006)
     assert np.isnan(unreached.path.first_time("dimer"))
+
+
+def test_a_tank_that_does_not_hold_its_cubes_is_refused(line4):
+    alone = line4.without("bonding", "breaking")
+
+    def spec(size, n):
+        return RunSpec(alone.replace(tank=TankSize(size=size)), {"monomer": n}, 1.0, seed=1, run=0)
+
+    assert spec((0.2, 0.2, 0.2), 1).n_cubes == 1
+    with pytest.raises(ValueError, match=r"3 cubes of edge 0.15 take 0.01012; the tank holds 0.008"):
+        spec((0.2, 0.2, 0.2), 3)
+    with pytest.raises(ValueError, match=r"a cube of edge 0.15 does not fit into a tank that is 0.1 wide"):
+        spec((3.0, 3.0, 0.1), 1)
+    with pytest.raises(ValueError, match="holds no cubes"):
+        spec((3.0, 3.0, 3.0), 0)
+
+
+def test_a_run_has_as_many_steps_as_its_duration_takes(line4):
+    step = line4.numerics.step
+    for duration, steps in ((30 * step, 30), (3 * (10 * step), 30), (29.5 * step, 30)):
+        assert execute(RunSpec(line4, {"monomer": 2}, duration, seed=1, run=0)).facts["steps"] == steps
+
+
+def test_the_digest_tells_facts_and_shapes_and_not_in_which_order_they_are_kept(busy):
+    assert replace(busy, facts=dict(reversed(busy.facts.items()))).digest == busy.digest
+    assert replace(busy, facts=busy.facts | {"steps": 1}).digest != busy.digest
+    for other in (busy.arrays["bonds"].ravel(), busy.arrays["bonds"].view(np.uint16)):  # of the same bytes
+        assert replace(busy, arrays=busy.arrays | {"bonds": other}).digest != busy.digest
+
+
+def test_progress_is_told_every_so_many_steps(line4):
+    told, every = [], PROGRESS_STEPS * line4.numerics.step
+    record = execute(RunSpec(line4, {"monomer": 2}, 2.5 * every, seed=1, run=0), told.append)
+    assert told == pytest.approx([every, 2 * every])
+    assert record.facts["end"] > told[-1]
 
 
 def test_until_is_part_of_the_name_only_where_it_is_asked_for(eager):

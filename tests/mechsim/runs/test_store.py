@@ -110,6 +110,14 @@ def test_every_kind_of_array_survives(array):
     assert replace(record, arrays=arrays).digest == record.digest
 
 
+def test_a_folder_of_runs_is_found_and_none_is_made(tmp_path):
+    RunStore(tmp_path / "runs").write(record_of(SPEC))
+    assert RunStore.found(tmp_path / "runs").read(SPEC).digest == record_of(SPEC).digest
+    with pytest.raises(ValueError, match="holds no runs"):
+        RunStore.found(tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
 def test_objects_are_not_written(tmp_path):
     with pytest.raises(ValueError, match="Object arrays"):
         RunStore(tmp_path).write(replace(record_of(SPEC), arrays={"x": np.array([{}])}))
@@ -157,6 +165,7 @@ def test_files_with_a_good_checksum_and_bad_contents_are_refused(tmp_path):
         (archive(good | {"times.npy": npy("[" * 117)}), "EOF in multi-line"),
         (archive({"times.npy": good["times.npy"]}), "manifest"),
         (archive(good | {"../x": b""}), "members"),
+        (archive({"manifest.json": b"", "x": b""} | good), "members"),
         (twice(good, "times.npy"), "different names"),
         (twice(good, "manifest.json"), "different names"),
         (archive({"manifest.json": b"[" * 100_000}), "recursion"),

@@ -1,16 +1,17 @@
 """Contacts and impulses of our own engine: geometry against an oracle, momenta, and what it leaves alone."""
 
 import math
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 import pytest
 from handling import collide, energy, put, run
 
 from mechsim.kernels.contact import cubes_overlap
+from mechsim.kernels.impulses import exchange
 from mechsim.kernels.motion import coast
-from mechsim.kernels.touching import find_contacts
-from mechsim.world.bodies import matrix_of
+from mechsim.kernels.touching import find_contacts, place_boxes
+from mechsim.world.bodies import matrix_of, quaternion_of
 
 MIXED = {"monomer": 8, "dimer": 4, "trimer": 2, "quadmer": 2}
 
@@ -39,7 +40,24 @@ def contacts(centre, axes, half, wall=(np.inf,) * 3, finder=find_contacts):
     return who[:found, :2], contact[:found, :3], contact[:found, 3:6], contact[:found, 6]
 
 
-# -- where boxes touch -------------------------------------------------------------------------------------------------
+# -- where boxes are, and where they touch -----------------------------------------------------------------------------
+
+
+def test_boxes_are_where_their_bodies_carry_them():
+    """Boxes in any place and turn of bodies in any pose; those not in use stay as they are."""
+    rng, slot = np.random.default_rng(2), np.array([1, 0, 1, 0])
+    offset, turn = rng.standard_normal((4, 3)), np.array([turned(rng) for _ in range(4)])
+    position, orientation = rng.standard_normal((2, 3)), rng.standard_normal((2, 4))
+    orientation /= np.linalg.norm(orientation, axis=1)[:, None]
+    centre, axes = np.zeros((4, 3)), np.zeros((4, 3, 3))
+    place_boxes(np.array([3, 0, 1]), slot, offset, turn, position, orientation, centre, axes)
+    for box in (0, 1, 3):
+        body = matrix_of(orientation[slot[box]])
+        np.testing.assert_allclose(centre[box], position[slot[box]] + body @ offset[box], atol=1e-12)
+        np.testing.assert_allclose(axes[box], body @ turn[box], atol=1e-12)
+    assert not centre[2].any()
+    assert not axes[2].any()
+
 
 CORNER = matrix_of(np.array([0.5 * 2**0.5 * math.sin(0.4777), -0.5 * 2**0.5 * math.sin(0.4777), 0, math.cos(0.4777)]))
 EDGE = matrix_of(np.array([math.sin(math.pi / 8), 0, 0, math.cos(math.pi / 8)]))  # about x by 45 degrees
@@ -85,6 +103,29 @@ def test_a_corner_touches_a_face_and_a_wall_at_one_point():
     who, place, normal, depth = contacts([[0, 0, 5 - tip + 0.05]], [CORNER], [[1, 1, 1]], wall=(9, 9, 5))
     assert who.tolist() == [[0, -1]]
     np.testing.assert_allclose([*normal[0], depth[0], place[0, 2]], [0, 0, -1, 0.05, 5.025])
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_walls_are_touched_by_the_corners_beyond_them(axis, side):
+    """Of boxes in any turn, a little beyond one wall: each corner half its depth inwards, and pushed inwards."""
+    rng, wall, seen = np.random.default_rng(8), np.array([3.0, 4.0, 5.0]), 0
+    for _ in range(40):
+        half, axes, centre = rng.uniform(0.5, 1.0, 3), turned(rng), rng.uniform(-0.5, 0.5, 3)
+        spread = np.array(list(product(*zip(-half, half, strict=True)))) @ axes.T
+        centre[axis] = side * (wall[axis] - np.abs(spread[:, axis]).max() + 0.1)
+        depths = side * (centre + spread)[:, axis] - wall[axis]
+        inwards = -side * np.eye(3)[axis]
+        expected = [
+            (*(centre + corner + depth / 2 * inwards), *inwards, depth)
+            for corner, depth in zip(spread, depths, strict=True)
+            if depth > 0
+        ]
+        who, *found = contacts([centre], [axes], [half], wall=wall)
+        assert who.tolist() == [[0, -1]] * len(expected)
+        np.testing.assert_allclose(sorted(map(tuple, np.column_stack(found))), sorted(expected), atol=1e-12)
+        seen += len(expected)
+    assert seen > 40
 
 
 def test_boxes_touch_where_an_oracle_says_so():
@@ -160,6 +201,56 @@ def test_what_touches_nothing_flies_on_with_the_same_bits(make_world, line4):
     assert free > 2000
 
 
+def crowd(n=12):
+    """Four bodies that touch each other and a wall: (body, body or -1) and contact, and the columns of their table."""
+    rng = np.random.default_rng(1)
+    pairs = rng.integers(0, 4, (n, 2))
+    pairs[:, 1] = np.where(pairs[:, 0] == pairs[:, 1], -1, pairs[:, 1])
+    normal = rng.standard_normal((n, 3))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    contact = np.column_stack([rng.standard_normal((n, 3)), normal, rng.uniform(-1e-3, 1e-2, n)])
+    position, orientation, velocity, spin = (rng.standard_normal((4, k)) for k in (3, 4, 3, 3))
+    orientation /= np.linalg.norm(orientation, axis=1)[:, None]
+    inertia = np.array([[1, 2, 2], [2, 3, 2], [1.5, 1.5, 3], [1, 2, 3]])
+    return pairs, contact, [position, orientation, velocity, spin, rng.uniform(1, 2, 4), inertia]
+
+
+def exchanged(pairs, contact, position, orientation, velocity, spin, mass, inertia):
+    """Velocities, spins and impulses at the contacts."""
+    n, velocity, spin, impulse = len(pairs), velocity.copy(), spin.copy(), np.zeros((len(pairs), 3))
+    exchange(
+        n, np.column_stack([pairs, pairs]), contact, position, orientation, velocity, spin, mass, inertia, 0.3, 0.4,
+        0.2, 0.08, 1e-5, 0.01, 50, np.full(4, -1), np.zeros((4, 5, 3)), np.zeros((n, 3, 17)), impulse,
+    )  # fmt: skip
+    return velocity, spin, impulse
+
+
+def test_impulses_do_not_depend_on_the_numbers_of_bodies():
+    pairs, contact, table = crowd()
+    ends = []
+    for number in map(list, permutations(range(4))):  # body k has number[k]
+        velocity, spin, impulse = exchanged(
+            np.append(number, -1)[pairs], contact, *(column[np.argsort(number)] for column in table)
+        )
+        ends.append([velocity[number], spin[number], impulse])
+    assert np.count_nonzero(ends[0][2].any(axis=1)) > 5
+    for other in ends[1:]:
+        for one, two in zip(ends[0], other, strict=True):
+            np.testing.assert_array_equal(one, two)
+
+
+def test_impulses_do_not_depend_on_the_names_of_a_bodys_axes():
+    """x, y, z in turn; some have two moments alike, whichever two these are."""
+    pairs, contact, table = crowd()
+    first = exchanged(pairs, contact, *table)
+    position, orientation, *motion, inertia = table
+    for names in ([1, 2, 0], [2, 0, 1]):
+        renamed = np.array([quaternion_of(matrix_of(q)[:, names]) for q in orientation])
+        other = exchanged(pairs, contact, position, renamed, *motion, inertia.take(names, axis=1))
+        for one, two in zip(first, other, strict=True):
+            np.testing.assert_allclose(one, two, atol=1e-9)
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.8])
 @pytest.mark.parametrize("speed", [0.1, 1.0, 3.0])
 def test_a_cube_bounces_off_a_wall_as_declared(make_world, scene_of, restitution, speed):
@@ -186,6 +277,21 @@ def test_a_sliding_cube_is_slowed_by_friction_times_push_whichever_way_it_slides
     world.step()
     push = np.sum([t.impulse for t in world.engine.touches()], axis=0)
     np.testing.assert_allclose(push[:2], 0.3 * push[2] * along[:2], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("rounds", [1, 2, 3])
+def test_impulses_travel_one_contact_a_round_against_the_order_of_contacts(make_world, line4, rounds):
+    """Along a row of six cubes that touch, struck from either end; a round passes them on in order of the contacts."""
+    scene = line4.without("agitation", "drag", "walls", "breaking", "bonding")
+    reached = []
+    for end in (0, 5):
+        world = make_world({"monomer": 6}, scene.replace(numerics=scene.numerics.replace(solver_iterations=rounds)))
+        edge, b = world.bodies.edge - 1e-5, world.bodies
+        for slot in b.live:
+            put(world, slot, [slot * edge, 0, 0], velocity=[(slot == end) * (1 if end == 0 else -1), 0, 0])
+        world.engine.step()
+        reached.append(np.count_nonzero(np.abs(b.velocity[b.live, 0]) > 1e-9) - 1)  # but for rounding
+    assert sorted(reached) == [rounds, 5]
 
 
 def test_a_crowd_makes_room_for_its_contacts(make_world, line4):

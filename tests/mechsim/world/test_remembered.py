@@ -77,10 +77,10 @@ class Pose:
 
 
 def followed(kernel, steps=150, told=1.0):
-    """Five bodies, of which the first has two boxes, that tumble slowly among random contacts; what the kernel holds
-    and what the oracle holds after each step; told : times the distance at which the oracle forgets."""
+    """Five bodies, of which the second has the first two boxes, that tumble slowly among random contacts; what the
+    kernel holds and what the oracle holds after each step; told : times the distance at which the oracle forgets."""
     rng = np.random.default_rng(1)
-    slot, breaking = np.array([0, 0, 1, 2, 3, 4]), np.array([0.02, 0.03, 0.05, 0.04, 0.03])
+    slot, breaking = np.array([1, 1, 0, 2, 3, 4]), np.array([0.02, 0.03, 0.05, 0.04, 0.03])
     position, orientation = rng.standard_normal((5, 3)) * 0.05, rng.standard_normal((5, 4))
     orientation /= np.linalg.norm(orientation, axis=1)[:, None]
     n, room = 0, 40
