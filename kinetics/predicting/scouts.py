@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
-from kinetics.predicting.run_cost import FIRST_EVENTS, FIRST_RUNS, SeenRates
+from kinetics.predicting.run_cost import FIRST_RUNS, SeenRates
 from kinetics.runs.statistics import Tally
 from kinetics.sampling.run_source import RunSource
 from kinetics.support.arrays import Floats, Ints
@@ -29,11 +29,13 @@ TIMES, RUNS = 3, 64  # at which a channel fires, at most, and scouts of each
 MOST_CHANNELS, MOST_TIMES = 256, 192  # of all channels together
 BEYOND = 0.5  # widths of the range that runs have shown, by which a count has to be outside of it
 SHOWN = 30  # runs outside of it, which say enough themselves
-PROBES, PROBED = 8, 10.0  # scouts that are looked at on the way; times the events of the first runs, of these
-DEAREST = 100.0  # times the events of the first runs, of all scouts together
+SHARE = 1 / 4  # of the runs needed, that scouts may be beside the first runs, and may cost
+LEAST_EVENTS = 3e6  # that all may have in any case
+PROBES, PROBED = 8, 0.1  # scouts that are looked at on the way; share of those events that they may have until the end
 FIRST_LOOK, LAST_LOOK = 1 / 64, 7 / 8  # of the way, while rates may become too large
 MOST_LINEARISED = 100  # species
 FIRST_GROWTH = 10.0  # until the first look: its logarithm, at most, if what grows was as quick as all together
+SMALL_GROWTH = 0.01  # below which rates count as steady
 MOST_NEXT = 64  # channels by which a scout may go on that are looked at before it does
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
@@ -108,8 +110,8 @@ def send_scouts(
     tally : the first runs
     needed : runs that will be made, as far as is known
 
-    Of more channels than can be followed some are drawn, by their chances, to stand for all. None is followed through
-    many times the events of the first runs.
+    Of more channels than can be followed some are drawn, by their chances, to stand for all. All together have no more
+    events than the first runs and a quarter of the runs needed, or `LEAST_EVENTS`.
     """
     if not network.is_homogeneous:
         return None
@@ -122,7 +124,7 @@ def send_scouts(
     rare = rare[np.cumsum(chances[rare]) * needed > NEVER][::-1]
     if not rare.size:
         return Scouts(inner)
-    most = min(max(most, int(needed / 4)), MOST_CHANNELS * RUNS)
+    most = min(max(most, int(SHARE * needed)), MOST_CHANNELS * RUNS)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
     chosen, shares = rare, chances[rare]
     if rare.size > min(MOST_CHANNELS, most):
@@ -130,10 +132,11 @@ def send_scouts(
         chosen = rng.choice(rare, shares.size, p=chances[rare] / chances[rare].sum())
     times = max(1, min(TIMES, most // chosen.size, MOST_TIMES // chosen.size))
     runs = max(1, min(RUNS, most // (times * chosen.size)))
-    following = _Following(network, source, seen, rng)
+    events = max(LEAST_EVENTS, (FIRST_RUNS + SHARE * needed) * float(chances.sum()))
+    following = _Following(network, source, events, rng)
     made, dear = list[Scout](), set[int]()
     for r, share in zip(chosen.tolist(), shares / times, strict=True):
-        for k in range(times):
+        for k in reversed(range(times)):  # the latest first, which take least
             at = int(np.searchsorted(fired[:, r], (k + rng.random()) / times * chances[r], side="right")) - 1
             begin, state = _fired(network, seen, r, min(at, seen.times.size - 2), rng)
             first = int(np.searchsorted(grid, begin, side="right"))
@@ -170,11 +173,10 @@ def _fired(network: Network, seen: SeenRates, channel: int, at: int, rng: np.ran
 class _Following:
     """Follows scouts to the last time, as long as all together have not too many events."""
 
-    def __init__(self, network: Network, source: RunSource, seen: SeenRates, rng: np.random.Generator) -> None:
+    def __init__(self, network: Network, source: RunSource, events: float, rng: np.random.Generator) -> None:
         self.network = network
         self.source = replace(source, key=rng.integers(2**64, size=4, dtype=np.uint64))
-        first_runs = FIRST_RUNS * (float(_firings(seen)[-1].sum()) + FIRST_EVENTS)
-        self.most_probed, self.left = PROBED * first_runs, DEAREST * first_runs
+        self.most_probed, self.left = PROBED * events, events
         self.made = 0
 
     def counts(self, state: Ints, begin: float, times: Floats, runs: int) -> Ints | None:
@@ -184,7 +186,7 @@ class _Following:
         if state.min() < 0:
             return None
         try:
-            events = self._events(replace(source, weights=None), length)
+            events = self._events(replace(source, weights=None), length, min(runs, PROBES))
             runs = min(runs, int(self.left / max(events, 1.0)))
             if runs == 0:
                 return None
@@ -194,9 +196,9 @@ class _Following:
         except ValueError:  # a clock that stalls, counts beyond 2^63
             return None
 
-    def _events(self, source: RunSource, length: float) -> float:
-        """Events of a scout, at the largest total propensity that some have on average on the way to `length`; inf
-        where these few have too many.
+    def _events(self, source: RunSource, length: float, probes: int) -> float:
+        """Events of a scout, at the largest total propensity that at most `probes` have on average on the way to
+        `length`; inf where these few have too many.
 
         They are looked at on the way, until neither growth that went on as it has, nor one at the rate of their
         linearised equations, would be too much; and before that at what is expected after the next event.
@@ -205,15 +207,18 @@ class _Following:
         if first == 0.0:
             return 0.0
         rate = max(first, self._rate_after_one(source.start, length))
+        probes = max(1, min(probes, int(self.most_probed / (rate * length))))
         part = min(FIRST_LOOK, FIRST_GROWTH / (first * length))
         while part <= LAST_LOOK:
-            if PROBES * rate * length > self.most_probed:
+            if probes * rate * length > min(self.most_probed, self.left):
                 return inf
-            there = source.counts(np.array([part * length]), PROBES, self.made, threads=1)[:, 0]
+            there = source.counts(np.array([part * length]), probes, self.made, threads=1)[:, 0]
             rates = self.network.propensities(there).sum(axis=-1)
             rate = max(rate, float(rates.mean()))
-            room = log(self.most_probed / (PROBES * first * length))
-            if log(rate / first) / part <= room and self._growth(there[rates.argmax()]) * (1 - part) * length <= room:
+            growth = log(rate / first)
+            self.left -= probes * part * length * ((rate - first) / growth if growth > SMALL_GROWTH else rate)
+            room = log(self.most_probed / (probes * first * length))
+            if growth / part <= room and self._growth(there[rates.argmax()]) * (1 - part) * length <= room:
                 break
             part = min(2 * part, (1 + part) / 2)
         return rate * length

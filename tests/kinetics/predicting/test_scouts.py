@@ -43,7 +43,7 @@ def test_a_burst_that_no_run_has_shown_enters_the_moments_by_its_chance():
     for power in (1, 2, 3, 4):
         assert_allclose(added[power, -1, burst], 0.006 * 100.0**power, rtol=1e-9)
     assert np.all(np.diff(added[2, :, burst]) >= 0)
-    assert not added[:, :, waver].any()
+    assert added[2, :, waver].max() < 1e-3 * 5  # of its variance: of scouts, too, some are far out
     assert not added[0].any()
     assert found.in_words.startswith("'burst' (0.006 firings a run) was made to fire")
 
@@ -64,13 +64,14 @@ def test_what_runs_have_shown_is_not_added():
     shown[0, :, BURST.index("M")] = 100
     tally.add(shown)  # one of 17: more than the chance of 0.006
     after = found.moments(tally, 0.0 * tally.low, 3)
-    assert before[2].any()
-    assert not after.any()
+    burst = BURST.index("M")
+    assert before[2, -1, burst]
+    assert not after[:, :, burst].any()
     tally.add(np.zeros((300, TIMES.size, len(BURST.species)), dtype=np.int64))  # one of 317: less
-    part = found.moments(tally, 0.0 * tally.low, 2)[2, -1, 1]
+    part = found.moments(tally, 0.0 * tally.low, 2)[2, -1, burst]
     assert part == pytest.approx((0.006 - 1 / 317) * 100**2)
     tally.add(np.repeat(shown, scouts.SHOWN, axis=0))
-    assert not found.moments(tally, 0.0 * tally.low, 3).any()
+    assert not found.moments(tally, 0.0 * tally.low, 3)[:, :, burst].any()
 
 
 def test_channels_that_fire_often_or_never_are_not_made_to():
@@ -221,15 +222,15 @@ def test_growth_from_a_small_rate_is_foreseen():
 
 
 def test_one_that_fires_late_is_followed_where_an_early_one_would_cost_too_much():
-    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 20000"), {"G": 1}, TIMES)
+    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 2e5"), {"G": 1}, TIMES)
     assert {each.first for each in found.made} == {2}
     assert found.left_out == 1
 
 
 def test_the_more_events_the_runs_have_the_more_scouts_may_have():
-    text = "on: G -> H, 0.001\nH -> H + M, 20000\n"
+    text = "on: G -> H, 2e-6\nH -> H + M, 3e5\n"
     alone, beside = (
-        sent(Network.from_text(text + more), {"G": 1}, TIMES)[0] for more in ("", "0 -> X, 1e4\nX -> 0, 5")
+        sent(Network.from_text(text + more), {"G": 1}, TIMES, needed=4000)[0] for more in ("", "0 -> X, 1e4\nX -> 0, 5")
     )
     assert (alone.left_out, beside.left_out) == (1, 0)
 
