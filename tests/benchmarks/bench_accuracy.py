@@ -5,9 +5,9 @@
 Kept: no mean, standard deviation or probability shown is farther from the true one than was asked; true ones are exact
 solutions, else many times the runs (`TRUTH`). Cost: CPU time of the whole prediction, over that of the best of three
 choices made in hindsight, each timed in the same run: the exact solution and the projection, where they prove the
-accuracy, and the fixed number of runs that keep it with 95 % confidence, which nobody knows beforehand; at least 16. What
-was done counts as the best where it took less. What takes less than `NOTABLE` is done `AGAIN` times, each time with a
-network made anew, and its least time counts.
+accuracy, and the fixed number of runs that keep it with 95 % confidence, which nobody knows beforehand; at least 16.
+What was done counts as the best where it took less. What takes less than `NOTABLE` is done `AGAIN` times, each time
+with a network made anew, and its least time counts.
 """
 
 from __future__ import annotations

@@ -180,6 +180,12 @@ def test_a_spread_within_a_bin_counts(monkeypatch):
     assert ratio > np.sqrt(counts.var() / len(counts)) / 10
 
 
+def test_figures_that_never_differ_count_once_a_species():
+    times, species = (looks.largest_errors(np.zeros((16, *shape)), np.ones(shape), 1) for shape in ((8, 1), (1, 8)))
+    assert np.mean(times) == pytest.approx(np.sqrt(2 / np.pi), rel=0.1)
+    assert np.mean(species) > 1.5
+
+
 def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
     never = Network.from_text("A -> B, 1e-12")
     made = sampled(AskedAccuracy(0.01), never, {"A": 1}, np.array([1.0]), 1)

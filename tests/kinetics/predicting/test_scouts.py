@@ -83,8 +83,60 @@ def test_channels_that_fire_often_or_never_are_not_made_to():
     assert often.left_out == never.left_out == 0
 
 
+def test_beyond_is_half_the_range_that_runs_have_shown():
+    found, tally = sent(BURST, {"G": 1, "A": 5}, TIMES)
+    waver, width = BURST.index("A"), tally.high - tally.low
+    assert width[:, waver].min() > 2
+    np.testing.assert_array_equal(found.inner[0], tally.low - np.ceil(width / 2))
+    np.testing.assert_array_equal(found.inner[1], tally.high + np.ceil(width / 2))
+
+
+def test_scouts_leave_at_all_times_that_runs_were_seen():
+    """The last of these but one is 5.45."""
+    made = [sent(BURST, {"G": 1, "A": 5}, np.array([2.0, 5.3, 6.0]), seed=seed)[0].made for seed in range(10)]
+    assert {scout.first for scouts in made for scout in scouts} == {0, 1, 2}
+
+
+def following(network, start, events):
+    """(what follows scouts, their source) by so many events."""
+    state = network.state(start)
+    source = Auto().choose(network, state).source(network, state, 1)
+    return scouts._Following(network, source, events, np.random.default_rng(1)), source
+
+
+def test_scouts_have_numbers_of_their_own(monkeypatch):
+    made, counts = [], RunSource.counts
+
+    def noted(source, grid, runs, first=0, threads=None):
+        made.append((grid.size, first, runs))
+        return counts(source, grid, runs, first, threads)
+
+    monkeypatch.setattr(RunSource, "counts", noted)
+    ahead, _ = following(BURST, {"G": 1, "A": 5}, 1e6)
+    for _ in range(3):
+        ahead.counts(BURST.state({"A": 5}), 1.0, TIMES, 5)
+    assert [(first, runs) for size, first, runs in made if size == TIMES.size] == [(0, 5), (5, 5), (10, 5)]
+
+
+@pytest.mark.parametrize(("events", "probes"), [(1e9, 8), (3.6e6, 6), (1.1e6, 1), (5e5, 0)])
+def test_as_many_are_looked_at_as_fit_into_a_tenth_of_the_events(events, probes):
+    """Steady: 1e4 events a tu, 6 tu, of which a 64th is looked at; all that are looked at count."""
+    steady = Network.from_text("A -> B, 1000\nB -> A, 1000")
+    ahead, source = following(steady, {"A": 5, "B": 5}, events)
+    found = ahead._events(source, 6.0, 8)
+    assert found == (6e4 if probes else np.inf)
+    part = scouts.FIRST_GROWTH / 6e4
+    assert events - ahead.left == pytest.approx(probes * 6e4 * part, rel=1e-6)
+
+
 def many_bursts(n, chance):
     return Network.from_text("\n".join(f"c{i}: G -> G + 100 M, {chance / n / 6:g}" for i in range(n)))
+
+
+def test_some_stand_for_all():
+    found, tally = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=20)
+    assert sum(len(each.counts) for each in found.made) == 20
+    assert found.moments(tally, 0.0 * tally.low, 2)[2, -1, 1:].sum() == pytest.approx(0.012 * 100**2, rel=0.06)
 
 
 def test_where_there_are_too_many_some_stand_for_all():
