@@ -28,7 +28,7 @@ from kinetics.support.arrays import Floats, Ints
 
 BUDGET = 1200.0  # s
 FEW_STATES = 1000  # listed before anything else is tried
-LIST_SECONDS = 3e-7  # of a state, on a common machine
+LIST_SECONDS, LIST_SPECIES = 3e-7, 3.3e-8  # of a state, on a common machine: at least; for each species
 SOLVE_SECONDS, TIME_SECONDS = 8e-4, 2e-5  # of a solution, however few its states; of each of its times
 LISTING = 0.05  # of what runs are foretold to cost: may be spent on the list of states
 QUICK = 3e-3  # s; a solution foretold to take no more is not weighed against runs, which would cost as much to try
@@ -150,7 +150,8 @@ class _Reaching:
         """By a solution where that is foretold to be cheaper than runs, or turns out to be."""
         if self.space is None and self.sampling.seconds is not None:
             limit = min(self.sampling.seconds, self.budget)
-            allowed = int(min(LISTING * limit / LIST_SECONDS, MAX_STATES))
+            each = max(LIST_SECONDS, LIST_SPECIES * len(self.question.model.species))
+            allowed = int(min(LISTING * limit / each, MAX_STATES))
             if allowed > FEW_STATES:
                 self._list(allowed, limit)
         best = min(_cost(self.exact), _cost(self.sampling))

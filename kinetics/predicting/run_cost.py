@@ -31,7 +31,7 @@ def _stretch(events: float, left: float, growth: float) -> float:
         return 0.0
     times = 1.0 + left / events
     stretches = ceil(log(times) / log(growth))
-    return 1.001 * left if stretches == 1 else events * (times ** (1 / stretches) - 1.0)
+    return 1.001 * left if stretches <= 1 else events * (times ** (1 / stretches) - 1.0)
 
 
 class SeenRates(NamedTuple):

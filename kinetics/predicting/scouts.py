@@ -29,6 +29,7 @@ TIMES, RUNS = 3, 64  # at which a channel fires, at most, and scouts of each
 MOST_CHANNELS, MOST_TIMES = 256, 192  # of all channels together
 BEYOND = 0.5  # widths of the range that runs have shown, by which a count has to be outside of it
 SHOWN = 30  # runs outside of it, which say enough themselves
+MOST_BYTES = 2**27  # about, of all that are beyond as many as there are first runs
 SHARE = 1 / 4  # of the runs needed, that scouts may be beside the first runs, and may cost
 LEAST_EVENTS = 3e6  # that all may have in any case
 PROBES, PROBED = 8, 0.1  # scouts that are looked at on the way; share of those events that they may have until the end
@@ -36,6 +37,8 @@ FIRST_LOOK, LAST_LOOK = 1 / 64, 7 / 8  # of the way, while rates may become too 
 MOST_LINEARISED = 100  # species
 FIRST_GROWTH = 10.0  # until the first look: its logarithm, at most, if what grows was as quick as all together
 SMALL_GROWTH = 0.01  # below which rates count as steady
+KEPT_BYTES = 32  # of a count of a scout, while it enters moments
+NEGLIGIBLE = 1e-9  # events, of a scout that does nothing more
 MOST_NEXT = 64  # channels by which a scout may go on that are looked at before it does
 MOST_NAMED = 3  # in a remark
 NOT_SENT = "what hardly ever happens was not looked for: rates depend on the time, or events set counts"
@@ -124,7 +127,8 @@ def send_scouts(
     rare = rare[np.cumsum(chances[rare]) * needed > NEVER][::-1]
     if not rare.size:
         return Scouts(inner)
-    most = min(max(most, int(SHARE * needed)), MOST_CHANNELS * RUNS)
+    held = max(FIRST_RUNS, MOST_BYTES // (KEPT_BYTES * grid.size * source.width))
+    most = min(max(most, int(SHARE * needed)), MOST_CHANNELS * RUNS, held)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
     chosen, shares = rare, chances[rare]
     if rare.size > min(MOST_CHANNELS, most):
@@ -204,7 +208,7 @@ class _Following:
         linearised equations, would be too much; and before that at what is expected after the next event.
         """
         first = float(self.network.propensities(source.start).sum())
-        if first == 0.0:
+        if first * length < NEGLIGIBLE:
             return 0.0
         rate = max(first, self._rate_after_one(source.start, length))
         probes = max(1, min(probes, int(self.most_probed / (rate * length))))

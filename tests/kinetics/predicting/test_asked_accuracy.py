@@ -500,3 +500,18 @@ def test_states_without_end_are_not_listed(text, endless):
     assert is_endless(network) == endless
     made = predict(network, None, dict.fromkeys(network.species, 1), [1.0], accuracy="20%", seed=1)
     assert ("exact: its states have no end" in str(made.notes)) == endless
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "times"),
+    [
+        ("A -> 0, 1\n0 -> B, 1e-300", {"A": 1}, [3000.0]),  # nearly nothing is left to follow
+        ("A -> 0, 1\nB -> C, 1e-18", {"A": 5000, "B": 1}, [1000.0]),
+        ("on: G -> 0, 1e-3\nG -> G + A, 5\nH -> K, 1e-306", {"G": 1, "H": 1}, [5.0]),  # scouts that do nothing more
+    ],
+)
+def test_propensities_next_to_nothing_are_no_fault(text, start, times):
+    network = Network.from_text(text)
+    made = predict(network, None, start, times, accuracy="10%", seed=1)
+    assert made.reached.error <= 0.1
+    sampled(AskedAccuracy(0.1, True), network, start, np.array(times), 1)

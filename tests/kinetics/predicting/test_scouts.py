@@ -12,7 +12,7 @@ from kinetics import Auto, Network, predict
 from kinetics.predicting import AskedAccuracy, scouts
 from kinetics.predicting.accuracy import LEVEL
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.run_cost import first_runs
+from kinetics.predicting.run_cost import SeenRates, first_runs
 from kinetics.predicting.scouts import send_scouts
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.run_source import RunSource
@@ -129,8 +129,33 @@ def test_as_many_are_looked_at_as_fit_into_a_tenth_of_the_events(events, probes)
     assert events - ahead.left == pytest.approx(probes * 6e4 * part, rel=1e-6)
 
 
+def test_growth_that_is_no_exponential_is_looked_at_to_the_end():
+    """By the square of the time: 100 + 10 * 600 events a tu at the end."""
+    grows = Network.from_text("P -> P + Q, 100\nQ -> Q + W, 10")
+    ahead, source = following(grows, {"P": 1}, 1e7)
+    assert ahead._events(source, 6.0, 8) > 0.7 * 6.0 * 6100
+
+
+def test_what_could_not_fire_at_a_time_fires_at_the_next():
+    network, times = Network.from_text("A -> 0, 1"), np.array([0.0, 1.0, 2.0, 3.0])
+    states = np.array([[0, 4, 6, 8]])[:, :, None]
+    seen = SeenRates(times, states, states.astype(float))
+    for at, begin, left in ((0, 1.0, 3), (1, 1.0, 3), (2, 2.0, 5)):
+        when, state = scouts._fired(network, seen, 0, at, np.random.default_rng(1))
+        assert (when, state.tolist()) == (begin, [left])
+
+
 def many_bursts(n, chance):
     return Network.from_text("\n".join(f"c{i}: G -> G + 100 M, {chance / n / 6:g}" for i in range(n)))
+
+
+def test_scouts_take_no_more_memory_than_is_allowed(monkeypatch):
+    monkeypatch.setattr(scouts, "MOST_BYTES", 40 * scouts.KEPT_BYTES * TIMES.size * 2)
+    found, _ = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
+    assert 20 < sum(len(each.counts) for each in found.made) <= 40
+    monkeypatch.setattr(scouts, "MOST_BYTES", 0)
+    found, _ = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
+    assert sum(len(each.counts) for each in found.made) == 16
 
 
 def test_some_stand_for_all():
@@ -365,3 +390,20 @@ def test_solutions_say_nothing_of_rare_events():
     made = predict(Network.from_text("A -> B, 0.001"), None, {"A": 2}, [1.0], accuracy="10%")
     assert made.method == "exact"
     assert made.reached.seldom == ""
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    ("text", "start", "at", "words"),
+    [
+        ("0 -> 1000 M, 0.1\nM -> 0, 100", {"M": 0}, 10.0, "burst in 1,000"),
+        ("A -> 2 A, 1\nA -> 0, 1", {"A": 1}, 100.0, "dies out"),
+    ],
+)
+def test_what_the_page_says_is_not_found(text, start, at, words):
+    """Means of 1 copy, of runs of which nearly all show none."""
+    network = Network.from_text(text)
+    means = (predict(network, None, start, [at], accuracy="10%", seed=n, threads=1).mean[0, 0] for n in range(1, 41))
+    missed = sum(abs(mean - 1.0) > 0.1 for mean in means)
+    page = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    assert abs(missed - int(re.search(rf"{words} \((\d+) of 40", page)[1])) <= 4
