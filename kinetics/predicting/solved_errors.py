@@ -17,9 +17,7 @@ def largest_counts(network: Network, start: Ints) -> Floats:
 
     The stated conserved quantities set some, and so does the number of all copies where nothing makes it grow.
     """
-    change = network.sparse_stoichiometry
-    gained = np.bincount(change.rows, change.copies, minlength=len(network.channels))
-    may_grow = bool(network.events) or gained.max(initial=0.0) > 0.0
+    may_grow = bool(network.events) or _made(network).max(initial=0.0) > 0.0
     copies = float(sum(map(int, start)))
     if copies > LARGEST_COUNT:
         copies = float(np.nextafter(copies, np.inf))
@@ -37,9 +35,14 @@ def is_endless(network: Network) -> bool:
     """Whether a channel that needs nothing makes copies for ever, so that no list of states ends."""
     if network.events or not network.is_mass_action:
         return False
+    of_nothing = network.propensities(np.zeros(len(network.species), dtype=np.int64))
+    return bool((of_nothing[_made(network) > 0.0] > 0.0).any())
+
+
+def _made(network: Network) -> Floats:
+    """Copies (R,) that a firing adds in all."""
     change = network.sparse_stoichiometry
-    made = np.bincount(change.rows, change.copies, minlength=len(network.channels))
-    return bool((network.propensities(np.zeros(len(network.species), dtype=np.int64))[made > 0.0] > 0.0).any())
+    return np.bincount(change.rows, change.copies, minlength=len(network.channels)).astype(float)
 
 
 def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> float:
