@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -14,14 +13,13 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook
     from kinetics.rates import ClassRates
-
-INTERRUPTED = 130  # exit code
 
 
 @click.command()
@@ -139,17 +137,10 @@ def rank(
     from kinetics.assembly.rules.writing import written
     from kinetics.ranking import ranking
 
-    shows = sys.stderr.isatty()
-
-    def progress(text: str) -> None:
-        if shows:
-            click.echo(f"\r\033[K{text}", err=True, nl=False)
-
-    loaded, notes = _books(books, time_limit, progress)
-    rates = _rates(rates_name, rates_book, join, break_, loaded)
-    made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
-    if shows:
-        click.echo("\r\033[K", err=True, nl=False)
+    with progress_line() as progress:
+        loaded, notes = _books(books, time_limit, progress)
+        rates = _rates(rates_name, rates_book, join, break_, loaded)
+        made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
     made = replace(made, notes=(*notes, *made.notes))
     if best_file:
         best = made.books[0].name
