@@ -12,6 +12,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import (
     NumbersCommand,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
@@ -84,6 +85,7 @@ FRAMES = 8  # of a strip
 )
 @csv_option
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def grow(
@@ -100,6 +102,7 @@ def grow(
     strip: str | None,
     csv_file: str | None,
     plot_file: str | None,
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -121,12 +124,8 @@ def grow(
             f"--draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
         )
     end = float(np.max(grid))
-    with progress_line() as progress:
-        made = make(
-            *(rules, rates, _start(rules, cubes, seeds), end, runs, seed),
-            lambda done, moment: progress(f"{done} of {runs} runs; the next at {moment:.4g} of {end:g} tu"),
-            draws or 0,
-        )
+    with progress_line(budget=budget):
+        made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0)
     cpu_seconds = time.process_time() - began
     if csv_file:
         write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.cli.options import (
+    budget_option,
+    csv_option,
+    echo_json,
+    in_a_folder,
+    json_option,
+    plot_option,
+    seed_option,
+)
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
@@ -104,6 +112,7 @@ if TYPE_CHECKING:
 )
 @csv_option
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def rank(
@@ -122,6 +131,7 @@ def rank(
     best_file: str | None,
     csv_file: str | None,
     plot_file: str | None,
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -137,7 +147,7 @@ def rank(
     from kinetics.assembly.rules.writing import written
     from kinetics.ranking import ranking
 
-    with progress_line() as progress:
+    with progress_line(budget=budget) as progress:
         loaded, notes = _books(books, time_limit, progress)
         rates = _rates(rates_name, rates_book, join, break_, loaded)
         made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
