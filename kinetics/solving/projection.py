@@ -194,7 +194,8 @@ class _Front:
             raise ValueError(
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
-                f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised); ask for "
+                f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised; predict "
+                f"--budget, in minutes); ask for "
                 f"earlier times, lower the fastest rates, use the method 'exact' if it reaches few states, or sample"
             )
 

@@ -79,8 +79,8 @@ class Transient(ListingMethod):
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take {steps:.3g} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
-                f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
-                f"sample with the direct method"
+                f"max_seconds = {self.max_seconds:g} (predict --budget, in minutes); raise it, ask for earlier times, "
+                f"start from fewer copies, or sample with the direct method"
             )
         forecast(seconds, f"{rough(steps)} steps over {n} states")
         found, _, error = mixtures(chain, start, grid, self.tolerance)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from kinetics.support.cli.progress import progress_line
+from kinetics.support.cli.progress import is_heard, is_terminal, progress_line
 from kinetics.support.workers import end_while_loading
 from mechsim.runs.executors import Executor, Processes, RunAttempt, Session
 from mechsim.runs.executors.base import LOOK_EVERY, Execute
@@ -122,7 +123,9 @@ class _Driver:
     def run(self, session: Session, progress: bool | None) -> None:
         """Work until nothing waits and nothing runs."""
         total = sum(spec.duration for spec in self.specs.values())
-        with progress_line(progress) as line:
+        # A script that is no command of ours has asked for no lines of ours, unless somebody looks on.
+        shown = is_terminal(sys.stderr) if progress is None and not is_heard() else progress
+        with progress_line(shown) as line:
             try:
                 while self.waiting or session.attempts:
                     self._start(session)

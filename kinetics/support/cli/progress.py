@@ -81,12 +81,10 @@ class Progress:
     def forecast(self, seconds: float, what: str, at_once: int = 1) -> None:
         """Say what work will take, s of CPU time on so many processors at once, if that is long.
 
-        click.UsageError: it is beyond the budget
+        click.ClickException, with exit code 2: it is beyond the budget
         """
         if self.budget is not None and seconds > self.budget:
-            from click import UsageError  # no ValueError, which callers take for "not by this method"
-
-            raise UsageError(
+            raise _refusal(
                 f"forecast: about {span(seconds)} of CPU time ({what}), beyond the budget of {self.budget / 60:g} min; "
                 "ask for less, or allow more by --budget MINUTES"
             )
@@ -117,6 +115,16 @@ class Progress:
         if self.in_place:
             self.drawn = now
             _write(f"{CLEAR}{line[: shutil.get_terminal_size().columns - 1]}")
+
+
+def _refusal(said: str) -> Exception:
+    """An error that ends the command; no ValueError, which callers would take for "not by this method"."""
+    from click import ClickException
+
+    class BeyondBudgetError(ClickException):
+        exit_code = 2
+
+    return BeyondBudgetError(said)
 
 
 def _write(text: str) -> None:
