@@ -157,7 +157,7 @@ class Passage(Shown, Tabular):
         if self.is_certain:
             mean, sd = (in_unit(f"{value:.4g}", self.time_unit) for value in (self.mean, self.sd))
             return f"time until {self.target}: mean {mean}, sd {sd}"
-        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
+        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean infinite"
 
     @property
     def _drawn_at(self) -> Floats:

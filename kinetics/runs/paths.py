@@ -17,7 +17,16 @@ from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, over_time
+from kinetics.support.shown import (
+    MOST_TIMES,
+    ResultTable,
+    Shown,
+    Tabular,
+    means_over_time,
+    on_axes,
+    over_time,
+    precision_of,
+)
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -289,8 +298,7 @@ class Ensemble(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        error = self.standard_error().max(initial=0.0)
-        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
@@ -311,7 +319,7 @@ class Ensemble(Shown, Tabular):
         return self.sd() ** 2
 
     def standard_error(self) -> Floats:
-        """Standard error (T, S) of the mean."""
+        """Standard error (T, S) of the mean; nan for a single run."""
         return self.sd() / np.sqrt(self.runs)
 
     def covariance(self) -> Floats:
