@@ -104,7 +104,7 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
     ]
     unit = study.calibration.network.time_unit
     titles = ("channel", "ways", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
-    lines = [text_table(titles, rows)]
+    lines = [text_table(titles, rows), *filter(None, [study.diagnosis.looks.sentence])]
     if unseen := about_not_seen(study.calibration):
         lines.append(unseen)
     lines += ["", *diagnosis_lines(study.diagnosis), ""]
@@ -118,6 +118,8 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     cells = [["-" if isinstance(v, float) and math.isnan(v) else v for v in row.values()] for row in rows]
     shown = [[cell if isinstance(cell, str) else f"{cell:.2g}" for cell in line] for line in cells]
     lines = [text_table(tuple(rows[0]), shown), diagnosis.verdict]
+    if diagnosis.looks.channels:
+        return lines
     return lines + [f"doubtful: {f.title}: {f.seen}; {f.remedy}" for f in diagnosis.failed]
 
 

@@ -91,8 +91,12 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
     references = {"paper, Table III": table3} if is_papers_line else None
     breaks = [] if study.break_models is None else _break_parts(study.break_models)
+    looks, looks_parts = study.diagnosis.looks, list[Part]()
+    if looks.channels:
+        looks_parts = [Text(looks.sentence), ReportTable("Coarse looks.", looks.table(), "looks")]
     return [
         Heading("Rates"),
+        *looks_parts,
         Text(f"{study.source}. {study.made} {ABOUT_RATES} {about_not_seen(study.calibration)}"),
         ReportTable(f"{about}, per way and combination.", rows, "rates"),
         Chart(

@@ -120,6 +120,7 @@ class _Reader:
                 frame.is_open,
                 frame.tank,
                 self.partners(rows[is_change], fired[is_change]),
+                frame.resolution,
             )
         except ValueError as error:
             raise ValueError(

@@ -160,7 +160,8 @@ class Expansion:
             named = [numbers[name] for name in self.model.partners(self.base)]
             of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
             partners = np.append(of_channel, NO_BREAK)[path.channels]
-        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, path.tank, partners)
+        said = path.tank, partners, path.resolution
+        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, *said)
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:

@@ -52,6 +52,8 @@ class JumpPath(Shown, Tabular):
     tank : where it happened; None where that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
         events and restarts. None where nobody watched for it
+    resolution : time between two looks, tu, where an event is written down at the look that first shows it; 0 where
+        every event has its own time
     ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
 
     >>> from kinetics import JumpPath, Network
@@ -69,6 +71,7 @@ class JumpPath(Shown, Tabular):
     open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
     tank: Tank | None = None
     partners: Ints | None = None
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
@@ -76,6 +79,7 @@ class JumpPath(Shown, Tabular):
         object.__setattr__(self, "times", rising_times(self.times, strictly=False))
         object.__setattr__(self, "channels", integers("channels", self.channels, self.times.shape, RESTART))
         object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
+        object.__setattr__(self, "resolution", float(reals("resolution", self.resolution, (), minimum=0)))
         if self.channels.size and self.channels.max() >= n_channels:
             raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
         if self.times.size and self.times[-1] > self.end:
