@@ -73,29 +73,31 @@ def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def rounded(rows: Rows) -> list[dict[str, str]]:
-    """Four digits for every number that is not whole, nothing where there is none."""
+    """Four digits for every number that is not whole, nothing where there is no finite value."""
     return [{key: _cell(value) for key, value in row.items()} for row in rows]
 
 
 def columns(rows: Rows) -> str:
-    """Aligned columns under their names, rounded."""
-    return text_table(tuple(rows[0]), [tuple(row.values()) for row in rounded(rows)])
+    """Aligned columns under their names, rounded; what is infinite is said."""
+    return text_table(
+        tuple(rows[0]), [["infinite" if value == math.inf else _cell(value) for value in row.values()] for row in rows]
+    )
 
 
 def csv_text(rows: Rows) -> str:
-    """One line a row, as the values are; a cell is empty where a value is not known (None, nan)."""
+    """One line a row, as the values are; a cell is empty where there is no finite value, as in JSON it is null."""
     text = io.StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
-    table.writerows({key: "" if _is_unknown(value) else value for key, value in row.items()} for row in rows)
+    table.writerows({key: value if _is_there(value) else "" for key, value in row.items()} for row in rows)
     return text.getvalue()
 
 
-def _is_unknown(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and math.isnan(value))
+def _is_there(value: Any) -> bool:
+    return value is not None and not (isinstance(value, float) and not math.isfinite(value))
 
 
 def _cell(value: Any) -> str:
-    if _is_unknown(value):
+    if not _is_there(value):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
