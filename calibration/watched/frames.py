@@ -151,8 +151,9 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
         run, where = runs.columns["run"][row], runs.where(row)
         if not run or run in frames:
             raise ValueError(f"{where}: {'a second row of this run' if run else 'the run is not named'}")
-        if resolution[row] < 0:
-            raise ValueError(f"{where}: resolution = {resolution[row]:g}; expected a time, 0 or more")
+        if resolution[row] < 0 or start[row] + resolution[row] > end[row] > start[row]:
+            long = end[row] - start[row]
+            raise ValueError(f"{where}: resolution = {resolution[row]:g}; expected a time from 0 to the run's {long:g}")
         said = runs.columns["tank"][row].split() if "tank" in runs.columns else ()
         frames[run] = Frame(
             where,

@@ -373,3 +373,14 @@ def test_a_species_without_a_column_is_not_counted_as_none(read, refused):
     assert "it ends with A 5, but its rows leave A 4, B 1" in refused(
         alone.format("ripen").replace("end,4", "end,5"), network=network
     )
+
+
+@pytest.mark.parametrize(
+    ("resolution", "is_fine"), [("", True), ("0", True), ("4", True), ("4.5", False), ("-1", False)]
+)
+def test_looks_come_within_a_run(read, refused, resolution, is_fine):
+    tables = "run,time,channel\na,1,1+1->2\n", f"run,start,end,monomer,resolution\na,0,4,4,{resolution}\n"
+    if is_fine:
+        assert read(*tables)["a"].resolution == float(resolution or 0)
+    else:
+        assert f"resolution = {resolution}; expected a time from 0 to the run's 4" in refused(*tables)
