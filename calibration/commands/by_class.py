@@ -11,7 +11,7 @@ import click
 from calibration.commands.shared import leave
 from kinetics.support.cli.options import echo_json
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 
 if TYPE_CHECKING:
     from calibration.pipeline.class_study import ClassStudy, GrowthStudy
@@ -140,8 +140,8 @@ def _rates_table(study: ClassStudy) -> str:
     rows = [
         (
             row["class"],
-            f"{row['rate']:.3g}",
-            f"{row['low']:.3g} to {row['high']:.3g}",
+            figure(row["rate"], ".3g"),
+            f"{figure(row['low'], '.3g')} to {figure(row['high'], '.3g')}",
             f"{row['events']:.3g}",
             f"{row['exposure']:.4g}",
         )

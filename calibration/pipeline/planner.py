@@ -23,7 +23,7 @@ from kinetics.rates import Rates
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import stage
 from kinetics.support.shown import on_axes
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, some_of
@@ -155,7 +155,7 @@ class PlannedStudy(Planned):
         )
         rates = text_table(
             ("rate", "events", "half-width"),
-            [(row["rate"], f"{row['events']:.0f}", f"{row['half_width']:.1%}") for row in found["rates"]],
+            [(row["rate"], f"{row['events']:.0f}", figure(row["half_width"], ".1%")) for row in found["rates"]],
         )
         tests = text_table(
             ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),

@@ -90,6 +90,7 @@ class WatchedStudy:
             "runs": len(self.paths),
             "versions": {name: version(name) for name in ("wellmixed", "numpy")},
             "doubtful_tests": self.diagnosis.doubtful,
+            **({"coarse_looks": self.diagnosis.looks.sentence} if self.diagnosis.looks.channels else {}),
             "paper_estimator": paper,
         }
         return rates_with_breaks(self.calibration, self.break_models, evidence)

@@ -23,7 +23,7 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import text_table, with_spread
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook, Structure
@@ -216,7 +216,7 @@ def _table(made: Growths, grid: Floats) -> str:
     series = made.series(grid)
     spread = {name: (values.mean(axis=0), _sd(values)) for name, values in series.items()}
     rows = [
-        [f"{grid[i]:g}", *(f"{mean[i]:.4g} ± {sd[i]:.3g}" for mean, sd in spread.values())]
+        [f"{grid[i]:g}", *(with_spread(mean[i], sd[i]) for mean, sd in spread.values())]
         for i in range(0, grid.size, step)
     ]
     return text_table(("time (tu)", *series), rows)
@@ -226,7 +226,8 @@ def _notes(made: Growths, cpu_seconds: float) -> list[str]:
     """What the table means, what became of the target, what the runs end with and what they cost."""
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
-    notes = ["mean ± sd of a run: structures by their number of cubes, and the cubes of the largest one"]
+    what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"
+    notes = [f"{what}: structures by their number of cubes, and the cubes of the largest one"]
     if made.target is not None:
         first = made.first_times(made.target)
         reached = int(np.isfinite(first).sum())

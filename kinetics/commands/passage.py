@@ -21,7 +21,7 @@ from kinetics.support.cli.options import (
     within_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
-from kinetics.support.tables import in_unit, of_unit, text_table
+from kinetics.support.tables import figure, in_unit, of_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.derivatives import Derivatives
@@ -138,15 +138,16 @@ def passage(
         )
         return
     unit = begin.network.time_unit
-    if made.low is None:
+    if made.low is None or made.high is None:
         click.echo(str(found))
     else:
-        limits = f"95 % interval of the mean, from the rates: {made.low:.4g} to {in_unit(f'{made.high:.4g}', unit)}"
-        click.echo(f"mean time until {found.target}: {in_unit(f'{made.mean:.4g}', unit)}; {limits}")
+        mean, high = ("infinite" if t == np.inf else in_unit(f"{t:.4g}", unit) for t in (made.mean, made.high))
+        limits = f"95 % interval of the mean, from the rates: {figure(made.low)} to {high}"
+        click.echo(f"mean time until {found.target}: {mean}; {limits}")
         click.echo(f"at the posterior mean of each rate constant: {found}")
     click.echo(
         f"{of_unit('quantiles', unit)}: "
-        + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True))
+        + ", ".join(f"{q:g}: {_when(t, '.4g')}" for q, t in zip(QUANTILES, quantiles, strict=True))
     )
     for note in (*begin.in_words, *made.notes):
         click.echo(note)
@@ -157,6 +158,11 @@ def passage(
             click.echo(f"\nelasticities of sd and quantiles\n{slopes}")
         if slopes.refusal:
             click.echo(f"no elasticities of quantiles: {slopes.refusal}")
+
+
+def _when(time: float, form: str) -> str:
+    """A quantile, or that it may never come."""
+    return "never" if time == np.inf else f"{time:{form}}"
 
 
 class Sensitivities(NamedTuple):
@@ -178,11 +184,11 @@ class Sensitivities(NamedTuple):
 
     def __str__(self) -> str:
         rows = [
-            (name, *(f"{each.elasticity[p]:.6g}" for each in self.others.values()))
+            (name, *(figure(each.elasticity[p], ".6g") for each in self.others.values()))
             for p, name in enumerate(self.of_mean.parameters)
         ]
         widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
-        rows.append(("+- at most", *(f"{wide:.1e}" for wide in widths)))
+        rows.append(("+- at most", *(figure(wide, ".1e") for wide in widths)))
         kind = "proven" if all(each.is_bound for each in self.others.values()) else "estimated"
         seconds = sum(each.cpu_seconds for each in self.others.values())
         return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
@@ -238,6 +244,6 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     click.echo(f"{found} ({'proven' if found.is_bound else 'estimated'}; {len(chain)} states)")
     limits = zip(QUANTILES, low, high, strict=True)
     title = of_unit("quantiles", model.network.time_unit)
-    click.echo(f"{title}: " + ", ".join(f"{q:g}: {a:.6g} to {b:.6g}" for q, a, b in limits))
+    click.echo(f"{title}: " + ", ".join(f"{q:g}: {_when(a, '.6g')} to {_when(b, '.6g')}" for q, a, b in limits))
     for note in begin.in_words:
         click.echo(note)

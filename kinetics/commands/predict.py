@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.start import start
@@ -23,7 +25,7 @@ from kinetics.support.cli.options import (
 )
 from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import in_unit, text_table
+from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
@@ -224,9 +226,16 @@ def _elasticity_table(found: Elasticities, made: Prediction) -> str:
     for p, name in enumerate(found.parameters):
         cells = [name if found.is_rate[p] else f"{name} (d ln / d {name})"]
         for s in range(len(made.network.species)):
-            error = "" if found.is_exact else f" ± {found.standard_error[p, 0, s]:.2g}"
-            cells.append(f"{found.value[p, 0, s]:.3g}{error} ({100 * found.share[p, 0, s]:.0f} %)")
+            value, share = found.value[p, 0, s], 100 * found.share[p, 0, s]
+            text = figure(value, ".3g")
+            if not found.is_exact and not math.isnan(value):
+                text += f" ± {found.standard_error[p, 0, s]:.2g}"
+            cells.append(text if math.isnan(share) else f"{text} ({share:.0f} %)")
         rows.append(cells)
     last = in_unit(f"{made.times[-1]:g}", made.network.time_unit)
-    head = f"elasticity of the mean at {last} (share of the variance that the rates leave)"
-    return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), found.note])
+    head, notes = f"elasticity of the mean at {last}", [found.note]
+    if not np.isnan(found.share).all():
+        head += " (share of the variance that the rates leave)"
+    if np.isnan(found.value).any():
+        notes.append("-: not known, because the mean is 0 or the parameter is taken as known")
+    return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), *notes])

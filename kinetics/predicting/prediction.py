@@ -20,7 +20,8 @@ from kinetics.sampling.forecast import forecast_runs
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
-from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
+from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +43,7 @@ class Prediction(Shown, Tabular):
         those of the posterior prediction (rates drawn, then a run: intrinsic noise and the uncertainty of the rates),
         and one that does not those at the posterior mean of each rate constant
     low, high : 95 % interval of the mean from the uncertainty of the rates; None where these have no evidence
-    standard_error : Monte-Carlo error of the mean, that of drawing rates included; 0 for a method that does not sample
+    standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
@@ -87,7 +88,7 @@ class Prediction(Shown, Tabular):
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
-            precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
+            precision = precision_of(self.standard_error)
         if self.reached is not None:
             precision = self.reached.headline
         return f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
@@ -96,7 +97,7 @@ class Prediction(Shown, Tabular):
         """Mean, sd and interval at some of the times, and how well they are known."""
 
         def cell(t: int, s: int) -> str:
-            text = f"{self.mean[t, s]:.4g} ± {self.sd[t, s]:.3g}"
+            text = with_spread(self.mean[t, s], self.sd[t, s])
             if self.low is not None and self.high is not None:
                 text += f" [{self.low[t, s]:.4g}, {self.high[t, s]:.4g}]"
             return text

@@ -17,7 +17,16 @@ from kinetics.network import Network, Tank
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, over_time
+from kinetics.support.shown import (
+    MOST_TIMES,
+    ResultTable,
+    Shown,
+    Tabular,
+    means_over_time,
+    on_axes,
+    over_time,
+    precision_of,
+)
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -43,6 +52,8 @@ class JumpPath(Shown, Tabular):
     tank : where it happened; None where that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
         events and restarts. None where nobody watched for it
+    resolution : time between two looks, tu, where an event is written down at the look that first shows it; 0 where
+        every event has its own time
     ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
 
     >>> from kinetics import JumpPath, Network
@@ -60,6 +71,7 @@ class JumpPath(Shown, Tabular):
     open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
     tank: Tank | None = None
     partners: Ints | None = None
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
@@ -67,6 +79,7 @@ class JumpPath(Shown, Tabular):
         object.__setattr__(self, "times", rising_times(self.times, strictly=False))
         object.__setattr__(self, "channels", integers("channels", self.channels, self.times.shape, RESTART))
         object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
+        object.__setattr__(self, "resolution", float(reals("resolution", self.resolution, (), minimum=0)))
         if self.channels.size and self.channels.max() >= n_channels:
             raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
         if self.times.size and self.times[-1] > self.end:
@@ -289,8 +302,7 @@ class Ensemble(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        error = self.standard_error().max(initial=0.0)
-        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
@@ -311,7 +323,7 @@ class Ensemble(Shown, Tabular):
         return self.sd() ** 2
 
     def standard_error(self) -> Floats:
-        """Standard error (T, S) of the mean."""
+        """Standard error (T, S) of the mean; nan for a single run."""
         return self.sd() / np.sqrt(self.runs)
 
     def covariance(self) -> Floats:

@@ -20,7 +20,7 @@ from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        error = self.standard_error().max(initial=0.0)
-        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
@@ -105,7 +104,7 @@ class EnsembleStatistics(Shown, Tabular):
         return np.sqrt(self.variance())
 
     def standard_error(self) -> Floats:
-        """Standard error (T, S) of the mean."""
+        """Standard error (T, S) of the mean; nan for a single run."""
         return self.sd() / np.sqrt(self.runs)
 
     def covariance(self) -> Floats:

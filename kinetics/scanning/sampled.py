@@ -174,7 +174,7 @@ def _end(query: Query) -> float | None:
 def _answer(query: Query, values: Floats, method: str, seconds: float) -> ScanAnswer:
     """Value, standard error and limits of a sample (runs,)."""
     runs, mean = len(values), float(values.mean())
-    error = float(values.std(ddof=1) / np.sqrt(runs))
+    error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
     if isinstance(query, RewardQuery):
         half = student_quantile(runs - 1, LEVEL) * error if error > 0 else np.nan
         low, high = mean - half, mean + half
