@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.chain.chain import Chain
+from kinetics.chain.chain import DEADLOCK, INIT, Chain
 from kinetics.chain.checks import Reward
 from kinetics.chain.prism_model import prism_names
 from kinetics.solving.transitions import totals
@@ -27,13 +27,12 @@ from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 from kinetics.support.output import write_together
 
-INIT, DEADLOCK = "init", "deadlock"  # labels that PRISM gives; both follow from the chain
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
 Parsed = TypeVar("Parsed")
 
 
 def read_explicit(path: str | Path) -> Chain:
-    """The chain in a `.tra` file and those beside it; its labels include "init", which is where it starts.
+    """The chain in a `.tra` file and those beside it; its labels include "init", where it starts, and "deadlock".
 
     ValueError: a file is missing or damaged, with its line; the label "init" is not that of one state
 
@@ -49,7 +48,7 @@ def read_explicit(path: str | Path) -> Chain:
     0.047619
     """
     file = Path(path)
-    if not file.is_file():
+    if not file.exists():
         raise ValueError(f"{file} does not exist; expected a .tra file")
     n, rows, columns, rates = _entries(file)
     bad = ~((rates >= 0) & np.isfinite(rates))
@@ -63,7 +62,9 @@ def read_explicit(path: str | Path) -> Chain:
     moves = rows != columns
     generator = _sparse(rows[moves], columns[moves], rates[moves], n)
     stays = totals(rows[~moves], rates[~moves], n)
-    return Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
+    chain = Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
+    missing = {name: mask for name, mask in chain.built_in.items() if name not in (*labels, *variables)}
+    return chain.with_labels({**labels, **missing}) if missing else chain
 
 
 def write_explicit(chain: Chain, path: str | Path) -> None:
@@ -101,9 +102,9 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
         rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
         names = ",".join(prism_names(chain.variables).values())
         contents[file.with_suffix(".sta")] = _text([f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
-    stuck = np.bincount(entries.row[off], minlength=len(chain)) == 0
     own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
-    labels = {INIT: start > 0, DEADLOCK: stuck, **own}
+    spelled = prism_names(list(own))
+    labels = {**chain.built_in, **{spelled[name]: mask for name, mask in own.items()}}
     holds = np.array([np.asarray(mask) for mask in labels.values()]).T
     marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))
     heading = " ".join(f'{k}="{name}"' for k, name in enumerate(labels))
@@ -114,10 +115,11 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
 
 def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
     """Paths and contents."""
+    spelled = prism_names(list(chain.rewards))
     for k, (name, reward) in enumerate(chain.rewards.items(), start=1):
         each: Any = reward
         stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
-        heading = f'# Reward structure "{name}"'
+        heading = f'# Reward structure "{spelled[name]}"'
         earned = np.flatnonzero(each.rates)
         values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
         state_lines = [f"{i} {value!r}" for i, value in values]
@@ -281,6 +283,7 @@ def _rewards(file: Path, n: int, stays: Floats) -> Iterator[tuple[str, Reward]]:
 
 def _name(path: Path) -> str | None:
     found = REWARD_NAME.search(text_in(path)[:1000])
+    check_names(path, [found[1]] if found else [])
     return found[1] if found else None
 
 

@@ -23,7 +23,7 @@ LANGUAGE = """
 A bool clock const ctmc C double dtmc E endinit endinvariant endmodule endobservables endrewards endsystem false formula
 filter func F global G init invariant I int label max mdp min module X nondeterministic observable observables of Pmax
 Pmin P pomdp popta probabilistic prob pta rate rewards Rmax Rmin R S smg stochastic system true U W mod pow floor ceil
-round log ma
+round log ma csg ctmdp idtmc imdp ipomdp lts player endplayer sin cos tan
 """
 TAKEN = frozenset(LANGUAGE.split())
 SIGNS = {Code.ADD: "+", Code.SUBTRACT: "-", Code.MULTIPLY: "*", Code.DIVIDE: "/"}
@@ -76,11 +76,11 @@ def prism_text(
     ]
     commands = [_command(network, channel, names) for channel in range(len(network.channels))]
     sums = {name: {name: 1.0} for name in network.species} | dict(observables or {})
+    spelled = prism_names(list(sums))
     rewards = [
-        f'rewards "{name}"\n  true : {" + ".join(f"{weight!r} * {names[each]}" for each, weight in terms.items())};\n'
-        "endrewards"
+        f'rewards "{spelled[name]}"\n  true : '
+        f"{' + '.join(f'{weight!r} * {names[each]}' for each, weight in terms.items()) or '0'};\nendrewards"
         for name, terms in sums.items()
-        if terms and '"' not in name
     ]
     module = ["ctmc", "", "module network", *variables, "", *filter(None, commands), "endmodule", ""]
     return "\n".join([*module, *rewards]) + "\n"
@@ -106,7 +106,7 @@ def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
         f"({species[place]}' = {species[place]} {'+' if gain > 0 else '-'} {abs(gain)})"
         for place, gain in zip(changed, gains, strict=True)
     )
-    return f"  // {title}\n  [] {guard} -> {' * '.join(factors)} : {updates};"
+    return f"  // {' '.join(title.split())}\n  [] {guard} -> {' * '.join(factors)} : {updates};"
 
 
 def _ways(name: str, taken: int, combinations: str) -> str:
