@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
@@ -70,7 +71,10 @@ def read_explicit(path: str | Path) -> Chain:
 def write_explicit(chain: Chain, path: str | Path) -> None:
     """Write a chain to a `.tra` file, and beside it its labels, variables and rewards.
 
-    ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold
+    Names become identifiers, as PRISM wants them. Before the files take their names they are read back and compared
+    with the chain, at the cost of `read_explicit`.
+    ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold; the files
+    would say something else
 
     >>> from tempfile import TemporaryDirectory
     >>> from kinetics import Chain
@@ -98,19 +102,60 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     off = order[(entries.row != entries.col)[order]]
     lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
     contents = {file: _text([f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])}
+    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
+    spelled = prism_names([*chain.variables, *own])
     if chain.counts is not None:
         rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
-        names = ",".join(prism_names(chain.variables).values())
+        names = ",".join(spelled[name] for name in chain.variables)
         contents[file.with_suffix(".sta")] = _text([f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
-    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
-    spelled = prism_names(list(own))
     labels = {**chain.built_in, **{spelled[name]: mask for name, mask in own.items()}}
     holds = np.array([np.asarray(mask) for mask in labels.values()]).T
     marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))
     heading = " ".join(f'{k}="{name}"' for k, name in enumerate(labels))
     marks = (f"{i}: " + " ".join(map(str, k)) for i, k in marked if k.size)
     contents[file.with_suffix(".lab")] = _text([heading, *marks])
-    write_together(contents | dict(_reward_files(file, chain)))
+    contents |= dict(_reward_files(file, chain))
+    _check_written(chain, file, contents)
+    write_together(contents)
+
+
+def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> None:
+    """A ValueError where these files, read back, are another chain; names may be spelled otherwise."""
+    with TemporaryDirectory() as folder:
+        write_together({Path(folder, path.name): text for path, text in contents.items()})
+        try:
+            again = read_explicit(Path(folder, file.name))
+        except ValueError as error:
+            told = str(error).replace(f"{folder}/", "")
+            raise ValueError(f"{file} is not written, since it cannot be read back: {told}") from None
+    own = [mask for name, mask in chain.labels.items() if name not in chain.built_in]
+    masks = [*chain.built_in.values(), *own]
+    wrong = {
+        "rates": _differ(chain.transitions.generator(), again.transitions.generator()),
+        "start": not np.array_equal(chain.initial, again.initial),
+        "variables": not np.array_equal(_counts(chain), _counts(again)),
+        "labels": len(masks) != len(again.labels) or not all(map(np.array_equal, masks, again.labels.values())),
+        "rewards": len(chain.rewards) != len(again.rewards),
+    }
+    earned: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
+    for (name, reward), other in earned:
+        is_other = not np.array_equal(reward.rates, other.rates) or _differ(reward.impulses, other.impulses)
+        wrong[f"reward {name!r}"] = is_other
+    if any(wrong.values()):
+        what = next(what for what, is_other in wrong.items() if is_other)
+        raise ValueError(f"{file} is not written, since it would say something else: its {what} would differ")
+
+
+def _counts(chain: Chain) -> NDArray[Any]:
+    return np.empty((len(chain), 0)) if chain.counts is None else np.asarray(chain.counts)
+
+
+def _differ(one: Any, other: Any) -> bool:
+    """Whether two sparse tables, of which None has no entry, differ off the diagonal."""
+    if one is None and other is None:
+        return False
+    apart = (one if other is None else -other if one is None else one - other).tocoo()
+    return bool(np.any(apart.data[apart.row != apart.col]))
 
 
 def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
