@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import factorial
 from typing import Any
 
 from kinetics.formats.model import NetworkModel
 from kinetics.formats.sbmlmath import parts_of
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.reactions import sides_of
 
 PLACE = "x{}"  # of an id in a formula
@@ -30,7 +31,7 @@ def sbml_text(model: NetworkModel) -> str:
     made = document.createModel()
     made.setSubstanceUnits("item")
     made.setExtentUnits("item")
-    ids = iter(_ids(["tank", *network.species, *network.channels, *model.observables]))
+    ids = iter(spelled_apart(["tank", *network.species, *network.channels, *model.observables], _id))
     place = made.createCompartment()
     place.setId(next(ids))
     place.setConstant(True)
@@ -115,14 +116,6 @@ def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> st
     return " * ".join(factors)
 
 
-def _ids(names: Iterable[str]) -> list[str]:
-    """An id for each name, all different."""
-    made: dict[str, None] = {}
-    for name in names:
-        key = re.sub(r"[^A-Za-z0-9_]", "_", name)
-        if not re.match(r"[A-Za-z_]", key):
-            key = f"_{key}"
-        while key in made:
-            key += "_"
-        made[key] = None
-    return list(made)
+def _id(name: str) -> str:
+    key = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return key if re.match(r"[A-Za-z_]", key) else f"_{key}"

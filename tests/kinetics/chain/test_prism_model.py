@@ -43,7 +43,7 @@ def test_rate_laws_in_its_language():
 
 def test_names_that_are_words_of_the_language():
     names = prism_names(["S", "A(b!1)", "A_b_1_", "2x", "ok"])
-    assert names == {"S": "n_S", "A(b!1)": "A_b_1_", "A_b_1_": "A_b_1__", "2x": "n_2x", "ok": "ok"}
+    assert names == {"S": "n_S", "A(b!1)": "A_b_1__", "A_b_1_": "A_b_1_", "2x": "n_2x", "ok": "ok"}
 
 
 @pytest.mark.parametrize(
