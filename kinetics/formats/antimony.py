@@ -21,7 +21,7 @@ from kinetics.support.limits import text_in
 MAX_BYTES = 4 * 2**20
 # Pieces as the library's lexer has them: `-o` is one, whatever follows it, and numbers end where words may begin.
 TOKEN = re.compile(
-    r"""(?P<blank>[ \t]+|\\[ \r\n]+|//[^\n]*|\#[^\n]*|/\*.*?\*/)
+    r"""(?P<blank>[ \t]+|\\[ \n]+|//[^\n]*|\#[^\n]*|/\*.*?\*/)
     |(?P<newline>\n)
     |(?P<text>"[^"\n]*(?<!\\)"|```[^`]*```)
     |(?P<word>[A-Za-z_][A-Za-z0-9_]*)
@@ -69,6 +69,7 @@ def plain_text(path: Path, text: str) -> str:
     """The text written anew from its pieces: without comments, and with every line in one."""
     written: list[str] = []
     place, line, owed, before, may_import = 0, 1, 0, "", False
+    text = text.replace("\r\n", "\n").replace("\r", "\n")  # all of them end lines
     if odd := re.search(r"[\0-\x08\x0b-\x1f\x7f]", text):
         raise ValueError(f"{path}: the control character {odd[0]!r} at place {odd.start()}, which no model needs")
     while place < len(text):

@@ -13,7 +13,7 @@ GAP = f"[{BLANKS}]*"
 TAGS = rf"(?:[%@]{WORD})*"
 SITE = rf"{NAME}(?:[~%!@](?:{WORD}|\+|\?))*"
 MOLECULE = rf"{NAME}{TAGS}(?:\((?:{SITE}(?:,{SITE})*)?\){TAGS})?"
-TYPE = rf"{NAME}(?:{GAP}\((?:{NAME}(?:~{WORD})*(?:,{NAME}(?:~{WORD})*)*)?\))?"
+TYPE = rf"{NAME}(?:{GAP}\((?:{NAME}(?:[~!@]{WORD})*(?:,{NAME}(?:[~!@]{WORD})*)*)?\))?"
 TAGGED = rf"(?:%{WORD}(?:@{WORD})?|@{WORD})::?"  # of a pattern: its label, its compartment
 ATTRIBUTE = r"(?:MatchOnce|Fixed)(?:=\w+)?"
 MATCHES = r"(?:==|<=|>=|[=<>])\d+"

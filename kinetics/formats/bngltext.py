@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from kinetics.network.laws.reading import NUMBER
+from kinetics.network.laws.reading import LONGEST, NUMBER
 
 NAME = r"[A-Za-z_]\w*"
 WORD = r"\w+"
@@ -127,6 +127,8 @@ def lines_of(path: Path, text: str) -> Iterator[BnglLine]:
             line = _without_comment(next(physical, (0, ""))[1])
         joined.append(line)
         whole = BnglLine(path, number, "".join(joined).strip(BLANKS))
+        if len(whole.text) > LONGEST:
+            raise whole.wrong(f"it has {len(whole.text)} characters; at most {LONGEST} are read")
         if odd := re.search(r"[^\t -~]|\\", whole.text):
             raise whole.wrong(f"the character {odd[0]!r}, which BNGL has in comments alone")
         if whole.text:
@@ -134,4 +136,4 @@ def lines_of(path: Path, text: str) -> Iterator[BnglLine]:
 
 
 def _without_comment(line: str) -> str:
-    return line.partition("#")[0].rstrip(BLANKS)
+    return line.partition("#")[0].rstrip(BLANKS + "\r")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
@@ -10,9 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-# Sets the limits of its own process, then becomes the program. Systems without `resource` have the limit of time alone.
+# Puts the texts into their files, sets the limits of its own process, then becomes the program. Systems without
+# `resource` have the limit of time alone.
 LAUNCHER = """
-import os, sys
+import json, os, sys
+from pathlib import Path
+for name, text in json.loads(sys.stdin.buffer.read()).items():
+    Path(name).write_bytes(text.encode())
 try:
     import resource
     seconds, memory = map(int, sys.argv[1:3])
@@ -59,15 +64,13 @@ class Program:
         import subprocess
 
         with tempfile.TemporaryDirectory() as folder:
-            for name, text in given.items():
-                Path(folder, name).write_bytes(text.encode())
             bare = {"PATH": os.defpath, "LC_ALL": "C", "HOME": folder, "TMPDIR": folder, "PYTHONSAFEPATH": "1"}
             try:
                 done = subprocess.run(  # noqa: S603 - of no shell; the arguments are ours
                     [sys.executable, "-P", "-c", LAUNCHER, str(self.seconds), str(self.memory), *self.command],
                     cwd=folder,
                     env=bare | {name: os.environ[name] for name in KEPT if name in os.environ},
-                    stdin=subprocess.DEVNULL,
+                    input=json.dumps(dict(given)).encode(),
                     stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT,
                     timeout=CLOCK * self.seconds,

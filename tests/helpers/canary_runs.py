@@ -3,12 +3,14 @@
 Each text is read in a process of its own, in a folder of its own, by libraries that are loaded once.
 """
 
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from kinetics.formats.bngl import _program
 from tests.helpers.canaries import SECRET, secrets
 
 # Reads what BNG2.pl reads, with the arguments that it sets.
@@ -62,10 +64,13 @@ def ran(folder, given):
     given : number -> files of BioNetGen, or text of Antimony
     """
     found = []
+    environment = {**os.environ, "BNGPATH": str(_program().parent)}
     with tempfile.TemporaryDirectory() as work:
         for program, kind in ((["perl", "-e", PERL], dict), ([sys.executable, "-c", PYTHON], str)):
             of_kind = {number: text for number, text in given.items() if isinstance(text, kind)}
-            with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as reader:
+            with subprocess.Popen(
+                program, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            ) as reader:
                 for number, text in of_kind.items():
                     room = Path(work, str(number))
                     room.mkdir()

@@ -147,6 +147,12 @@ def test_what_opens_a_file_or_is_in_doubt_is_refused(text):
         plain_text(Path("m"), text)
 
 
+def test_ends_of_lines_are_those_of_any_system():
+    text = "A -> B # x\nk = 1 \\\n + 2\n"
+    for end in ("\r\n", "\r"):
+        assert plain_text(Path("m"), text.replace("\n", end)) == plain_text(Path("m"), text)
+
+
 # One line or more for every part of the language.
 FEATURES = """
 S1 -> S2; k*S1 // a comment, import "x"

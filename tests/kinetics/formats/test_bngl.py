@@ -154,6 +154,13 @@ def test_lines_keep_their_numbers(path):
     ]
 
 
+def test_ends_of_lines_are_those_of_any_system_but_one(path):
+    """BioNetGen takes a carriage return alone for a blank, which would hide what follows a comment."""
+    assert written(path, MODEL.replace("\n", "\r\n")) == written(path, MODEL)
+    with pytest.raises(ValueError, match=r"line 3: .*'\\r'"):
+        written(path, MODEL.replace("kp 0.01", "kp\r0.01"))
+
+
 @pytest.mark.parametrize(
     ("actions", "expected"),
     [
@@ -189,6 +196,7 @@ def test_limits_and_settings_hold(path, actions, expected):
         ("km 0.1", "km 1\u00b5", "line 4: the character"),
         ("km 0.1", "km 0.1\n0\nend parameters", "line 5: '0' came"),
         ("km 0.1", "beginning 0.1", "line 4: 'beginning 0.1' begins as a border"),
+        ("km 0.1", "km 0.1" + "+1" * 50_001, "line 4: it has 100008 characters"),
         (MODEL, "# nothing\n", "no block of a model"),
         ("0.02", "0.02 TotalRate", "line 20: TotalRate"),
         ("0.02", "TotalRate 0.02", "line 20: TotalRate"),
