@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -50,9 +51,10 @@ def net_text(model: NetworkModel) -> str:
     lines.append("end reactions")
     if model.observables:
         lines.append("begin groups")
-        for g, (name, weights) in enumerate(model.observables.items(), 1):
+        names = _groups(model.observables, len(constants))
+        for g, (name, weights) in enumerate(zip(names, model.observables.values(), strict=True), 1):
             terms = [place[each] if w == 1 else f"{w:.17g}*{place[each]}" for each, w in weights.items()]
-            lines.append(f"{g} {_word(name)} {','.join(terms)}".rstrip())
+            lines.append(f"{g} {name} {','.join(terms)}".rstrip())
         lines.append("end groups")
     return "\n".join(lines) + "\n"
 
@@ -99,6 +101,19 @@ def _patterns(species: tuple[str, ...]) -> list[str]:
             pattern = f"{pattern.removesuffix('()')}_()"
         made[pattern] = None
     return list(made)
+
+
+def _groups(observables: Iterable[str], constants: int) -> list[str]:
+    """Names of groups, all different, and none that of a parameter k1, k2, ..."""
+    taken = {f"k{i}" for i in range(1, constants + 1)}
+    made = []
+    for observable in observables:
+        name = _word(observable)
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        made.append(name)
+    return made
 
 
 def _word(name: str) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import factorial
 from typing import Any
 
 from kinetics.formats.model import NetworkModel
+from kinetics.formats.sbmlmath import parts_of
 from kinetics.network import Network
 from kinetics.network.reactions import sides_of
+
+PLACE = "x{}"  # of an id in a formula
 
 
 def sbml_text(model: NetworkModel) -> str:
@@ -55,14 +58,12 @@ def sbml_text(model: NetworkModel) -> str:
         parameter.setConstant(False)
         rule = made.createAssignmentRule()
         rule.setVariable(parameter.getId())
-        terms = [f"{weight!r} * {species[network.index(each)]}" for each, weight in weights.items()]
-        rule.setMath(libsbml.parseL3Formula(" + ".join(terms) or "0"))
+        terms = [f"{weight!r} * {PLACE.format(i)}" for i, weight in enumerate(weights.values())]
+        rule.setMath(_formula(" + ".join(terms) or "0", [species[network.index(each)] for each in weights]))
     return libsbml.writeSBMLToString(document)
 
 
 def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:
-    import libsbml
-
     reaction.setId(key)
     reaction.setName(name)
     reaction.setReversible(False)
@@ -75,14 +76,29 @@ def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, 
             reference.setStoichiometry(float(copies))
             reference.setConstant(True)
     rate = float(network.known_rates[r] * network.ways[r])
-    needed = {species[s]: copies for s, copies in before.items()}
-    formula = libsbml.parseL3Formula(_propensity(rate, needed, network.combinations))
+    needed = {PLACE.format(i): copies for i, copies in enumerate(before.values())}
+    formula = _formula(_propensity(rate, needed, network.combinations), [species[s] for s in before])
     if formula is None:  # a factorial beyond all floats
         raise ValueError(
             f"channel {name!r} needs {max(needed.values())} copies of one species, too many for a formula of SBML; "
             f"write the reaction in steps of fewer reactants"
         )
     reaction.createKineticLaw().setMath(formula)
+
+
+def _formula(text: str, ids: Sequence[str]) -> Any | None:
+    """A formula in which `PLACE` number i is the i-th id. None for what is no formula.
+
+    The ids go around the grammar of texts, which takes `Pi`, `inf` or `Time`, in any case, for constants.
+    """
+    import libsbml
+
+    made = libsbml.parseL3Formula(text)
+    named = {PLACE.format(i): key for i, key in enumerate(ids)}
+    for part in parts_of(made) if made else ():
+        if part.getType() == libsbml.AST_NAME:
+            part.setName(named[part.getName()])
+    return made
 
 
 def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> str:
@@ -104,7 +120,7 @@ def _ids(names: Iterable[str]) -> list[str]:
     made: dict[str, None] = {}
     for name in names:
         key = re.sub(r"[^A-Za-z0-9_]", "_", name)
-        if not re.match(r"[A-Za-z_]", key) or key in ("time", "avogadro", "pi", "true", "false", "infinity"):
+        if not re.match(r"[A-Za-z_]", key):
             key = f"_{key}"
         while key in made:
             key += "_"

@@ -25,7 +25,7 @@ def options_in(ctx: click.Context, path: str) -> None:
     """Make the tables of a file the defaults of the commands below this context."""
     from kinetics.support.config import read_toml
 
-    if not Path(path).is_file():
+    if not Path(path).exists():
         raise click.UsageError(f"--config {path}: there is no such file", ctx)
     ctx.meta[FILE] = path
     ctx.default_map = read_toml(Path(path))

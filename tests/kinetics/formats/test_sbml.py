@@ -221,7 +221,7 @@ DISTRIB = (
     ("text", "message"),
     [
         ("", "is not XML"),
-        (DISTRIB, "uses the package 'distrib' of SBML, which is not read"),
+        (DISTRIB, "requires the package 'distrib' of SBML, which is not read"),
         ("<sbml>", "is not XML"),
         ("<a/>", "line 2: .*XML"),
         ('<?xml version="1.0" encoding="klingon"?><sbml/>', "is not XML"),
@@ -260,6 +260,7 @@ def test_a_rate_law_over_a_long_sum(tmp_path):
 def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):
     made = base()
     made.species("B", concentration=0.4)
+    made.reaction("fade", {"B": 1}, {}, "B")
     with pytest.raises(ValueError, match=r"'B' starts from 0.4, .* --copies-per-unit"):
         made.read(tmp_path)
     assert_array_equal(made.read(tmp_path, 10).initial, [50, 4])
