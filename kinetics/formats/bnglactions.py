@@ -87,7 +87,7 @@ class Actions:
             if name in LIMITS:
                 limits.append(f"{name}=>{_number(line, name, value)}")
             elif name == "max_stoich" and isinstance(value, dict):
-                most = (f"{_name(line, each)}=>{_number(line, name, number)}" for each, number in value.items())
+                most = (f"'{_name(line, each)}'=>{_number(line, name, number)}" for each, number in value.items())
                 limits.append(f"max_stoich=>{{{','.join(most)}}}")
             elif name not in ASIDE:
                 raise line.wrong(f"the argument {name!r} of generate_network is not read")

@@ -282,7 +282,7 @@ def evaluated(text, skips_actions):
     return found
 
 
-VALUE = r"(?:-?[0-9.]+(?:e[-+]?[0-9]+)?|'[^'\"\\$@`]*'|\"[^'\"\\$@`]*\"|\{(?:\w+=>[0-9.e+-]+,?)*\})"
+VALUE = r"(?:-?[0-9.]+(?:e[-+]?[0-9]+)?|'[^'\"\\$@`]*'|\"[^'\"\\$@`]*\"|\{(?:'\w+'=>[0-9.e+-]+,?)*\})"
 CONSTANT = re.compile(
     rf"(?:setOption|setParameter|setConcentration|addConcentration|setVolume|(?:save|reset)(?:Parameters|Concentrations))"
     rf"\((?:{VALUE}(?:,{VALUE})*)?\);?|generate_network\(\{{overwrite=>1,prefix=>'model'(?:,\w+=>{VALUE})*\}}\)"

@@ -3,13 +3,14 @@
 import importlib.util
 import os
 import shutil
+import subprocess
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from kinetics.formats import read
-from kinetics.formats.bngl import bngl_files
+from kinetics.formats.bngl import _program, bngl_files
 
 MODEL = """begin model
 begin parameters
@@ -164,7 +165,7 @@ def test_ends_of_lines_are_those_of_any_system_but_one(path):
 @pytest.mark.parametrize(
     ("actions", "expected"),
     [
-        ("generate_network({max_agg=>2, 'max_stoich'=>{A=>3,'B'=>4}});", "max_agg=>2,max_stoich=>{A=>3,B=>4}"),
+        ("generate_network({max_agg=>2, 'max_stoich'=>{A=>3,'B'=>4}});", "max_agg=>2,max_stoich=>{'A'=>3,'B'=>4}"),
         ("simulate({t_end=>3})\ngenerate_network({max_iter=>7})", "max_iter=>7"),
         ("generate_network({check_iso=>0,prefix=>'/x',print_iter=>1})", "check_iso=>0"),
         (
@@ -306,3 +307,76 @@ def test_a_network_that_is_cut_short_is_refused(path):
         read(path)
     path.write_text(f"{text}generate_network({{max_iter=>4}})\n", encoding="utf-8")
     assert len(read(path).network.species) == 5
+
+
+# Every part of the language that networks have, in the forms that users give it.
+WHOLE = r"""version("2.2.0")
+begin model
+setOption("SpeciesLabel","HNauty")
+parameter scale 2
+begin parameters
+ 1 k1 = 1e-1*scale  # a comment \
+ k2  (k1 + 3.)/ \
+   2^-1
+ lab: e1 -.5
+end parameters
+begin compartments
+ out 3 10
+ wall 2 k2/2 out
+ in 3 1. wall
+end compartments
+begin molecule types
+ L(r,r)
+ R(l,s~u~p)
+ X
+end molecule types
+begin seed species
+ @out:L(r,r) 20
+ @in:$X()  k1*10
+end seed species
+begin species
+ R(l,s~u)@wall 5*scale
+end species
+begin observables
+ Molecules all R(), L()
+ Species  two R()==2
+ Molecules inner R(s~p!?)
+end observables
+begin functions
+ boost(x) = k1*if(inner(x)>=1, 2, 1)
+ f = k2*all/(1+all)
+ g() 2*f()
+end functions
+begin energy patterns
+ R(l!1).L(r!1) e1
+end energy patterns
+begin reaction rules
+ bind : L(r) + R(l) <-> L(r!1).R(l!1) Arrhenius(k1,k2)
+ 7 %c:R(s~u) -> %c:R(s~p) boost(c)
+ R%m(s~p) -> R%m(s~u) f() \
+   priority=2
+ out1: @wall:{MatchOnce}R(l) -> 0 g()/3 DeleteMolecules
+ 0 -> @out:L(r,r) scale*2
+ X() -> X() + X() k2 exclude_reactants(1,R())
+end reaction rules
+end model
+setParameter("k1",0.7)
+generate_network({overwrite=>1,max_agg=>4,max_iter=>3,max_stoich=>{L=>2}})
+"""
+
+
+@has_bionetgen
+def test_bionetgen_makes_the_same_network_of_it(path, tmp_path):
+    """As of the file itself, past all of our reading; but for the version that it asks for."""
+    found = []
+    for files, top in (({"model.bngl": WHOLE}, "model.bngl"), (written(path, WHOLE), "generate.bngl")):
+        folder = tmp_path / f"of_{top}"
+        folder.mkdir()
+        for name, content in files.items():
+            (folder / name).write_text(content, encoding="utf-8")
+        done = subprocess.run(["perl", _program(), top], cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout[-500:] + done.stderr[-500:]
+        lines = (folder / "model.net").read_text(encoding="utf-8").splitlines()
+        found.append([line for line in lines if not line.startswith(("#", "version"))])
+    assert found[0] == found[1]
+    assert len(found[0]) > 50
