@@ -114,7 +114,11 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
         (MemoryError("Unable to allocate 8 TiB"), OUTSIDE, "not enough memory (Unable to allocate 8 TiB)"),
         (RecursionError("maximum recursion depth exceeded"), MISTAKE, "nests more deeply"),
         (OverflowError("int too large"), MISTAKE, "(int too large)"),
-        (ModuleNotFoundError("No module named 'libsbml'", name="libsbml"), MISTAKE, "pip install 'wellmixed[sbml]'"),
+        (
+            ModuleNotFoundError("No module named 'libsbml'", name="libsbml"),
+            MISTAKE,
+            "pip install 'python-libsbml>=5.20'",
+        ),
         (ModuleNotFoundError("No module named 'nothing'", name="nothing"), FAULT, "fault of wellmixed"),
         (RuntimeError("the book is wrong"), FAULT, "RuntimeError: the book is wrong (test_failures.py:"),
         (KeyError("quad"), FAULT, "please report it, with what --debug shows"),

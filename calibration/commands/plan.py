@@ -167,7 +167,7 @@ def plan(
     rates_name: str | None,
     pilot_time: float,
     strict: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -204,7 +204,7 @@ def plan(
         rates = pilot.rates(runs_folder, workers=workers, progress=progress)
     planned = make_plan(request, rates, costs)
     planned.plan.save(target)
-    if plot_file is not None:
+    for plot_file in plot_files:
         save(plot_file, planned.plot, size=(7.5, 4.5))
     if as_json:
         echo_json(planned.to_dict() | {"out": out, "seed": seed})
