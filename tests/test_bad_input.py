@@ -234,7 +234,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         (["demo", "--workers", "0"], "0 is not in the range x>=1"),
         (["demo", "--folder", "rates.toml"], "'rates.toml' is a file"),
         (["export", "nofolder", "--out", "tables"], "'nofolder' does not exist"),
-        (["export", ".", "--out", "tables"], ". holds no runs; expected a folder that --runs-folder has named"),
+        (["export", ".", "--out", "tables"], ". holds no runs; expected one that `wellmixed simulate` has filled"),
         (["assemble", "line4"], "No such command 'assemble'"),
     ],
 )

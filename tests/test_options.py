@@ -1,5 +1,6 @@
 """Options of all commands: those that want a package say so first, files may be several, other values may not."""
 
+import re
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from command_line import run_here
+from command_tree import commands
 
 from kinetics.support.extras import EXTRAS
 
@@ -110,3 +112,63 @@ def test_the_same_value_twice_is_one(tmp_path, more):
     if "--initial" in more:
         command = [*command[:4], *command[6:], "--initial", "monomer=6"]
     assert run_here(*command, *more, cwd=tmp_path).code == 0
+
+
+# Errors name options that there are
+
+
+CLOCK = "up: A -> B, 1 + sin(t)\nA = 5\n"
+REFUSALS = [
+    ("passage", "clock.rxn", "--species", "B"),
+    ("ask", "clock.rxn", "P=? [ F<=3 B>=5 ]"),
+    ("predict", "clock.rxn", "--method", "exact", "--times", 1),
+    ("verify", "clock.rxn", "--times", 1),
+    ("accuracy", "kinetics", "clock.rxn", "--duration", 1),
+    ("passage", "line4", "--species", "dimer"),
+    ("ask", "line4", "--rates", "table3", "E[dimer] @ 1"),
+    ("scan", "line4", "--rates", "table3", "--over", "k=1,2", "--ask", "E[dimer] @ 1"),
+    ("derive", "line4", "--out", "a.net"),
+    ("verify", "line4"),
+    ("rules", "rank", "line4"),
+    ("rules", "check", "nothing"),
+    ("rules", "grow", "line4", "--cubes", 9, "--draws", 5),
+    ("render", "abcdef", "--out", "a.png"),
+    ("replay", "abcdef"),
+    ("loads", "."),
+    ("export", ".", "--out", "tables"),
+    ("study", "nothing"),
+    ("rates", "nothing"),
+    ("plan", "line4", "--out", "plan.txt"),
+    ("calibrate", "line4", "--out", "rates.toml", "--events", "none.csv"),
+    ("validate", "line4", "--rates", "nothing"),
+    ("simulate", "line4"),
+]
+
+
+def strangers(words, said):
+    """Options that a message names and the command lacks; those of a command that it quotes are looked for there."""
+    options = {name: {spelled for p in command.params for spelled in p.opts} for name, command in commands()}
+    options["wellmixed"] = set()
+    for quoted in re.findall(r"`(?:wellmixed )?((?:accuracy |rules )?[a-z]+) ([^`]*)`", said):
+        yield from (option for option in re.findall(r"--[a-z-]+", quoted[1]) if option not in options[quoted[0]])
+    plain = re.sub(r"`[^`]*`", "", said)
+    yield from (option for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", plain) if option not in options[words])
+
+
+@pytest.mark.parametrize("command", REFUSALS)
+def test_errors_name_options_that_the_command_has_and_no_arguments_of_python(tmp_path, command):
+    (tmp_path / "clock.rxn").write_text(CLOCK)
+    done = run_here(*command, cwd=tmp_path)
+    assert done.code == 2, done.out
+    (words,) = {name for name, _ in commands() if name in (command[0], " ".join(map(str, command[:2]))) and name} & (
+        {" ".join(command[:2])} if command[0] in ("rules", "accuracy") else {command[0]}
+    )
+    said = done.err.partition("Error: ")[2]
+    assert not list(strangers(words, said)), said
+    assert not re.search(r"\b(max_[a-z]+|within|copies_per_unit)\b ?=|\bmax_[a-z]+\b|method 'general'", said), said
+
+
+def test_a_message_that_names_another_command_s_option_is_seen():
+    assert list(strangers("passage", "raise --max-states, or --within, as in `wellmixed scan --max-states 0`")) == [
+        "--max-states"
+    ]
