@@ -47,6 +47,7 @@ from kinetics.support.cli.failures import INTERRUPTED, interrupted, judged  # no
 from kinetics.support.cli.lazy_commands import mount  # noqa: E402
 from kinetics.support.cli.options_file import options_in  # noqa: E402
 from kinetics.support.cli.process import run  # noqa: E402
+from kinetics.support.cli.progress import sign_of_life  # noqa: E402
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -180,7 +181,8 @@ def _tell(message, *_, **__) -> None:
 @click.pass_context
 def main(ctx: click.Context, debug: bool, quiet: bool, options_file: str | None) -> None:
     """Kinetics and Markov modelling of self-assembly, calibrated on rigid-body mechanics."""
-    del debug, quiet
+    del debug
+    ctx.with_resource(sign_of_life(str(ctx.invoked_subcommand), quiet))
     if options_file is not None:
         options_in(ctx, options_file)
 

@@ -21,6 +21,7 @@ from kinetics.assembly.compiler import Compiled, Target, compile_book
 from kinetics.assembly.compiler.target import TARGETS
 from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
+from kinetics.support.cli.progress import stage
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
 from kinetics.support.config import find, write_toml
 from kinetics.support.output import new_folder, write_whole
@@ -57,8 +58,9 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
     goal = Path(folder)
     with new_folder(goal) as made:
         target = Target.load(name_or_path)
-        compiled = compile_book(target, time_limit=time_limit)
+        compiled = compile_book(target, time_limit=time_limit, progress=stage)
         try:
+            stage("deriving the network of the book")
             derivation = derive(compiled.book)
         except ValueError as error:
             raise ValueError(

@@ -18,6 +18,7 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
@@ -105,8 +106,13 @@ def ask(
         chain = _of_network(model, stop, max_states, within)
     if out_file:
         _write(out_file, chain, model)
-    answers = [question.of(chain) for question in queries]
-    slopes = _slopes(chain, queries) if with_sensitivity else [None] * len(queries)
+    with progress_line() as progress:
+        answers = []
+        for text, question in zip(questions, queries, strict=True):
+            progress(f"answering {text} by {len(chain)} states")
+            answers.append(question.of(chain))
+        progress("sensitivities")
+        slopes = _slopes(chain, queries) if with_sensitivity else [None] * len(queries)
     if as_json:
         found = [
             {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
@@ -138,7 +144,9 @@ def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: 
     from kinetics.chain import Chain
     from kinetics.chain.observing import observing
 
-    chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
+    with progress_line() as progress:
+        progress("listing states")
+        chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
     return observing(chain, model.network, model.observables)
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, plot_option
+from kinetics.support.cli.progress import progress_line
 
 NOT_CORRECT = 1  # exit code
 
@@ -47,15 +46,11 @@ def check(
     from kinetics.assembly import RuleBook
     from kinetics.assembly import check as examine
 
-    shows = sys.stderr.isatty()
-
-    def progress(explored: int, found: int) -> None:
-        if shows and explored % 20 == 0:
-            click.echo(f"\r{explored} of {found} explored\033[K", err=True, nl=False)
-
-    report = examine(RuleBook.load(book), max_cubes, max_species, slow_waves, progress)
-    if shows:
-        click.echo("\r\033[K", err=True, nl=False)
+    with progress_line() as progress:
+        report = examine(
+            *(RuleBook.load(book), max_cubes, max_species, slow_waves),
+            lambda explored, found: progress(f"{explored} of {found} explored"),
+        )
     for plot_file in plot_files:
         report.drawing().save(plot_file)
     if as_json:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +12,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import (
     NumbersCommand,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
@@ -22,6 +21,7 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 
@@ -35,7 +35,6 @@ MAX_FINAL = 50  # structures in JSON
 SHOWN_FINAL = 5  # for people
 MAX_WIDTH = 100  # of a structure in words
 FRAMES = 8  # of a strip
-INTERRUPTED = 130  # exit code
 
 
 @click.command(cls=NumbersCommand)
@@ -88,6 +87,7 @@ INTERRUPTED = 130  # exit code
 )
 @csv_option
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def grow(
@@ -104,6 +104,7 @@ def grow(
     strips: tuple[str, ...],
     csv_files: tuple[str, ...],
     plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -125,9 +126,8 @@ def grow(
             f"--draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
         )
     end = float(np.max(grid))
-    made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, _progress(runs, end), draws or 0)
-    if sys.stderr.isatty():
-        click.echo("\r\033[K", err=True, nl=False)
+    with progress_line(budget=budget):
+        made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0)
     cpu_seconds = time.process_time() - began
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
@@ -172,17 +172,6 @@ def _rates(rates_file: str | None, join: float | None, break_: float | None) -> 
     if rates_file is None and join is not None:
         return ClassRates.uniform(join, break_ or 0.0)
     raise ValueError("say how fast faces bond by either --rates FILE, or --join 7e-5 with or without --break 1e-3")
-
-
-def _progress(runs: int, end: float) -> Callable[[int, float], None] | None:
-    """Shows the work under way, on a terminal only."""
-    if not sys.stderr.isatty():
-        return None
-
-    def show(finished: int, moment: float) -> None:
-        click.echo(f"\r\033[K{finished} of {runs} runs; the next at {moment:.4g} of {end:g} tu", err=True, nl=False)
-
-    return show
 
 
 def _as_data(made: Growths, grid: Floats) -> dict[str, Any]:

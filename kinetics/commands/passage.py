@@ -20,6 +20,7 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
+from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import in_unit, of_unit, text_table
 
 if TYPE_CHECKING:
@@ -93,10 +94,14 @@ def passage(
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         _limits(begin, within, species, copies, as_json)
         return
-    made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
-    found = made.passage
-    quantiles = found.quantile(QUANTILES)
-    slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
+    with progress_line() as progress:
+        progress("solving for the passage")
+        made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
+        found = made.passage
+        progress("quantiles")
+        quantiles = found.quantile(QUANTILES)
+        progress("sensitivities")
+        slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
     for plot_file in plot_files:
         from kinetics.support import plots
 
@@ -188,8 +193,12 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
 
     asked, goal = sensitivity_to(network, initial, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
+    quantiles = {}
     try:
-        quantiles = {q: asked.passage_quantile(goal, q) for q in QUANTILES if found.is_certain or q < found.probability}
+        for q in QUANTILES:
+            if found.is_certain or q < found.probability:
+                stage(f"sensitivity of quantile {q:g}")
+                quantiles[q] = asked.passage_quantile(goal, q)
     except ValueError as refusal:  # too stiff
         return Sensitivities(mean, sd, {}, str(refusal))
     return Sensitivities(mean, sd, quantiles, "")
@@ -202,11 +211,14 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     began = time.process_time()
     model = begin.model
     weights, name = summed(model.network, begin.counted(species))
-    chain = Chain.of(
-        model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
-    )
-    found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
-    low, high = found.quantile_bounds(QUANTILES)
+    with progress_line() as progress:
+        progress("listing states")
+        chain = Chain.of(
+            model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
+        )
+        progress(f"solving {len(chain)} states")
+        found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
+        low, high = found.quantile_bounds(QUANTILES)
     if as_json:
         ever = found.probability_bounds
         echo_json(

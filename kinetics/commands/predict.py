@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinetics.commands.methods import MethodName
+from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.start import start
 from kinetics.support.cli.options import (
     AskedStart,
@@ -22,7 +22,7 @@ from kinetics.support.cli.options import (
     tank_option,
     time_grid,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import in_unit, text_table
 
@@ -67,7 +67,8 @@ if TYPE_CHECKING:
     "--budget",
     metavar="MINUTES",
     type=click.FloatRange(min=0, min_open=True),
-    help="CPU time that --accuracy may cost; more is refused before it starts.  [default: 20]",
+    help="CPU time allowed; work that is forecast to take more is refused before it starts.  "
+    f"[default: {BUDGET:g}; with --accuracy 20]",
 )
 @click.option(
     "--threads",
@@ -140,17 +141,22 @@ def predict(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
     grid, sums = time_grid(duration, times), begin.shown(shown)
-    with progress_line() as progress:
+    most = BUDGET if budget is None else budget
+    chosen = None if method is None else within_budget(method, 60 * most)
+    with progress_line(budget=most) as progress:
         made = make(
-            begin.network, begin.rates, begin.state, grid, method, runs, seed, draws, threads, progress,
-            sums, begin.tank, asked_for, None if budget is None else 60 * budget,
+            begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
+            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None,
         )  # fmt: skip
-    found = None
-    if begin.rates is not None and (with_elasticity or elasticity_files):
-        from kinetics.predicting import count_elasticities
+        found = None
+        if begin.rates is not None and (with_elasticity or elasticity_files):
+            from kinetics.predicting import count_elasticities
 
-        drawn = None if made.drawn is None else made.drawn.at_last()
-        found = count_elasticities(begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank)
+            progress("elasticities")
+            drawn = None if made.drawn is None else made.drawn.at_last()
+            found = count_elasticities(
+                begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank
+            )
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     for plot_file in plot_files:

@@ -10,6 +10,7 @@ from kinetics.commands.start import is_network_file, start
 from kinetics.support.cli.failures import keep
 from kinetics.support.cli.options import (
     AskedStart,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
@@ -98,6 +99,7 @@ UNANSWERED = 1  # exit code
     help="Write the table to this Parquet file; may be repeated.",
 )
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def scan(
@@ -114,6 +116,7 @@ def scan(
     csv_files: tuple[str, ...],
     parquet_files: tuple[str, ...],
     plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -141,7 +144,7 @@ def scan(
         raise ValueError(f"--set {both[0]} and --over {both[0]}: a name is set, or scanned; leave one out")
     begin = _start(asked, edges, {name: values.tolist() for name, values in over.items()})
     keep(f"points that are done are kept in {folder}, and the same command goes on from there")
-    with progress_line() as progress:
+    with progress_line(budget=budget) as progress:
         made = make(
             ScannedModel(begin.model, begin.cube),
             over,

@@ -25,9 +25,15 @@ from kinetics.networkfree.tank import ALONE, Breakers, GrowingTank, Known, Rate,
 from kinetics.rates import ClassRates
 from kinetics.sampling.run_source import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
+from kinetics.support.cli.progress import forecast, stage
+from kinetics.support.tables import counted, rough
 
 BLOCK = 4096  # random numbers drawn at once
 PROGRESS_EVERY = 500  # draws
+TRIED = 2000  # draws of the first run, from whose end the rest is forecast
+DRAW_SECONDS = 4e-5  # of CPU time, on a common machine
+DRAWS_A_CUBE = 4.0  # null events among them, while all cubes join once
+DRAWS_A_BREAK = 3.0  # and what rejoins
 
 
 def grow(
@@ -74,7 +80,7 @@ def grow(
     interrupted = False
     try:
         for run in range(whole_number("runs", runs, 1)):
-            grown = _run(known[run % len(known)], start, horizon, seed, run, progress)
+            grown = _run(known[run % len(known)], start, horizon, seed, run, progress, runs)
             finished.append(grown)
     except KeyboardInterrupt:
         if not finished:
@@ -145,6 +151,7 @@ def _run(
     seed: int,
     run: int,
     progress: Callable[[int, float], None] | None,
+    runs: int,
 ) -> Growth:
     """One run, and what happened in it."""
     tank = GrowingTank(known, initial)
@@ -156,8 +163,13 @@ def _run(
     with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are refused in words
         for time, event in _draws(tank, _uniforms(whole_number("seed", seed, 0), run).__next__, end, run):
             draws += 1
-            if progress is not None and draws % PROGRESS_EVERY == 0:
-                progress(run, time)
+            if draws % PROGRESS_EVERY == 0:
+                if progress is not None:
+                    progress(run, time)
+                share = run / runs if run else None
+                stage(f"{run} of {runs} runs; the next at {time:.4g} of {end:g} tu", share)
+                if run == 0 and draws == TRIED:
+                    _forecast(tank, draws, end - time, runs)
             if event is None:
                 continue
             times.append(time)
@@ -168,6 +180,18 @@ def _run(
     structures = tuple(Structure.unchecked(s.positions, s.rotations, s.letters) for s in numbers)
     initial_counts = np.array(counts + [0] * (len(numbers) - len(counts)))
     return Growth(known.book, structures, initial_counts, np.array(times), table[:, 0], table[:, 1], end, draws)
+
+
+def _forecast(tank: GrowingTank, draws: int, left: float, runs: int) -> None:
+    """Say what all runs will take, from the rates in the first one, `left` tu before its end.
+
+    Joins use up what joins, so that they are no more than the cubes, but for those that mend breaks.
+    """
+    drawn, break_rate = tank.rates()
+    cubes = sum(len(kind.structure) * copies for kind, copies in tank.counts.items())
+    more = min(drawn[-1] / 2 * left, DRAWS_A_CUBE * cubes) + DRAWS_A_BREAK * break_rate * left
+    what = f"{counted(runs, 'run')} of some {rough(draws + more)} draws"
+    forecast(runs * (draws + more) * DRAW_SECONDS, what)
 
 
 def _draws(

@@ -14,6 +14,7 @@ from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import unbroken
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 
@@ -100,6 +101,7 @@ def runs_over_draws(
     n_draws = max(whole_number("draws", draws, 2), -(-runs // RUNS_PER_DRAW))
     asked = n_draws * RUNS_PER_DRAW
     n_species = len(shown.species)
+    forecast_runs(posterior.expected, method, initial, grid, asked, threads)
     tally = Tally(shown, grid, kept_pairs(n_species, False))
     batch = max(1, BATCH_BYTES // (8 * RUNS_PER_DRAW * grid.size * n_species))
     parameters, means, noise = [], [], []

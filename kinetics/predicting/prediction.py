@@ -16,6 +16,7 @@ from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
@@ -224,6 +225,7 @@ def predict(
         result = spread.statistics
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
+        forecast_runs(model, sampling, initial, some_times(times), least, threads)
         sampling = sampling if observables is None else observables.sampling(sampling, model)
         result = simulate_statistics(
             shown, sampling, initial, times, least, seed, threads,

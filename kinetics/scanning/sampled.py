@@ -16,6 +16,7 @@ from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
 from kinetics.runs import JumpPath
 from kinetics.sampling import Auto
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.scanning.answer import SAMPLED, ScanAnswer
 from kinetics.support.arrays import Floats
@@ -50,6 +51,9 @@ def sampled_answers(
     asked = [query for _, query in questions if query not in found]
     at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
     on_paths = [query for query in asked if query not in at_times]
+    if asked:
+        end = max(_end(query) or 0.0 for query in asked)
+        forecast_runs(model.network, Auto(many=False), model.initial, np.array([end]), runs)
     if at_times:
         found |= _timed(at_times, lambda some: _at_times(model, some, runs, seed))
     if on_paths:

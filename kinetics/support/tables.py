@@ -75,3 +75,11 @@ def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def rough(number: float) -> str:
+    """A large number as people say it: 20, 4000, 1e6, 2.5e12."""
+    if number < 1e5:
+        return f"{float(f'{number:.2g}'):.0f}" if number >= 10 else f"{number:.2g}"
+    mantissa, exponent = f"{number:.1e}".split("e")
+    return f"{mantissa.removesuffix('.0')}e{int(exponent)}"

@@ -14,6 +14,7 @@ from calibration.estimating.rate_fit import RateFit
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Ints
+from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown, on_axes
 
 if TYPE_CHECKING:
@@ -172,4 +173,8 @@ def diagnose(
     (15, ())
     """
     diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
-    return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(diagnosed)))
+    results = []
+    for number, test in enumerate(tests):
+        stage(f"diagnosis: {test.name}, {number} of {len(tests)} tests done")
+        results += test.results(diagnosed)
+    return Diagnosis(tuple(tests), tuple(results))

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.extras import require
 from kinetics.support.output import check_target
@@ -45,6 +46,15 @@ def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> st
     """A number of states where it is one, else a condition."""
     return int(value) if value is not None and value.strip().isdigit() else value
 
+
+budget_option = click.option(
+    "--budget",
+    metavar="MINUTES",
+    type=click.FloatRange(min=0, min_open=True),
+    default=BUDGET,
+    show_default=True,
+    help="CPU time allowed; work that is forecast to take more is refused before it starts.",
+)
 
 within_option = click.option(
     "--within",
