@@ -84,7 +84,8 @@ def writing(source: str) -> Iterator[str]:
         into += [ast.unparse(argument) for argument in place if ast.unparse(argument) != "None"]
         if name in OPENS:
             if on == "os" or any(flag in text for flag in FLAGS):
-                bad = any(flag in text for flag in FLAGS) or "O_RDONLY" not in text
+                writes = any(flag in text for flag in FLAGS) or "O_RDONLY" not in text
+                bad = writes and into != ["os.devnull"]
             else:
                 of_path = is_method and on.split(".")[0] not in FILE_MODULES
                 bad = (

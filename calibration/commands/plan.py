@@ -168,7 +168,7 @@ def plan(
     rates_name: str | None,
     pilot_time: float,
     strict: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -206,7 +206,7 @@ def plan(
     with progress_line(progress):
         planned = make_plan(request, rates, costs)
     planned.plan.save(target)
-    if plot_file is not None:
+    for plot_file in plot_files:
         save(plot_file, planned.plot, size=(7.5, 4.5))
     if as_json:
         echo_json(planned.to_dict() | {"out": out, "seed": seed})

@@ -9,7 +9,7 @@ import click
 from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
-from kinetics.support.cli.options import in_a_folder
+from kinetics.support.cli.options import table_of
 from kinetics.support.tables import figure, inverse, of_unit, text_table
 from mechsim.commands.options import PARTIAL
 
@@ -37,7 +37,7 @@ report_option = click.option(
     "--report",
     metavar="FILE",
     type=click.Path(dir_okay=False),
-    callback=in_a_folder,
+    callback=table_of("matplotlib"),
     help="Write an HTML report to this file, and its tables (CSV) and figures (SVG) beside it.",
 )
 

@@ -36,7 +36,7 @@ NOT_CORRECT = 1  # exit code
 @plot_option
 @json_option
 def check(
-    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_file: str | None, as_json: bool
+    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_files: tuple[str, ...], as_json: bool
 ) -> None:
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
@@ -51,7 +51,7 @@ def check(
             *(RuleBook.load(book), max_cubes, max_species, slow_waves),
             lambda explored, found: progress(f"{explored} of {found} explored"),
         )
-    if plot_file is not None:
+    for plot_file in plot_files:
         report.drawing().save(plot_file)
     if as_json:
         echo_json(
@@ -72,7 +72,7 @@ def check(
                     }
                     for finding in report.findings
                 ],
-                **({} if plot_file is None else {"plot": plot_file}),
+                **({"plot": plot_files[0]} if plot_files else {}),
             }
         )
     else:

@@ -79,9 +79,11 @@ FRAMES = 8  # of a strip
 )
 @click.option(
     "--strip",
+    "strips",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG.",
+    help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG; may be repeated.",
 )
 @csv_option
 @plot_option
@@ -99,9 +101,9 @@ def grow(
     duration: float | None,
     times: tuple[float, ...],
     runs: int,
-    strip: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    strips: tuple[str, ...],
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     budget: float,
     seed: int,
     as_json: bool,
@@ -127,18 +129,18 @@ def grow(
     with progress_line(budget=budget):
         made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0)
     cpu_seconds = time.process_time() - began
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, lambda ax: made.plot(ax, grid))
-    if strip:
-        from kinetics.assembly.drawing.pictures import strip as strip_of
+    for file in strips:
+        from kinetics.assembly.drawing.pictures import strip
 
         moments = made.runs[0].milestones(FRAMES)
         captions = [f"{moment:.4g} tu" for moment in moments]
-        strip_of(made.runs[0].frames(moments), captions, rules.scheme).save(strip)
+        strip(made.runs[0].frames(moments), captions, rules.scheme).save(file)
     if as_json:
         asked = {"book": book, "cubes": cubes, "seeds": seeds, "seed": seed, "draws_of_rates": draws}
         echo_json(asked | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})

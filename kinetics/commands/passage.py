@@ -73,7 +73,7 @@ def passage(
     draws: int,
     within: str | int | None,
     with_sensitivity: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -90,7 +90,7 @@ def passage(
     begin = start(**asked._asdict(), edges=edges)
     counted = begin.counted(species)
     if within is not None:
-        if plot_file or with_sensitivity:
+        if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         _limits(begin, within, species, copies, as_json)
         return
@@ -102,7 +102,7 @@ def passage(
         quantiles = found.quantile(QUANTILES)
         progress("sensitivities")
         slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, found.plot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -90,10 +91,11 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--elasticity-plot",
-    "elasticity_file",
+    "elasticity_files",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Write bars of these elasticities to this PNG, PDF or SVG file.",
+    help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
 @csv_option
 @plot_option
@@ -113,9 +115,9 @@ def predict(
     threads: int | None,
     draws: int,
     with_elasticity: bool,
-    elasticity_file: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    elasticity_files: tuple[str, ...],
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -136,7 +138,7 @@ def predict(
 
     asked_for = _accuracy(accuracy, accuracy_of)
     begin = start(**asked._asdict(), edges=edges)
-    if (with_elasticity or elasticity_file) and begin.rates is None:
+    if (with_elasticity or elasticity_files) and begin.rates is None:
         raise ValueError(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
@@ -149,7 +151,7 @@ def predict(
             sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None,
         )  # fmt: skip
         found = None
-        if begin.rates is not None and (with_elasticity or elasticity_file):
+        if begin.rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
 
             progress("elasticities")
@@ -157,16 +159,17 @@ def predict(
             found = count_elasticities(
                 begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank
             )
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, made.plot)
-    if elasticity_file and found is not None:
+    if found is not None:
         from kinetics.support import plots
 
-        plots.save(elasticity_file, lambda ax: found.plot(ax, made.network.species))
+        for elasticity_file in elasticity_files:
+            plots.save(elasticity_file, partial(found.plot, names=made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(

@@ -129,8 +129,8 @@ def rank(
     max_states: int,
     time_limit: float,
     best_file: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     budget: float,
     seed: int,
     as_json: bool,
@@ -155,9 +155,9 @@ def rank(
     if best_file:
         best = made.books[0].name
         write_whole(best_file, written(next(book for book in loaded if book.name == best)))
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, made.plot)

@@ -13,11 +13,11 @@ from kinetics.support.cli.options import (
     budget_option,
     csv_option,
     echo_json,
-    in_a_folder,
     json_option,
     plot_option,
     seed_option,
     starting_options,
+    table_of,
     tank_option,
     within_option,
 )
@@ -92,10 +92,11 @@ UNANSWERED = 1  # exit code
 @csv_option
 @click.option(
     "--parquet",
-    "parquet_file",
+    "parquet_files",
     metavar="FILE",
-    callback=in_a_folder,
-    help="Write the table to this Parquet file.",
+    multiple=True,
+    callback=table_of("pandas", "pyarrow"),
+    help="Write the table to this Parquet file; may be repeated.",
 )
 @plot_option
 @budget_option
@@ -112,9 +113,9 @@ def scan(
     workers: int,
     scheduler: str | None,
     folder: str,
-    csv_file: str | None,
-    parquet_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    parquet_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     budget: float,
     seed: int,
     as_json: bool,
@@ -158,11 +159,11 @@ def scan(
             tell=lambda text: click.echo(text, err=True),
             progress=progress,
         )
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if parquet_file:
+    for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.scanning.pictures import draw_scan, size_of
         from kinetics.support import plots
 

@@ -9,12 +9,14 @@ import click
 
 from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
 from kinetics.support.cli.progress import progress_line
+from kinetics.support.extras import require
 from mechsim.commands.options import progress_option, runs_option
 
 if TYPE_CHECKING:
     from mechsim.inspection.pictures.tank import Paint
 
 FILMS = (".mp4", ".gif")
+WANTS = {".mp4": "imageio_ffmpeg", ".html": "plotly"}  # others matplotlib alone
 MOST = {".html": 60, ".mp4": 300, ".gif": 120}  # frames, where --frames does not say; pictures: 5
 
 
@@ -23,6 +25,7 @@ def out_of(ctx: click.Context, param: click.Parameter, value: str) -> str:
     kinds = (*PICTURES, *FILMS, ".html")
     if Path(value).suffix.lower() not in kinds:
         raise click.BadParameter(f"{value} must end in {', '.join(kinds)}", ctx, param)
+    require(WANTS.get(Path(value).suffix.lower(), "matplotlib"))
     return str(in_a_folder(ctx, param, value))
 
 

@@ -98,7 +98,7 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
         if len(found) != 1:
             raise ValueError(
                 f"{run} is no file, and {folder} holds {len(found) or 'no'} runs whose key begins with it; give the "
-                "path of a .run file, or a key that simulate --json prints, and its folder by --runs-folder"
+                "path of a .run file, or a key that `wellmixed simulate --json` prints, beside its folder"
             )
         path = found[0]
     try:
