@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.commands.methods import MethodName
-from kinetics.commands.start import start
+from kinetics.commands.start import instead_of_many_states, start
 from kinetics.support.cli.options import (
     AskedStart,
     NumbersCommand,
@@ -27,6 +27,11 @@ from kinetics.support.tables import in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
+
+INSTEAD = (
+    "Keep only the likely states by --method fsp; start from fewer copies, or leave out --method, which samples",
+    "Ask for earlier times, start from fewer copies, or leave out --method, which samples",
+)  # of the others, and of fsp
 
 
 @click.command(cls=NumbersCommand)
@@ -138,7 +143,7 @@ def predict(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
     grid, sums = time_grid(duration, times), begin.shown(shown)
-    with progress_line() as progress:
+    with progress_line() as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
             begin.network, begin.rates, begin.state, grid, method, runs, seed, draws, threads, progress,
             sums, begin.tank, asked_for, None if budget is None else 60 * budget,

@@ -113,3 +113,13 @@ def test_what_the_files_cannot_hold(tmp_path):
         write_explicit(example(), tmp_path / "m.txt")
     with pytest.raises(ValueError, match="does not exist"):
         read_explicit(tmp_path / "none.tra")
+
+
+def test_a_small_file_cannot_claim_many_states(tmp_path):
+    """Refused before anything of their number is made; a few that nothing leads to are no harm."""
+    path = tmp_path / "claims.tra"
+    path.write_text("900000000 1\n0 1 1.0", encoding="utf-8")
+    with pytest.raises(ValueError, match="900000000 states, but 1 transitions"):
+        read_explicit(path)
+    path.write_text("9 1\n0 1 1.0", encoding="utf-8")
+    assert len(read_explicit(path)) == 9
