@@ -25,6 +25,7 @@ from kinetics.native.library import (
     given,
     is_built,
 )
+from kinetics.support.interrupts import pieces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -261,23 +262,28 @@ def advance(
     flows: Floats,
 ) -> None:  # fmt: skip
     """ChainMoves of a uniformised chain: `markov.advance`."""
-    if is_built():
-        call("advance", filled(ChainMoves, begins, sources, shares, exits, exits.size), vectors, flows, flows.size)
-        return
-    from kinetics.kernels import markov
+    moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
+    for part in pieces(flows.size, shares.size + exits.size):
+        some, out = vectors[part.start : part.stop + 1], flows[part]
+        if moves is not None:
+            call("advance", moves, some, out, out.size)
+            continue
+        from kinetics.kernels import markov
 
-    markov.advance(begins, sources, shares, exits, vectors, flows)
+        markov.advance(begins, sources, shares, exits, some, out)
 
 
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
     """Add sums of weighted vectors to rows: `markov.mix`."""
-    if is_built():
-        places, factors = given(rows, np.int64), given(weights, float)
-        call("mix", places, factors, places.size, factors.shape[1], vectors, vectors.shape[1], mixed)
-        return
-    from kinetics.kernels import markov
+    places, factors = given(rows, np.int64), given(weights, float)
+    for part in pieces(places.size, vectors.size):
+        if is_built():
+            some, by = places[part], factors[part]
+            call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
+            continue
+        from kinetics.kernels import markov
 
-    markov.mix(rows, weights, vectors, mixed)
+        markov.mix(places[part], factors[part], vectors, mixed)
 
 
 def absorb(
@@ -285,22 +291,29 @@ def absorb(
     absorbed: Floats, alive: Floats, flows: Floats,
 ) -> None:  # fmt: skip
     """ChainMoves of a chain whose last state is never left: `markov.absorb`."""
-    if is_built():
-        steps = filled(ChainMoves, begins, sources, shares, exits, exits.size)
-        call("absorb", steps, vector, np.empty_like(vector), absorbed, alive, flows, flows.size)
-        return
-    from kinetics.kernels import markov
+    moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
+    for part in pieces(flows.size, shares.size + exits.size):
+        if moves is not None:
+            out = absorbed[part], alive[part], flows[part]
+            call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
+            continue
+        from kinetics.kernels import markov
 
-    markov.absorb(begins, sources, shares, exits, vector, absorbed, alive, flows)
+        markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
     """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
-    if is_built():
-        return call("reduce_band", band, leaving, exits, exits.size, band.shape[1] // 2)
-    from kinetics.kernels import elimination
+    n, width, changes = exits.size, band.shape[1] // 2, 0
+    for part in pieces(n, float(width) ** 2):
+        begin, end = n - part.stop, n - part.start
+        if is_built():
+            changes += call("reduce_band", band, leaving, exits, begin, end, width)
+            continue
+        from kinetics.kernels import elimination
 
-    return elimination.reduce(band, leaving, exits)
+        changes += elimination.reduce(band, leaving, exits, begin, end)
+    return changes
 
 
 def solve(band: Floats, exits: Floats, x: Floats) -> None:
