@@ -25,7 +25,7 @@ from kinetics.rates import Rates
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import Direct
 from kinetics.solving import Transient
-from kinetics.solving.states import TooManyStatesError
+from kinetics.solving.search import TooManyStatesError
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.intervals import student_interval
 

@@ -11,7 +11,7 @@ import numpy as np
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.sampling import Direct, simulate_draws
-from kinetics.solving.states import MAX_STATES, TooManyStatesError
+from kinetics.solving.search import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes

@@ -33,7 +33,7 @@ from kinetics.passage.projected import ProjectedPassage
 from kinetics.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
 from kinetics.passage.until import always, earned_until, earning_with, until
 from kinetics.solving import ListingMethod, StateSpace, Transient, Transitions
-from kinetics.solving.states import MAX_STATES
+from kinetics.solving.search import MAX_STATES
 from kinetics.support.arrays import Floats, integers, read_only, some_times
 
 Mask = NDArray[np.bool_]

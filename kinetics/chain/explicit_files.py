@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from kinetics.chain.chain import DEADLOCK, INIT, Chain
 from kinetics.chain.checks import Reward
 from kinetics.chain.prism_model import prism_names
+from kinetics.solving.search import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
@@ -221,6 +222,8 @@ def _entries(path: Path) -> tuple[int, NDArray[np.int64], NDArray[np.int64], Flo
     for ends in (rows, columns):
         if n < 1 or ends.min(initial=0) < 0 or ends.max(initial=0) >= n:
             raise ValueError(f"{path}: states go from 0 to {n - 1}; {ends.max(initial=0)} or one below 0 came")
+    if n > rows.size + 1 + MAX_STATES:
+        raise ValueError(f"{path}: {n} states, but {rows.size} transitions, which lead to no more than so many of them")
     check_memory(f"{n} states", 8.0 * 20 * n, "give a smaller chain")
     return n, rows, columns, values
 

@@ -29,13 +29,8 @@ def listed(
     stop : where the chain stops; within : where it is followed, or the least number of states to list, nearest first
     """
 
-    def held(condition: Condition, states: Ints) -> Mask:
-        if callable(condition):
-            return np.asarray(condition(states), dtype=bool)
-        return StateNames(len(states), network.species, states, {}).holds(condition)
-
     def stops(states: Ints) -> Mask:
-        return np.zeros(len(states), dtype=bool) if stop is None else held(stop, states)
+        return np.zeros(len(states), dtype=bool) if stop is None else held(stop, network, states)
 
     if within is None:
         space = reached_states(network, initial, max_states, None if stop is None else stops)
@@ -45,10 +40,17 @@ def listed(
     inside = within
 
     def ends(states: Ints) -> Mask:
-        return stops(states) | ~held(inside, states)
+        return stops(states) | ~held(inside, network, states)
 
     space = reached_states(network, initial, max_states, ends)
     lost = space.is_stopped & ~stops(space.states)
     if lost[0]:
         raise ValueError("the chain starts outside the states that it is followed within; give a condition that holds")
     return space, lost
+
+
+def held(condition: Condition, network: Network, states: Ints) -> Mask:
+    """In which states (n, S) of a network a condition holds (n,)."""
+    if callable(condition):
+        return np.asarray(condition(states), dtype=bool)
+    return StateNames(len(states), network.species, states, {}).holds(condition)

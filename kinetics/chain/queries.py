@@ -16,10 +16,14 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.chain import Chain
+from kinetics.chain.predicates import StateNames
 from kinetics.network.laws.reading import LONGEST, shortened
 
 Answer_co = TypeVar("Answer_co", covariant=True)
@@ -54,6 +58,23 @@ class Answering(Protocol[Answer_co]):
         ...
 
 
+class Settled(NamedTuple):
+    """Where the answer to a question is settled, however the chain goes on: in a target, and outside of some states.
+
+    Both are conditions, None where there is none.
+    """
+
+    target: str | None
+    through: str | None
+
+    def holds(self, names: StateNames) -> NDArray[np.bool_]:
+        """In which of the states (N,)."""
+        found = np.zeros(names.n_states, dtype=bool)
+        if self.target is not None:
+            found |= names.holds(self.target)
+        return found if self.through is None else found | ~names.holds(self.through)
+
+
 @dataclass(frozen=True)
 class UntilQuery:
     """P=? [ through U<=by target ]; F without `through`."""
@@ -65,6 +86,11 @@ class UntilQuery:
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.until(self.target, self.through, self.by)
+
+    @property
+    def settled(self) -> Settled | None:
+        """Where the answer is settled; None where that is nowhere."""
+        return Settled(self.target, self.through)
 
 
 @dataclass(frozen=True)
@@ -78,6 +104,11 @@ class AlwaysQuery:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.always(self.states, self.by)
 
+    @property
+    def settled(self) -> Settled | None:
+        """Where the answer is settled; None where that is nowhere."""
+        return Settled(None, self.states)
+
 
 @dataclass(frozen=True)
 class StationaryQuery:
@@ -88,6 +119,11 @@ class StationaryQuery:
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
         return chain.in_the_end(self.states)
+
+    @property
+    def settled(self) -> Settled | None:
+        """Where the answer is settled; None where that is nowhere."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -103,6 +139,11 @@ class RewardQuery:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
         in_the_end = self.at is None and self.up_to is None and self.until is None
         return chain.reward(self.name, self.at, self.up_to, self.until, in_the_end)
+
+    @property
+    def settled(self) -> Settled | None:
+        """Where the answer is settled; None where that is nowhere."""
+        return None if self.until is None else Settled(self.until, None)
 
 
 Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery

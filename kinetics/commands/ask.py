@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from kinetics.commands.start import start
+from kinetics.commands.start import instead_of_many_states, start
 from kinetics.support.cli.options import (
     AskedStart,
     echo_json,
@@ -22,12 +22,17 @@ from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
-    from kinetics.chain import Chain
-    from kinetics.chain.queries import Query
+    from collections.abc import Iterable
+
+    from kinetics.chain import Chain, ChainAnswer
     from kinetics.derivatives import Derivatives
     from kinetics.formats import NetworkModel
 
 MODELS = (".sm", ".prism")
+INSTEAD = (
+    "Follow the chain --within some of them, which gives limits; --stop it where what you ask is decided; start from "
+    "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
+)
 
 
 @click.command()
@@ -80,9 +85,12 @@ def ask(
     'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; U and G take time bounds as F does, R takes I=t, C<=t, F and
     S. Species count as variables and as rewards. Times are in tu.
 
-    A network without end is followed --within some states; limits then hold whatever happens beyond them.
+    For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
+    so is followed --within some states; limits then hold whatever happens beyond them.
     """
+    from kinetics.chain import Sensitivity
     from kinetics.chain.queries import parse
+    from kinetics.chain.settling import answering_chains
 
     if not questions and out_file is None:
         raise ValueError(
@@ -97,37 +105,42 @@ def ask(
             "--stop": stop,
         }
         given |= {"--copies-per-unit": asked.copies_per_unit, "--within": within, "--set": asked.chosen or None}
-        chain = _from_files(asked.source, given)
         if edges is not None:
             raise ValueError(f"{asked.source} brings its own rates; leave out --tank")
         model = None
+        chains: Iterable[tuple[Chain, list[int]]] = [(_from_files(asked.source, given), list(range(len(queries))))]
     else:
         model = start(**asked._asdict(), edges=edges).model
-        chain = _of_network(model, stop, max_states, within)
-    if out_file:
-        _write(out_file, chain, model)
-    with progress_line() as progress:
-        answers = []
-        for text, question in zip(questions, queries, strict=True):
-            progress(f"answering {text} by {len(chain)} states")
-            answers.append(question.of(chain))
-        progress("sensitivities")
-        slopes = _slopes(chain, queries) if with_sensitivity else [None] * len(queries)
+        told = model.network, model.initial, model.observables
+        # What is written is the whole chain, which then answers all questions.
+        chains = answering_chains([] if out_file else queries, *told, stop, within, max_states)
+    found: dict[int, tuple[ChainAnswer, Derivatives | None]] = {}
+    states = rates = 0
+    with instead_of_many_states(INSTEAD), progress_line() as progress:
+        progress("listing states")
+        for chain, places in chains:
+            if out_file:
+                _write(out_file, chain, model)
+            sensitivity = Sensitivity(chain) if with_sensitivity else None
+            for place in range(len(queries)) if out_file else places:
+                progress(f"answering {questions[place]} by {len(chain)} states")
+                query = queries[place]
+                found[place] = query.of(chain), None if sensitivity is None else query.of(sensitivity)
+            states, rates = max(states, len(chain)), max(rates, chain.transitions.rates.size)
+    answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
-        found = [
+        listed = [
             {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
-            for text, answer, slope in zip(questions, answers, slopes, strict=True)
+            for text, answer, slope in answers
         ]
-        echo_json(
-            {"model": asked.source, "states": len(chain), "rates": chain.transitions.rates.size, "answers": found}
-        )
+        echo_json({"model": asked.source, "states": states, "rates": rates, "answers": listed})
         return
-    for text, answer, slope in zip(questions, answers, slopes, strict=True):
+    for text, answer, slope in answers:
         click.echo(f"{text}  {answer}")
         if slope is not None:
             click.echo(f"{slope}\n")
     if out_file:
-        click.echo(f"wrote {out_file}: {len(chain)} states, {chain.transitions.rates.size} rates")
+        click.echo(f"wrote {out_file}: {states} states, {rates} rates")
 
 
 def _from_files(path: str, given: dict[str, Any]) -> Chain:
@@ -137,25 +150,6 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
         if value is not None:
             raise ValueError(f"{path} is a whole chain; leave out {option}")
     return read_explicit(path)
-
-
-def _of_network(model: NetworkModel, stop: str | None, max_states: int, within: str | int | None) -> Chain:
-    """The chain of a network, with its observables."""
-    from kinetics.chain import Chain
-    from kinetics.chain.observing import observing
-
-    with progress_line() as progress:
-        progress("listing states")
-        chain = Chain.of(model.network, model.initial, stop=stop, max_states=max_states, within=within)
-    return observing(chain, model.network, model.observables)
-
-
-def _slopes(chain: Chain, queries: list[Query]) -> list[Derivatives]:
-    """What the rates do to the answers."""
-    from kinetics.chain import Sensitivity
-
-    asked = Sensitivity(chain)
-    return [question.of(asked) for question in queries]
 
 
 def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:

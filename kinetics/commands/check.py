@@ -6,7 +6,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, plot_option
-from kinetics.support.cli.progress import progress_line
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 
 NOT_CORRECT = 1  # exit code
 
@@ -41,7 +41,8 @@ def check(
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
     It reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
-    with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors.
+    with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors. Ctrl-C
+    reports what was explored so far.
     """
     from kinetics.assembly import RuleBook
     from kinetics.assembly import check as examine
@@ -78,4 +79,5 @@ def check(
     else:
         click.echo(str(report))
     if not report.is_correct:
-        raise SystemExit(NOT_CORRECT)
+        is_part = any(finding.text.startswith("interrupted") for finding in report.findings)
+        raise SystemExit(INTERRUPTED if is_part else NOT_CORRECT)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 import numpy as np
 
-from kinetics.commands.start import Start, start
+from kinetics.commands.start import Start, instead_of_many_states, start
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.cli.options import (
     AskedStart,
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from kinetics.support.arrays import Ints
 
 MOST = 1_000_000  # states
+INSTEAD = (
+    "Follow the chain --within some of them, which gives limits; start from fewer copies, or sample by "
+    '`wellmixed scan`, whose question R{"time"}=? [ F ... ] is the mean time'
+)
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
@@ -92,9 +96,10 @@ def passage(
     if within is not None:
         if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
-        _limits(begin, within, species, copies, as_json)
+        with instead_of_many_states(INSTEAD):
+            _limits(begin, within, species, copies, as_json)
         return
-    with progress_line() as progress:
+    with instead_of_many_states(INSTEAD), progress_line() as progress:
         progress("solving for the passage")
         made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
         found = made.passage

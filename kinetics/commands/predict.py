@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from kinetics.commands.methods import MethodName, within_budget
-from kinetics.commands.start import start
+from kinetics.commands.start import instead_of_many_states, start
 from kinetics.support.cli.options import (
     AskedStart,
     NumbersCommand,
@@ -30,6 +30,11 @@ from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
+
+INSTEAD = (
+    "Keep only the likely states by --method fsp; start from fewer copies, or leave out --method, which samples",
+    "Ask for earlier times, start from fewer copies, or leave out --method, which samples",
+)  # of the others, and of fsp
 
 
 @click.command(cls=NumbersCommand)
@@ -145,7 +150,7 @@ def predict(
     grid, sums = time_grid(duration, times), begin.shown(shown)
     most = BUDGET if budget is None else budget
     chosen = None if method is None else within_budget(method, 60 * most)
-    with progress_line(budget=most) as progress:
+    with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
             begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
             sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,18 @@ if TYPE_CHECKING:
 
 CUBES = "cubes"  # the quantity that networks of rule books conserve
 MOST_SHOWN = 30  # species that are shown without being asked for
+
+
+@contextmanager
+def instead_of_many_states(advice: str) -> Iterator[None]:
+    """Where a network reaches too many states, say what this command can do about it."""
+    try:
+        yield
+    except ValueError as error:
+        came = getattr(error, "came", None)  # of a `TooManyStatesError`, whose room need not be imported for this
+        if came is None:
+            raise
+        raise ValueError(f"{came}. {advice}") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,7 @@ from kinetics.solving.poisson import ROUNDOFF, poisson_window
 from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
 
 
 class Weights(NamedTuple):
@@ -224,9 +225,11 @@ class Passes:
         for begin, vectors in self._forwards.backwards():
             block = slice(begin, begin + len(vectors))
             parts = [np.zeros_like(each) for each in sums]
-            markov.steps_back(*self._moves, self._stays, vectors, weights[block], after[block], values, later, *parts)
-            for s, part in enumerate(parts):
-                sums[s] += part
+            for part in reversed(list(pieces(len(vectors), 2.0 * (parts[0].size + n)))):
+                some = vectors[part], weights[block][part], after[block][part]
+                markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
+            for s, found in enumerate(parts):
+                sums[s] += found
             if self._kept.worth is not None:
                 spent += weights[block] @ vectors
         gained, held, occupation = sums

@@ -11,6 +11,7 @@ import numpy as np
 from kinetics.passage.backward import sums_after
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
 from kinetics.support.memory import check_memory
 
 KEPT_BYTES = 2**28  # of all vectors; beyond, those of a block of steps are made again from its first
@@ -58,7 +59,8 @@ class Forwards:
 
         block = np.empty((size + 1, first.size))
         block[0] = first
-        markov.powers(*self._arrays, block)
+        for part in pieces(size, self._arrays[1].size + first.size):
+            markov.powers(*self._arrays, block[part.start : part.stop + 1])
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:

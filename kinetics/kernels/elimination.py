@@ -11,8 +11,8 @@ from kinetics.kernels.compiled import compiled
 
 
 @compiled(error_model="python")
-def reduce(band, leaving, exits):
-    """Take out the states from the last to the first, in place.
+def reduce(band, leaving, exits, begin, end):
+    """Take out the states from `end` - 1 down to `begin`, in place; all of them from the last to the first, in parts.
 
     band : (n, 2b + 1); afterwards the rates downwards of the reduced chains, and upwards the shares of the exit rate
         of the state that they lead to
@@ -20,10 +20,9 @@ def reduce(band, leaving, exits):
     exits : (n,) receives the exit rate of each state when it was the last
     Returns how often the rates out of a state were changed, all states together.
     """
-    n = exits.size
     b = band.shape[1] // 2
     changes = 0
-    for k in range(n - 1, -1, -1):
+    for k in range(end - 1, begin - 1, -1):
         low = max(0, k - b)
         # Every later number depends on this sum: what its additions round off is added at the end (Knuth's two-sum).
         total, rest = leaving[k], 0.0

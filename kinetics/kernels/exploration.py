@@ -12,9 +12,11 @@ from kinetics.kernels.outcomes import OVERFLOW
 # Outcomes of an exploration, beside OVERFLOW
 COMPLETE = 0
 TOO_MANY = 1
+UNJUDGED = 2
 
 EMPTY = -1
 OUTSIDE = -2
+ALL_AT_ONCE = 2**25  # bytes; as in `native.twins`
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -98,27 +100,33 @@ def leads_to(states, i, row, first, last, species, copies):
 
 
 @compiled
-def explore(needed, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most):
-    """Add to the first n states all to which those from `begin` on lead.
+def explore(
+    needed, changes, key_changes, states, keys, table, n, begin, end, level_end, is_stopped, judged, verdicts, most
+):
+    """Add to the first n states all to which those from `begin` on, but before `end`, lead.
 
     needed, changes : starts, species and copies of the reactants and the stoichiometry of the channels that work
     key_changes : (R,) uint64, what a channel adds to the key
     states, keys, table : room for states; where it does not suffice, larger copies come back
-    end : look no further than the states before it; -1 until nothing new is found
-    is_stopped : (n,) bool, states that lead nowhere; with end = -1 it may be empty
+    level_end : row at which a level ends, all states that one event more leads to
+    is_stopped : states that lead nowhere, of the first ones
+    judged : states, keys and table of those of which `verdicts` are known; without any, all channels obey mass action
+    verdicts : stops (n,), where the chain stops; works (n, L), which laws are above 0; law_of (R,), of a channel, or -1
     most : more states than that end the search
 
-    Returns states, keys, table, their number, the outcome, and the sizes (L,) of the levels that were found.
+    Returns states, keys, table, their number, the first row that is not done, the end of its level, the outcome, and
+    the sizes (L,) of the levels that began. UNJUDGED: nothing is known of that row; go on with larger tables.
     """
     need_starts, need_species, need_copies = needed
     starts, species, copies = changes
+    known_states, known_keys, known_table = judged
+    stops, works, law_of = verdicts
     n_species = states.shape[1]
-    level_end = n if end < 0 else end
     sizes = np.zeros(64, dtype=np.int64)
     n_levels = 0
     i = begin
-    outcome = COMPLETE
-    while i < (n if end < 0 else end):
+    place = np.zeros(1, dtype=np.int64)
+    while i < min(n, end):
         if i == level_end:
             if n_levels == sizes.size:
                 sizes = np.append(sizes, np.zeros_like(sizes))
@@ -128,10 +136,20 @@ def explore(needed, changes, key_changes, states, keys, table, n, begin, end, is
         if i < is_stopped.size and is_stopped[i]:
             i += 1
             continue
+        if known_table.size:
+            place = find(states[i : i + 1], keys[i : i + 1], known_states, known_keys, known_table)
+            if place[0] == EMPTY:
+                return states, keys, table, n, i, level_end, UNJUDGED, sizes[:n_levels]
+            if stops[place[0]]:
+                i += 1
+                continue
         for r in range(key_changes.size):
             able = True
-            for e in range(need_starts[r], need_starts[r + 1]):
-                able &= states[i, need_species[e]] >= need_copies[e]
+            if known_table.size and law_of[r] >= 0:
+                able = works[place[0], law_of[r]]
+            else:
+                for e in range(need_starts[r], need_starts[r + 1]):
+                    able &= states[i, need_species[e]] >= need_copies[e]
             if not able:
                 continue
             key = keys[i] + key_changes[r]
@@ -144,19 +162,25 @@ def explore(needed, changes, key_changes, states, keys, table, n, begin, end, is
             if known:
                 continue
             if n >= most:
-                return states, keys, table, n, TOO_MANY, np.append(sizes[:n_levels], n - level_end)
+                return states, keys, table, n, i, level_end, TOO_MANY, sizes[:n_levels]
             if n == keys.size:
-                larger = np.empty((2 * n, n_species), dtype=np.int64)
+                room = most if states.nbytes > ALL_AT_ONCE else min(2 * n, most)
+                larger = np.empty((room, n_species), dtype=np.int64)
                 larger[:n] = states
                 states = larger
-                keys = np.append(keys, keys)
-                table = tabulate(keys, n, 2 * table.size)
+                more = np.empty(room, dtype=np.uint64)
+                more[:n] = keys
+                keys = more
+                n_slots = 16
+                while n_slots < 2 * room:
+                    n_slots *= 2
+                table = tabulate(keys, n, n_slots)
             for s in range(n_species):
                 states[n, s] = states[i, s]
             for e in range(starts[r], starts[r + 1]):
                 states[n, species[e]] += copies[e]
                 if states[n, species[e]] < 0:
-                    return states, keys, table, n, OVERFLOW, sizes[:n_levels]
+                    return states, keys, table, n, i, level_end, OVERFLOW, sizes[:n_levels]
             keys[n] = key
             slot = first_slot(key, table.size)
             while table[slot] != EMPTY:
@@ -164,7 +188,7 @@ def explore(needed, changes, key_changes, states, keys, table, n, begin, end, is
             table[slot] = n
             n += 1
         i += 1
-    return states, keys, table, n, outcome, np.append(sizes[:n_levels], n - level_end)
+    return states, keys, table, n, i, level_end, COMPLETE, sizes[:n_levels]
 
 
 @compiled

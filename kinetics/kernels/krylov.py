@@ -10,23 +10,30 @@ from kinetics.kernels.incomplete import earned, occupied, occupy, solve
 
 
 @compiled
-def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupation, units, left, change, goal, most):
+def correct(
+    begins, middles, columns, shares, reduced, rates, exits, is_occupation, units, left, change, goal, memory, numbers,
+    done, most,
+):  # fmt: skip
     """Add to `change` (n,) what takes the residuals `left` (n,) away, in place: to `goal` in `units` (n,) of each.
 
     begins, middles, columns, shares, reduced : incomplete factors, see `incomplete.reduce`
     rates, exits : the equations; is_occupation : of x A, else of A x
-    Returns the number of rounds, at most `most`; where the method breaks down, it stops with what it has.
+    memory (4, n), numbers (3,) : what one call leaves for the next, so that each may be short; `done` rounds so far
+    Returns the number of rounds, at most `most`, and whether no more are needed; where the method breaks down, it
+    stops with what it has.
     """
     n = exits.size
-    first = np.empty(n)
-    step, moved, bent = np.zeros(n), np.zeros(n), np.empty(n)
+    first, step, moved, bent = memory
     far, near = np.empty(n), np.empty(n)
     shrinks = 1.0 / units
-    for i in range(n):
-        left[i] *= shrinks[i]
-        first[i] = left[i]
-    before, alpha, omega = 1.0, 1.0, 1.0
-    for k in range(most):
+    if done == 0:
+        for i in range(n):
+            left[i] *= shrinks[i]
+            first[i] = left[i]
+            step[i] = moved[i] = 0.0
+        numbers[:] = 1.0
+    before, alpha, omega = numbers
+    for k in range(done, most):
         product = 0.0
         for i in range(n):
             product += first[i] * left[i]
@@ -47,7 +54,7 @@ def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupati
             product += first[i] * moved[i]
         alpha = before / product
         if not np.isfinite(alpha) or alpha == 0.0:
-            return k
+            return k, True
         for i in range(n):
             left[i] -= alpha * moved[i]
             near[i] = left[i] * units[i]
@@ -69,5 +76,6 @@ def correct(begins, middles, columns, shares, reduced, rates, exits, is_occupati
             left[i] -= omega * bent[i]
             largest = max(largest, abs(left[i]))
         if largest <= goal or omega == 0.0 or not np.isfinite(largest):
-            return k + 1
-    return most
+            return k + 1, True
+    numbers[0], numbers[1], numbers[2] = before, alpha, omega
+    return most, False

@@ -74,6 +74,17 @@ class HashedStates(Structure):
     ]
 
 
+class StateVerdicts(Structure):
+    """What is known of the states of a hash table."""
+
+    _fields_ = [
+        ("stops", POINTER(c_char)),
+        ("works", POINTER(c_char)),
+        ("law_of", POINTER(c_int64)),
+        ("n_laws", c_int64),
+    ]
+
+
 class SearchProgress(Structure):
     """Where an exploration stands."""
 

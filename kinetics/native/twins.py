@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.kernels.outcomes import OVERFLOW
 from kinetics.native.library import (
     ChainMoves,
     ChannelModel,
@@ -20,19 +19,25 @@ from kinetics.native.library import (
     HashedStates,
     SearchProgress,
     SparseRows,
+    StateVerdicts,
     call,
     filled,
     given,
     is_built,
 )
+from kinetics.support.interrupts import pieces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 Entries = tuple[Ints, Ints, Ints]  # starts, columns and values of a sparse table
+Verdicts = tuple[NDArray[np.bool_], NDArray[np.bool_], Ints]  # of states: stops (n,), laws at work (n, L); law of (R,)
 
-COMPLETE, TOO_MANY, FULL = 0, 1, -1  # outcomes of an exploration; FULL: go on in more room
+COMPLETE, TOO_MANY, UNJUDGED, FULL = 0, 1, 2, -1  # outcomes of an exploration; FULL: go on in more room
 OUTSIDE = -2  # where a channel leads out of a table of states
+ALL_AT_ONCE = (
+    2**25
+)  # bytes: a larger table of states gets all the room that it may have; memory is taken as states come
 MOST_LEVELS = 1024  # for which there is room at first
 BLOCK = 8  # channels, whose propensities are summed by themselves
 
@@ -190,33 +195,50 @@ def insert(new: Ints, new_keys: Words, states: Ints, keys: Words, table: Ints, n
 
 def explore(
     needed: Entries, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints, n: int, begin: int,
-    end: int, is_stopped: NDArray[np.bool_], most: int,
-) -> tuple[Ints, Words, Ints, int, int, Ints]:  # fmt: skip
+    end: int, level_end: int, is_stopped: NDArray[np.bool_], judged: tuple[Ints, Words, Ints], verdicts: Verdicts,
+    most: int,
+) -> tuple[Ints, Words, Ints, int, int, int, int, Ints]:  # fmt: skip
     """Add to the first n states all to which those from `begin` on lead: `exploration.explore`."""
     if not is_built():
         from kinetics.kernels import exploration
 
-        return exploration.explore(needed, changes, key_changes, states, keys, table, n, begin, end, is_stopped, most)
+        return exploration.explore(
+            needed, changes, key_changes, states, keys, table, n, begin, end, level_end, is_stopped, judged, verdicts,
+            most,
+        )  # fmt: skip
     wants, does = filled(SparseRows, *needed), filled(SparseRows, *changes)
     stopped, sizes = given(is_stopped, np.bool_), np.zeros(MOST_LEVELS, np.int64)
-    progress = SearchProgress(begin, n, 0, n if end < 0 else end)
+    known = filled(HashedStates, *judged, judged[1].size, judged[2].size, states.shape[1])
+    told = filled(StateVerdicts, *verdicts, verdicts[1].shape[1])
+    progress = SearchProgress(begin, n, 0, level_end)
     while True:
         space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
         outcome = call(
-            "explore", wants, does, key_changes, key_changes.size, space, end, stopped, stopped.size, most, sizes,
-            sizes.size, progress,
+            "explore", wants, does, key_changes, key_changes.size, space, end, stopped, stopped.size, known, told, most,
+            sizes, sizes.size, progress,
         )  # fmt: skip
         n, levels = progress.n, progress.n_levels
         if outcome != FULL:
             break
         if n == keys.size:
-            states = np.concatenate([states, np.empty_like(states)])
-            keys = np.append(keys, keys)
-            table = tabulate(keys, n, 2 * table.size)
+            room = most if states.nbytes > ALL_AT_ONCE else min(2 * n, most)
+            states, keys = (enlarged(array, n, room) for array in (states, keys))
+            table = tabulate(keys, n, slots_for(room))
         else:
             sizes = np.append(sizes, np.zeros_like(sizes))
-    last = [] if outcome == OVERFLOW else [n - progress.level_end]
-    return states, keys, table, n, outcome, np.append(sizes[:levels], last).astype(np.int64)
+    return states, keys, table, n, progress.i, progress.level_end, outcome, sizes[:levels]
+
+
+def enlarged(array: Any, n: int, room: int) -> Any:
+    """The first n rows of an array, with room for more."""
+    larger = np.empty((room, *array.shape[1:]), dtype=array.dtype)
+    larger[:n] = array[:n]
+    return larger
+
+
+def slots_for(n: int) -> int:
+    """Size of a table, a power of two, that n states fill to a half at most."""
+    return int(2 ** max(4, (2 * n - 1).bit_length()))
 
 
 def neighbours(
@@ -240,23 +262,28 @@ def advance(
     flows: Floats,
 ) -> None:  # fmt: skip
     """ChainMoves of a uniformised chain: `markov.advance`."""
-    if is_built():
-        call("advance", filled(ChainMoves, begins, sources, shares, exits, exits.size), vectors, flows, flows.size)
-        return
-    from kinetics.kernels import markov
+    moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
+    for part in pieces(flows.size, shares.size + exits.size):
+        some, out = vectors[part.start : part.stop + 1], flows[part]
+        if moves is not None:
+            call("advance", moves, some, out, out.size)
+            continue
+        from kinetics.kernels import markov
 
-    markov.advance(begins, sources, shares, exits, vectors, flows)
+        markov.advance(begins, sources, shares, exits, some, out)
 
 
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
     """Add sums of weighted vectors to rows: `markov.mix`."""
-    if is_built():
-        places, factors = given(rows, np.int64), given(weights, float)
-        call("mix", places, factors, places.size, factors.shape[1], vectors, vectors.shape[1], mixed)
-        return
-    from kinetics.kernels import markov
+    places, factors = given(rows, np.int64), given(weights, float)
+    for part in pieces(places.size, vectors.size):
+        if is_built():
+            some, by = places[part], factors[part]
+            call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
+            continue
+        from kinetics.kernels import markov
 
-    markov.mix(rows, weights, vectors, mixed)
+        markov.mix(places[part], factors[part], vectors, mixed)
 
 
 def absorb(
@@ -264,22 +291,29 @@ def absorb(
     absorbed: Floats, alive: Floats, flows: Floats,
 ) -> None:  # fmt: skip
     """ChainMoves of a chain whose last state is never left: `markov.absorb`."""
-    if is_built():
-        steps = filled(ChainMoves, begins, sources, shares, exits, exits.size)
-        call("absorb", steps, vector, np.empty_like(vector), absorbed, alive, flows, flows.size)
-        return
-    from kinetics.kernels import markov
+    moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
+    for part in pieces(flows.size, shares.size + exits.size):
+        if moves is not None:
+            out = absorbed[part], alive[part], flows[part]
+            call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
+            continue
+        from kinetics.kernels import markov
 
-    markov.absorb(begins, sources, shares, exits, vector, absorbed, alive, flows)
+        markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
     """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
-    if is_built():
-        return call("reduce_band", band, leaving, exits, exits.size, band.shape[1] // 2)
-    from kinetics.kernels import elimination
+    n, width, changes = exits.size, band.shape[1] // 2, 0
+    for part in pieces(n, float(width) ** 2):
+        begin, end = n - part.stop, n - part.start
+        if is_built():
+            changes += call("reduce_band", band, leaving, exits, begin, end, width)
+            continue
+        from kinetics.kernels import elimination
 
-    return elimination.reduce(band, leaving, exits)
+        changes += elimination.reduce(band, leaving, exits, begin, end)
+    return changes
 
 
 def solve(band: Floats, exits: Floats, x: Floats) -> None:

@@ -17,6 +17,7 @@ from kinetics.solving.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
@@ -167,7 +168,8 @@ class BackwardPass:
         done = self._ends[-1] if self._ends else 0
         arrays, roundings = self._arrays
         means = np.empty(LOOK + done // 64)
-        markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
+        for part in pieces(means.size, 2.0 * (arrays[1].size + self._now.size)):
+            markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means[part])
         self._blocks.append(means)
         self._ends.append(done + means.size)
         self._tops.append(float(self._now.max()))

@@ -17,7 +17,7 @@ from kinetics.passage.until import UNDERFLOW
 from kinetics.runs import JumpPath
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.states import MAX_STATES
+from kinetics.solving.search import MAX_STATES
 from kinetics.support.arrays import Counts, Floats, Ints, read_only
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import figure

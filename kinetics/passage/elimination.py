@@ -15,6 +15,7 @@ from kinetics.passage.certified import Equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import RATE_ERROR, totals
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import heard
 
 MAX_WORK = 3e10  # multiplications, some ten seconds
 MAX_FACTORED = 1e12  # the same for sparse LU, which takes some hundred seconds then
@@ -140,9 +141,10 @@ class SparseFactors(Equations):
         jumps: Any = csc_array((rates, (rows, columns)), shape=(n, n))
         diagonal: Any = dia_array((self._exits[None, :], [0]), shape=(n, n))
         matrix = csc_array(diagonal - jumps)
+        factorise: Any = splu
         ordering: Any = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         try:
-            self._factors: Any = splu(matrix, **ordering)
+            self._factors = heard(factorise, matrix, **ordering)
         except RuntimeError:  # singular to working precision
             self._factors = None
 

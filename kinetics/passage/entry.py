@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.solving import StateSpace, reachable
-from kinetics.solving.states import Search
+from kinetics.solving.search import Search
 from kinetics.support.arrays import Ints, whole_number
 
 
@@ -37,12 +37,12 @@ def nearest_states(
     """
     network.known_rates  # noqa: B018
     enough = whole_number("within", at_least, 1)
-    search = Search(network, network.state(initial)[None, :], whole_number("max_states", max_states, 1))
-    begin, is_stopped = 0, np.asarray(stop(search.states))
+    search = Search(network, network.state(initial)[None, :], whole_number("max_states", max_states, 1), stop)
+    begin = 0
     while begin < len(search) < enough:
         end = len(search)
-        search.go_on(begin, end, is_stopped)
-        is_stopped = np.append(is_stopped, stop(search.states[end:]))
+        search.go_on(begin, end)
         begin = end
+    is_stopped = search.stopped()
     lost = ~is_stopped & (np.arange(len(search)) >= begin)
-    return StateSpace(network, search.states.copy(), is_stopped | lost), lost
+    return StateSpace(network, search.states, is_stopped | lost), lost

@@ -19,7 +19,7 @@ from kinetics.passage.elimination import mean_over
 from kinetics.passage.entry import reached_states
 from kinetics.passage.equations import equations
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.states import MAX_STATES
+from kinetics.solving.search import MAX_STATES
 from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
 from kinetics.support.extras import extra

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kinetics.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.solving.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
 
 LARGEST = 830  # binary exponent of the largest value while limits are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
@@ -194,10 +195,16 @@ class Iteration(Equations):
         """What is to be added to a solution that leaves so much."""
         from kinetics.kernels import krylov
 
-        change, most = np.zeros_like(left), min(STEPS, self._steps)
-        self._steps -= krylov.correct(
-            *self._factors, *self._table[2:], is_occupation, units, left.copy(), change, goal, most
-        )
+        change, most, left = np.zeros_like(left), min(STEPS, self._steps), left.copy()
+        memory, numbers, done = np.empty((4, left.size)), np.empty(3), 0
+        for part in pieces(most, 8.0 * (self._factors[3].size + left.size)):
+            done, is_over = krylov.correct(
+                *self._factors, *self._table[2:], is_occupation, units, left, change, goal, memory, numbers, done,
+                part.stop,
+            )  # fmt: skip
+            if is_over:
+                break
+        self._steps -= done
         return np.where(np.isfinite(change), change, 0.0)
 
 

@@ -13,7 +13,7 @@ from kinetics.passage.backward import expected_at, steps_until
 from kinetics.passage.entry import reached_states
 from kinetics.passage.first_passage import lumped
 from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
-from kinetics.solving.states import MAX_STATES
+from kinetics.solving.search import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
 from kinetics.support.arrays import Counts, Floats, rising_times, whole_number
 from kinetics.support.cli.progress import forecast

@@ -18,7 +18,7 @@ from kinetics.passage.iteration import Iteration
 from kinetics.passage.until import UNDERFLOW
 from kinetics.solving import StateSpace, Transitions
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.states import MAX_STATES
+from kinetics.solving.search import MAX_STATES
 from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.extras import extra

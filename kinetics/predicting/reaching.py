@@ -22,7 +22,8 @@ from kinetics.predicting.solved_errors import error_reached, is_endless, largest
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto
 from kinetics.solving import Distribution, FiniteStateProjection, Transient
-from kinetics.solving.states import MAX_STATES, StateSpace, reachable
+from kinetics.solving.search import MAX_STATES
+from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
 

@@ -15,7 +15,7 @@ from kinetics.formats import NetworkModel
 from kinetics.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
 from kinetics.scanning.sampled import check_ends, sampled_answers
 from kinetics.scanning.scanned import ScannedModel, digest_of
-from kinetics.solving.states import TooManyStatesError
+from kinetics.solving.search import TooManyStatesError
 from kinetics.support.stream_keys import seed_of
 
 

@@ -14,6 +14,7 @@ from kinetics.solving.poisson import ROUNDOFF, poisson_bounds
 from kinetics.solving.states import StateSpace
 from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import LONG, heard
 from kinetics.support.memory import check_memory
 
 MAX_DENSE = 2000  # states
@@ -142,7 +143,7 @@ def _by_squaring(rates: Floats, fastest: float, start: Floats, times: Floats, ex
         if has_bit.any():
             moved = rows[has_bit] @ power
             rows[has_bit] = moved / moved.sum(axis=1, keepdims=True)
-        power = _stochastic(power @ power)
+        power = _stochastic(_product(power, power))
     return rows
 
 
@@ -152,8 +153,15 @@ def _short_step(rates: Floats, stays: Floats, x: float) -> Floats:
     total = positive / TERMS
     for m in range(TERMS - 1, 0, -1):
         np.fill_diagonal(total, total.diagonal() + 1.0)
-        total = positive @ total / m
+        total = _product(positive, total) / m
     return _stochastic((total + np.eye(len(total))) * exp(-x))
+
+
+def _product(one: Floats, other: Floats) -> Floats:
+    """Of two square matrices; an interrupt is heard meanwhile."""
+    if len(one) ** 3 < LONG:
+        return np.asarray(one @ other)
+    return np.asarray(heard(np.matmul, one, other))
 
 
 def _stochastic(matrix: Floats) -> Floats:

@@ -14,12 +14,14 @@ from kinetics.network import Network
 from kinetics.solving.base import SolvingMethod
 from kinetics.solving.distribution import Distribution
 from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.states import MAX_STATES, Search, StateSpace, TooManyStatesError
+from kinetics.solving.search import MAX_STATES, Search, TooManyStatesError
+from kinetics.solving.states import StateSpace
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain, Mixtures, mixtures
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import stage
 from kinetics.support.memory import check_memory
 
+ADVICE = "Ask for earlier times, a larger tolerance or fewer copies, sample instead, or raise max_states"
 FIRST_STEPS = 32.0  # uniformised steps of the first window; each window that goes well makes the next one longer
 MOST_STEPS = 20_000.0
 MOST_LAYERS = 8  # events that the states are extended by at a time
@@ -73,7 +75,7 @@ class FiniteStateProjection(SolvingMethod):
             try:
                 front.advance()
             except TooManyStatesError:
-                raise TooManyStatesError(front.too_many()) from None
+                raise TooManyStatesError.of(front.too_many(), ADVICE) from None
         return front.distribution()
 
 
@@ -239,8 +241,7 @@ class _Front:
         ranges = ", ".join(f"{name} {a} to {b}" for _, name, a, b in spread)
         return (
             f"over {self.max_states} states matter: {len(self.states)} held all but {self.tolerance:.0e} of the "
-            f"probability at {self.time:.4g} of {self.grid[-1]:g} ({ranges}), and more were needed; ask for earlier "
-            f"times, a larger tolerance or fewer copies, sample with the direct method instead, or raise max_states"
+            f"probability at {self.time:.4g} of {self.grid[-1]:g} ({ranges}), and more were needed"
         )
 
 

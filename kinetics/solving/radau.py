@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.interrupts import heard
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -103,4 +104,4 @@ def _factorised(matrix: Any) -> Any:
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 
-    return splu(csc_array(matrix), "NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return heard(splu, csc_array(matrix), "NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -11,7 +11,8 @@ import numpy as np
 from kinetics.solving.base import ListingMethod, ProbabilityTable
 from kinetics.solving.collocation import Collocation, CollocationPlan
 from kinetics.solving.dense import CERTIFIED, MAX_DENSE, Dense
-from kinetics.solving.states import MAX_STATES, StateSpace
+from kinetics.solving.search import MAX_STATES
+from kinetics.solving.states import StateSpace
 from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
 from kinetics.support.arrays import Floats

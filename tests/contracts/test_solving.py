@@ -169,7 +169,7 @@ def test_a_start_that_is_none_is_refused(method, start, message):
 @every_method
 def test_a_space_without_end_is_solved_or_refused_with_advice(method):
     births = network("X", {"birth": ((0,), (1,))}, [1.0])
-    with pytest.raises(ValueError, match=r"states .*; ask for|states are reachable.* raise max_states"):
+    with pytest.raises(ValueError, match=r"states .*Ask for|states are reachable.* raise max_states"):
         method(max_states=50).solve(births, [0], [100.0])
 
 

@@ -42,8 +42,8 @@ def grown_book(target: Target, senses: Senses, seed: int, budget: Budget, report
     """A rule book that grows the target from a seed, by cubes with these senses.
 
     seed : of the search and of the random growths; the same seed gives the same book, if time does not run out
-    After seven tenths of the time the best book so far is checked. Ctrl-C ends the search for fewer letters as well;
-    another one ends the checks, once they have found it right a first time; `verified` says how far they came.
+    After seven tenths of the time the best book so far is checked. Ctrl-C ends the random growths among the checks,
+    once one has found it right; `verified` says how far they came.
     InfeasibleError: no book of this kind with this sensing. UndecidedError: none found, or none with so few letters.
     """
     by = _by_tree if senses.faces == "six" else _by_stages
@@ -132,7 +132,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, budget: Budget, report
             if best is None or size < best[0]:
                 best = size, names, rules
                 report(f"{size[0] + 1} letters, {size[1]} rules after {number} tries")
-    except (TimeoutError, OutOfStepsError, KeyboardInterrupt):
+    except (TimeoutError, OutOfStepsError):
         if best is None:
             raise
     assert best is not None  # noqa: S101  there is at least one try

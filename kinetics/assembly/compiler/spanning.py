@@ -133,7 +133,7 @@ def spanning_tree(
 
     moves : in which one cube is hung on another neighbour; how many are tried from each start
     report : called with every better tree; tick : called at every move
-    Ctrl-C, or an error of `tick` that time or steps are used up, ends the search; the best tree so far is returned.
+    An error of `tick` that time or steps are used up ends the search; the best tree so far is returned.
     """
     best: Tree | None = None
     distance = distances(places, seed)
@@ -163,7 +163,7 @@ def spanning_tree(
                 heat = 1 - move / moves  # in letters
                 if changed.cost <= tree.cost or rng.random() < math.exp((tree.cost - changed.cost) / heat):
                     parents, tree = hung, changed
-    except (KeyboardInterrupt, TimeoutError, OutOfStepsError):
+    except (TimeoutError, OutOfStepsError):
         if best is None:
             raise
     assert best is not None  # noqa: S101  the first start sets it

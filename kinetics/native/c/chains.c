@@ -5,7 +5,7 @@
 #define EMPTY (-1)
 #define OUTSIDE (-2)
 
-enum { COMPLETE = 0, TOO_MANY = 1, TOO_LARGE = 3, FULL = -1 }; /* as in exploration.py; FULL: room is used up */
+enum { COMPLETE = 0, TOO_MANY = 1, UNJUDGED = 2, TOO_LARGE = 3, FULL = -1 }; /* as in exploration.py; FULL: no more room */
 
 /* Rows of a sparse table: entries starts[r] to starts[r + 1], each a species and its copies. */
 typedef struct {
@@ -20,7 +20,14 @@ typedef struct {
     int64_t room, n_slots, n_species;
 } HashedStates;
 
-/* Where an exploration stands, so that it can go on in more room. */
+/* What is known of some states: whether the chain stops there, and which of the channels with a law work. */
+typedef struct {
+    const char *stops, *works; /* a row of n_laws for each state */
+    const int64_t *law_of; /* number of each channel's law; -1 for mass action */
+    int64_t n_laws;
+} StateVerdicts;
+
+/* Where an exploration stands, so that it can go on. */
 typedef struct {
     int64_t i, n, n_levels, level_end;
 } SearchProgress;
@@ -143,11 +150,20 @@ INLINE int add_state(const HashedStates *space, int64_t i, uint64_t key, const S
     return outcome;
 }
 
-int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t *key_changes, int64_t n_channels,
-            const HashedStates *space, int64_t end, const char *is_stopped, int64_t n_stopped, int64_t most, int64_t *sizes,
-            int64_t most_levels, SearchProgress *p)
+INLINE int has_reactants(const HashedStates *space, int64_t i, const SparseRows *needed, int64_t r)
 {
-    for (; p->i < (end < 0 ? p->n : end); p->i++) {
+    int is_able = 1;
+    for (int64_t e = needed->starts[r]; e < needed->starts[r + 1]; e++)
+        is_able &= space->states[i * space->n_species + needed->species[e]] >= needed->copies[e];
+    return is_able;
+}
+
+int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t *key_changes, int64_t n_channels,
+            const HashedStates *space, int64_t end, const char *is_stopped, int64_t n_stopped, const HashedStates *judged,
+            const StateVerdicts *verdicts, int64_t most, int64_t *sizes, int64_t most_levels, SearchProgress *p)
+{
+    for (; p->i < p->n && p->i < end; p->i++) {
+        const char *works = 0; /* of the channels with a law */
         if (p->i == p->level_end) {
             if (p->n_levels == most_levels)
                 return FULL;
@@ -156,12 +172,19 @@ int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t 
         }
         if (p->i < n_stopped && is_stopped[p->i])
             continue;
+        if (judged->n_slots) {
+            const int64_t row = row_of(judged, space->states + p->i * space->n_species, space->keys[p->i]);
+            if (row == EMPTY)
+                return UNJUDGED;
+            if (verdicts->stops[row])
+                continue;
+            works = verdicts->works + row * verdicts->n_laws;
+        }
         for (int64_t r = 0; r < n_channels; r++) {
-            int is_able = 1;
-            for (int64_t e = needed->starts[r]; e < needed->starts[r + 1]; e++)
-                is_able &= space->states[p->i * space->n_species + needed->species[e]] >= needed->copies[e];
+            const int has_law = works && verdicts->law_of[r] >= 0;
             const uint64_t key = space->keys[p->i] + key_changes[r];
-            if (!is_able || neighbour(space, p->i, key, changes, r) != OUTSIDE)
+            if (!(has_law ? works[verdicts->law_of[r]] : has_reactants(space, p->i, needed, r)) ||
+                neighbour(space, p->i, key, changes, r) != OUTSIDE)
                 continue;
             const int outcome = add_state(space, p->i, key, changes, r, most, &p->n);
             if (outcome != COMPLETE)

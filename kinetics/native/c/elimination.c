@@ -5,10 +5,10 @@
 
 #define AT(i, j) band[(i) * (2 * b + 1) + (j) - (i) + b]
 
-int64_t reduce_band(double *band, double *leaving, double *exits, int64_t n, int64_t b)
+int64_t reduce_band(double *band, double *leaving, double *exits, int64_t begin, int64_t end, int64_t b)
 {
     int64_t changes = 0;
-    for (int64_t k = n - 1; k >= 0; k--) {
+    for (int64_t k = end - 1; k >= begin; k--) {
         const int64_t low = k > b ? k - b : 0;
         double total = leaving[k], rest = 0.0; /* what the additions round off: Knuth's two-sum */
         for (int64_t j = low; j < k; j++) {

@@ -145,3 +145,13 @@ def test_names_of_rewards_and_labels_in_its_files_are_identifiers(tmp_path):
     back = read_explicit(tmp_path / "m.tra")
     assert back.variables == ("A_b_",)
     assert list(back.labels) == ["init", "deadlock", "A_b__"]
+
+
+def test_a_small_file_cannot_claim_many_states(tmp_path):
+    """Refused before anything of their number is made; a few that nothing leads to are no harm."""
+    path = tmp_path / "claims.tra"
+    path.write_text("900000000 1\n0 1 1.0", encoding="utf-8")
+    with pytest.raises(ValueError, match="900000000 states, but 1 transitions"):
+        read_explicit(path)
+    path.write_text("9 1\n0 1 1.0", encoding="utf-8")
+    assert len(read_explicit(path)) == 9

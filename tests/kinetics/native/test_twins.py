@@ -15,7 +15,7 @@ from kinetics.network import Network
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
 from kinetics.solving import reachable
-from kinetics.solving.states import _keys, _multipliers
+from kinetics.solving.search import key_multipliers, keys_of
 
 pytestmark = pytest.mark.skipif(not library.is_built(), reason="the C kernels were not built: there was no compiler")
 
@@ -145,11 +145,11 @@ def test_explorations_are_the_same(name, monkeypatch):
     start = np.minimum(initial, 12)
     here = reachable(net, start)
     moves = here.transitions()
-    keys = _keys(here.states, _multipliers(len(net.species)))
+    keys = keys_of(here.states, key_multipliers(len(net.species)))
     table = twins.tabulate(keys, keys.size, 2 ** int(np.ceil(np.log2(2 * keys.size))))
     assert_array_equal(table, exploration.tabulate(keys, keys.size, table.size))
     asked = np.concatenate([here.states[::3], here.states[:2] + 1000])
-    asked_keys = _keys(asked, _multipliers(len(net.species)))
+    asked_keys = keys_of(asked, key_multipliers(len(net.species)))
     assert_array_equal(
         twins.find(asked, asked_keys, here.states, keys, table),
         exploration.find(asked, asked_keys, here.states, keys, table),
@@ -225,7 +225,11 @@ def test_elimination_and_its_residuals_are_the_same(is_occupation):
     leaving = rng.random(n)
     rows, columns = np.nonzero(band)
     rates, columns = band[rows, columns], places[rows, columns]
-    band, _, exits = assert_same(twins.reduce, elimination.reduce, (band, leaving, np.empty(n)))
+
+    def reduced(*arguments):
+        return elimination.reduce(*arguments, 0, n)
+
+    band, _, exits = assert_same(twins.reduce, reduced, (band, leaving, np.empty(n)))
     in_c, by_numba = (twins.occupy, elimination.occupy) if is_occupation else (twins.solve, elimination.solve)
     _, _, high = assert_same(in_c, by_numba, (band, exits, rng.random(n)))
     low, left = 1e-17 * rng.random(n), np.stack([rng.random(n), np.zeros(n)], axis=1)

@@ -7,7 +7,7 @@ from scipy.stats import binom, poisson
 from kinetics import Network, Transient
 from kinetics.native import twins
 from kinetics.solving import FiniteStateProjection, projection
-from kinetics.solving.states import TooManyStatesError
+from kinetics.solving.search import TooManyStatesError
 from kinetics.solving.uniformisation import DiscreteChain
 
 
