@@ -26,12 +26,13 @@ from kinetics.rates import ClassRates
 from kinetics.sampling.run_source import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
 from kinetics.support.cli.progress import forecast, stage
-from kinetics.support.tables import counted, rough
+from kinetics.support.tables import rough
 
 BLOCK = 4096  # random numbers drawn at once
 PROGRESS_EVERY = 500  # draws
 TRIED = 2000  # draws of the first run, from whose end the rest is forecast
 DRAW_SECONDS = 4e-5  # of CPU time, on a common machine
+BEGIN_SECONDS = 3e-4  # of a run, however few its draws
 DRAWS_A_CUBE = 4.0  # null events among them, while all cubes join once
 DRAWS_A_BREAK = 3.0  # and what rejoins
 
@@ -82,6 +83,9 @@ def grow(
         for run in range(whole_number("runs", runs, 1)):
             grown = _run(known[run % len(known)], start, horizon, seed, run, progress, runs)
             finished.append(grown)
+            stage(f"{run + 1} of {runs} runs", (run + 1) / runs)
+            if run == 0 and grown.draws < TRIED:
+                _say(grown.draws, runs)
     except KeyboardInterrupt:
         if not finished:
             raise
@@ -166,8 +170,7 @@ def _run(
             if draws % PROGRESS_EVERY == 0:
                 if progress is not None:
                     progress(run, time)
-                share = run / runs if run else None
-                stage(f"{run} of {runs} runs; the next at {time:.4g} of {end:g} tu", share)
+                stage(f"{run} of {runs} runs; the next at {time:.4g} of {end:g} tu")
                 if run == 0 and draws == TRIED:
                     _forecast(tank, draws, end - time, runs)
             if event is None:
@@ -190,8 +193,11 @@ def _forecast(tank: GrowingTank, draws: int, left: float, runs: int) -> None:
     drawn, break_rate = tank.rates()
     cubes = sum(len(kind.structure) * copies for kind, copies in tank.counts.items())
     more = min(drawn[-1] / 2 * left, DRAWS_A_CUBE * cubes) + DRAWS_A_BREAK * break_rate * left
-    what = f"{counted(runs, 'run')} of some {rough(draws + more)} draws"
-    forecast(runs * (draws + more) * DRAW_SECONDS, what)
+    _say(draws + more, runs)
+
+
+def _say(draws: float, runs: int) -> None:
+    forecast(runs * (BEGIN_SECONDS + draws * DRAW_SECONDS), f"{rough(runs)} runs of some {rough(draws)} draws")
 
 
 def _draws(

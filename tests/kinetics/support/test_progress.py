@@ -2,6 +2,7 @@
 
 import ast
 import io
+import json
 import sys
 import threading
 from pathlib import Path
@@ -19,6 +20,7 @@ SOURCES = [
     *(path for room in ("kinetics", "mechsim", "calibration") for path in (ROOT / room).rglob("*.py")),
     ROOT / "wellmixed.py",
 ]
+MEASURED = ROOT / "results" / "line4" / "rates.toml"
 HELPER = ROOT / "kinetics" / "support" / "cli" / "progress.py"
 
 
@@ -221,6 +223,7 @@ UNIFORM = ("--join", "1e-5")
         ("predict", "births", "--times", 10, "--runs", 10**13),
         ("predict", "births", "--times", 1e9, "--method", "fsp", "--budget", 0.1),
         ("rules", "grow", "line4", "--cubes", 10**8, *UNIFORM),
+        ("rules", "grow", "line4", "--cubes", 4, *UNIFORM, "--runs", 10**9),
         ("rules", "rank", "line4", "--join", 1, "--break", 1, "--runs", 10**8, "--max-states", 0),
         ("verify", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--runs", 10**12, "--no-power"),
         ("scan", "births", "--over", "A=0,1", "--ask", "E[A] @ 10", "--max-states", 0, "--runs", 10**13),
@@ -242,3 +245,55 @@ def test_a_budget_is_what_is_allowed(births):
     command = ("predict", births, "--times", 10, "--runs", 20_000)
     assert "beyond the budget of 1e-06 min" in run(*command, "--budget", 1e-6, code=2).stderr
     assert run(*command).stderr == ""
+
+
+@pytest.fixture
+def stages(monkeypatch):
+    """What commands say that they do, in order."""
+    said = []
+    monkeypatch.setattr(progress.Progress, "__call__", lambda line, text, share=None: said.append(text))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (
+            ("passage", "line4", "--rates", "measured", "--cubes", 4, "--species", "quadmer", "--draws", 3),
+            "2 of 3 draws",
+        ),
+        (
+            ("passage", "line4", "--rates", "table3", "--cubes", 4, "--species", "quadmer", "--sensitivity"),
+            "of quantile",
+        ),
+        (("predict", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--elasticity"), "elasticities"),
+        (("predict", "births", "--times", 1, "--method", "fsp"), "projection: 0 of 1 on"),
+        (
+            ("ask", "line4", "--rates", "table3", "--cubes", 4, "P=? [ F<=1 quadmer >= 1 ]"),
+            "answering P=? [ F<=1 quadmer",
+        ),
+        (
+            ("verify", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--runs", 100, "--method", "ssa"),
+            "mistake",
+        ),
+        (("rules", "rank", "line4", "--join", 1e-3, "--cubes", 4), "line4, 1 of 1"),
+        (("rules", "grow", "line4", "--cubes", 40, "--join", 1e-3), "19 of 20 runs"),
+        (("hardcases", "--only", "nowhere"), "of 1 cases done"),
+    ],
+    ids=lambda given: " ".join(map(str, given[:2])) if isinstance(given, tuple) else "",
+)
+def test_a_command_names_what_it_does(command, words, births, stages):
+    run(*(births if word == "births" else MEASURED if word == "measured" else word for word in command))
+    assert any(words in text for text in stages), stages
+
+
+def test_standard_output_is_free_of_it(births, monkeypatch):
+    """Lines as often as can be: what a program reads is the same."""
+    command = ("predict", births, "--times", 10, "--runs", 200_000, "--json")
+    quiet = json.loads(run(*command).stdout)
+    for name, seconds in (("TICK", 1e-3), ("EVERY", 0.0), ("LONG", 0.0)):
+        monkeypatch.setattr(progress, name, seconds)
+    loud = run(*command)
+    assert "forecast: about" in loud.stderr
+    assert json.loads(loud.stdout) | {"cpu_seconds": 0} == quiet | {"cpu_seconds": 0}
+    assert run("--quiet", *command).stderr == ""
