@@ -103,11 +103,13 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
     contents = {file: _text([f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])}
     own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
-    spelled = prism_names([*chain.variables, *own])
+    variables = prism_names(chain.variables).values()
+    spelled = prism_names([*own], variables)
     if chain.counts is not None:
         rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
-        names = ",".join(spelled[name] for name in chain.variables)
-        contents[file.with_suffix(".sta")] = _text([f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
+        contents[file.with_suffix(".sta")] = _text(
+            [f"({','.join(variables)})", *(f"{i}:{row}" for i, row in enumerate(rows))]
+        )
     labels = {**chain.built_in, **{spelled[name]: mask for name, mask in own.items()}}
     holds = np.array([np.asarray(mask) for mask in labels.values()]).T
     marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))

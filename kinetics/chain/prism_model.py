@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import factorial
 
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
 from kinetics.network.laws.reading import LONGEST, shortened
@@ -42,18 +43,14 @@ CALLED = {
 }
 
 
-def prism_names(names: Sequence[str]) -> dict[str, str]:
-    """Each name as one that PRISM takes, all different: what is no letter or digit becomes _."""
-    found: dict[str, str] = {}
-    used: set[str] = set()
-    for name in names:
-        plain = re.sub(r"\W", "_", name, flags=re.ASCII)
-        plain = f"n_{plain}" if plain in TAKEN or not re.match(r"[A-Za-z_]", plain) else plain
-        while plain in used:
-            plain += "_"
-        used.add(plain)
-        found[name] = plain
-    return found
+def prism_names(names: Sequence[str], taken: Collection[str] = ()) -> dict[str, str]:
+    """Each name as one that PRISM takes, all different and none `taken`: what is no letter or digit becomes _."""
+
+    def plain(name: str) -> str:
+        word = re.sub(r"\W", "_", name, flags=re.ASCII)
+        return f"n_{word}" if word in TAKEN or not re.match(r"[A-Za-z_]", word) else word
+
+    return dict(zip(names, spelled_apart(names, plain, taken), strict=True))
 
 
 def prism_text(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 
 from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.sparse_tables import SparseTable
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
@@ -51,7 +51,7 @@ def net_text(model: NetworkModel) -> str:
     lines.append("end reactions")
     if model.observables:
         lines.append("begin groups")
-        names = _groups(model.observables, len(constants))
+        names = spelled_apart(list(model.observables), _word, taken=[f"k{i + 1}" for i in range(constants.size)])
         for g, (name, weights) in enumerate(zip(names, model.observables.values(), strict=True), 1):
             terms = [place[each] if w == 1 else f"{w:.17g}*{place[each]}" for each, w in weights.items()]
             lines.append(f"{g} {name} {','.join(terms)}".rstrip())
@@ -94,26 +94,11 @@ def _sides(table: SparseTable) -> list[str]:
 
 def _patterns(species: tuple[str, ...]) -> list[str]:
     """Names as the format has them: `A()` for a plain name, and sites in brackets as they are."""
-    made: dict[str, None] = {}
-    for name in species:
-        pattern = name if PATTERN.fullmatch(name) else f"{_word(name)}()"
-        while pattern in made:
-            pattern = f"{pattern.removesuffix('()')}_()"
-        made[pattern] = None
-    return list(made)
 
+    def spelled(name: str) -> str:
+        return name.removesuffix("()") if PATTERN.fullmatch(name) else _word(name)
 
-def _groups(observables: Iterable[str], constants: int) -> list[str]:
-    """Names of groups, all different, and none that of a parameter k1, k2, ..."""
-    taken = {f"k{i}" for i in range(1, constants + 1)}
-    made = []
-    for observable in observables:
-        name = _word(observable)
-        while name in taken:
-            name += "_"
-        taken.add(name)
-        made.append(name)
-    return made
+    return [name if PATTERN.fullmatch(name) else f"{name}()" for name in spelled_apart(species, spelled)]
 
 
 def _word(name: str) -> str:

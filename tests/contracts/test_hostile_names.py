@@ -116,6 +116,9 @@ QUOTES = (
     "]]>",
     "<!--",
     "&amp;",
+    "a&#",
+    "&#0;",
+    "&#x41;",
     "%",
     "1e5",
     ".5",
@@ -229,7 +232,7 @@ def test_hostile_names_of_a_chain_come_back_as_identifiers(part, tmp_path):
     for name, spelled in prism_names(list(rewards)).items():
         assert_array_equal(back.rewards[spelled].rates, chain.rewards[name].rates)
     own = [name for name in labels if name not in ("init", "deadlock")]
-    for name, spelled in list(prism_names([*variables, *own]).items())[len(variables) :]:
+    for name, spelled in prism_names(own, back.variables).items():
         assert_array_equal(back.labels[spelled], chain.labels[name])
     for spelled in (*back.rewards, *back.variables, *back.labels):
         assert re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", spelled, re.ASCII)
@@ -240,3 +243,17 @@ def test_a_formula_reads_back_whatever_its_names():
         law = Expression(f"2 * {quoted(name)} + 1")
         assert law.species == (name,)
         assert Expression(law.text).species == (name,)
+
+
+@WRITES
+@pytest.mark.parametrize("name", ["a\x1bb", "a\u202eb", "a\nb", "a\ud800b"], ids=ascii)
+def test_a_name_that_no_reader_takes_is_not_written(kind, name, tmp_path):
+    """Or is spelled otherwise: never is there a file that cannot be read."""
+    model = NetworkModel(Network.from_reactions({"r": ({name: 1}, {})}, [1.0]), [3])
+    path = tmp_path / f"m{kind.suffixes[0]}"
+    try:
+        write(model, path)
+    except ValueError:
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert_alike(read(path), model)
