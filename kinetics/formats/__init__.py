@@ -13,7 +13,6 @@ from pathlib import Path
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.proving import check_written
 from kinetics.support.families import members
-from kinetics.support.limits import check_names, check_visible
 from kinetics.support.output import write_whole
 
 from kinetics.formats.bionetgen import BioNetGen
@@ -48,11 +47,7 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
     kind = _kind_of(file, SUFFIXES)
     if not file.exists():
         raise ValueError(f"network file {path} does not exist")
-    model = kind.read(file, copies_per_unit)
-    network = model.network
-    check_names(file, (*network.species, *network.channels, *network.given.given, *model.observables, *model.formulas))
-    check_visible(f"{file} has a time unit", network.time_unit)
-    return model
+    return kind.model(file, copies_per_unit)
 
 
 def write(model: NetworkModel, path: str | Path) -> None:

@@ -58,7 +58,7 @@ class Bngl(Format):
             SECONDS,
             MEMORY,
             "say by max_agg, max_stoich or max_iter of its generate_network where the network ends",
-            b"\0" if actions.ends else LAST_ROUND,
+            None if actions.ends else LAST_ROUND,
         )
         network = generator.translated(path, files, "model.net")
         model = model_in(path.with_name(f"{path.name} (its network)"), network, copies_per_unit)

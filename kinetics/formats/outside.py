@@ -44,7 +44,7 @@ class Program:
     seconds : of processor time, and of ten times as much by the clock
     memory : bytes of address space
     cure : what a user does about a model that takes more
-    stopped : what it says where it stops before it is done
+    stopped : what it says if it stops before it is done; None if it never does
     """
 
     name: str
@@ -52,7 +52,7 @@ class Program:
     seconds: int
     memory: int
     cure: str
-    stopped: bytes = b"\0"
+    stopped: bytes | None = None
 
     def translated(self, path: Path, given: Mapping[str, str], made: str) -> str:
         """What it makes of a text, in a folder that holds nothing else and is its home.
@@ -80,7 +80,7 @@ class Program:
                 raise self._beyond(path) from None
             if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
                 raise self._beyond(path)
-            if self.stopped in done.stdout:
+            if self.stopped is not None and self.stopped in done.stdout:
                 raise ValueError(f"{path}: {self.name} stopped before it came to an end; {self.cure}")
             output = Path(folder) / made
             if done.returncode == 0 and output.is_file():

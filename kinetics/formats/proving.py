@@ -30,7 +30,7 @@ def check_written(kind: Format, model: NetworkModel, text: str, path: Path) -> N
         warnings.simplefilter("ignore")  # what there is to say of the network was said when it was made
         copy = write_whole(Path(folder) / f"model{kind.suffixes[0]}", text)
         try:
-            again = kind.read(copy)
+            again = kind.model(copy)
         except ValueError as error:
             raise _unlike(path, f"it cannot be read back: {str(error).replace(str(copy), path.name)}") from None
     _compare(model, again, path)

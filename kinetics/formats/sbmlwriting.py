@@ -12,6 +12,7 @@ from kinetics.formats.sbmlmath import parts_of
 from kinetics.network import Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.reactions import sides_of
+from kinetics.support.limits import BREAKS, check_visible
 
 PLACE = "x{}"  # of an id in a formula
 
@@ -42,7 +43,7 @@ def sbml_text(model: NetworkModel) -> str:
         each = made.createSpecies()
         species.append(next(ids))
         each.setId(species[-1])
-        each.setName(name)
+        each.setName(_shown(name))
         each.setCompartment(place.getId())
         if float(f"{count:.15g}") != count:
             raise ValueError(f"{count} copies of {name!r}: libsbml writes 15 digits; expected a count with no more")
@@ -55,7 +56,7 @@ def sbml_text(model: NetworkModel) -> str:
     for name, weights in model.observables.items():
         parameter = made.createParameter()
         parameter.setId(next(ids))
-        parameter.setName(name)
+        parameter.setName(_shown(name))
         parameter.setConstant(False)
         rule = made.createAssignmentRule()
         rule.setVariable(parameter.getId())
@@ -66,7 +67,7 @@ def sbml_text(model: NetworkModel) -> str:
 
 def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:
     reaction.setId(key)
-    reaction.setName(name)
+    reaction.setName(_shown(name))
     reaction.setReversible(False)
     reaction.setFast(False)
     before, after = sides_of(network.sparse_reactants, network.sparse_stoichiometry, r)
@@ -114,6 +115,13 @@ def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> st
         if copies > 1 and combinations == "distinct":
             factors[-1] += f" / {factorial(copies)}"
     return " * ".join(factors)
+
+
+def _shown(name: str) -> str:
+    """A name as libsbml takes it: it lets what looks like an entity pass, and ends the process on a last `&#`."""
+    one_line = BREAKS.sub(" ", name)
+    check_visible("a file of SBML cannot have a name", one_line)
+    return one_line.replace("&", "&amp;")
 
 
 def _id(name: str) -> str:

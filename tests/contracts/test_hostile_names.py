@@ -116,6 +116,9 @@ QUOTES = (
     "]]>",
     "<!--",
     "&amp;",
+    "a&#",
+    "&#0;",
+    "&#x41;",
     "%",
     "1e5",
     ".5",
@@ -240,3 +243,17 @@ def test_a_formula_reads_back_whatever_its_names():
         law = Expression(f"2 * {quoted(name)} + 1")
         assert law.species == (name,)
         assert Expression(law.text).species == (name,)
+
+
+@WRITES
+@pytest.mark.parametrize("name", ["a\x1bb", "a\u202eb", "a\nb", "a\ud800b"], ids=ascii)
+def test_a_name_that_no_reader_takes_is_not_written(kind, name, tmp_path):
+    """Or is spelled otherwise: never is there a file that cannot be read."""
+    model = NetworkModel(Network.from_reactions({"r": ({name: 1}, {})}, [1.0]), [3])
+    path = tmp_path / f"m{kind.suffixes[0]}"
+    try:
+        write(model, path)
+    except ValueError:
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert_alike(read(path), model)

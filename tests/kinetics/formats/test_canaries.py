@@ -5,7 +5,8 @@ import shutil
 
 import pytest
 
-from tests.helpers.canaries import before, campaign, evaluated, imports
+from tests.helpers.canaries import before, campaign
+from tests.helpers.canary_judges import evaluated, imports
 from tests.helpers.canary_runs import ran
 
 SEED = 0
