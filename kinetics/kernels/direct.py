@@ -25,7 +25,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
     model : see `sampling.merging.MergedChannels`
     changes : (G, S) int64, of the counts by each of the model's channels
     counts : (S + 1,) int64, the last one 1; changed in place
-    clock : (2,) the time in tu, and events in a row that have not moved it; changed in place
+    clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
     times, fired : (B,) buffers that receive the events, by the model's channels
 
@@ -44,7 +44,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
     within = np.empty(n_blocks * BLOCK)  # sums of propensities from the start of the block
     upto = np.empty(n_blocks)  # sums over whole blocks
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
-    t, still = clock[0], clock[1]
+    t = clock[0]
     n_events = 0
     outcome = UNFINISHED
     while n_events < times.size:
@@ -71,7 +71,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
             total += part
             upto[block] = total
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
-        later, still, outcome = next_time(t, still, exponential(word), total)
+        later, outcome = next_time(t, exponential(word), total, clock)
         if outcome != UNFINISHED:
             break
         if later > end:
@@ -100,7 +100,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
         fired[n_events] = chosen
         n_events += 1
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
-    clock[0], clock[1] = t, still
+    clock[0] = t
     return outcome, n_events
 
 

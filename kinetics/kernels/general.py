@@ -192,7 +192,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     n_channels, n_times, n_blocks = model.change_starts.size - 1, grid.size, work.sums.size
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
-    t, still = clock[0], clock[1]
+    t = clock[0]
     passed, n_events = seen[0], 0
     outcome = REACHED_END  # here: nothing went wrong so far
     if work.notes[0] == 0:
@@ -208,7 +208,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             for block in range(n_blocks):
                 bound += sums[block]
                 upto[block] = bound
-        later, still, state = next_time(t, still, waits[draw], bound)
+        later, state = next_time(t, waits[draw], bound, clock)
         if state != UNFINISHED:
             outcome = state
             break
@@ -278,5 +278,5 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
     seen[0], seen[1] = passed, n_events
-    clock[0], clock[1] = t, still
+    clock[0] = t
     return UNFINISHED if outcome == REACHED_END and passed < n_times else outcome

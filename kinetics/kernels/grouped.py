@@ -70,7 +70,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     model, work : see `GroupedModel` and `GroupedWork`; work is changed in place
     counts : (S + 1,), the last one 1; changed in place
     seen : (2,) times of the grid that were passed, events so far in this call; changed in place
-    clock : (2,) the time in tu, and events in a row that have not moved it; changed in place
+    clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     waits, uniforms : (D,) draws
     grid, out : (T,) tu and (T, S), receives the counts
     times, fired : receive the events; (D,), or (0,) where nobody asks for them
@@ -81,7 +81,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species, readers, touched = model.species, model.readers, model.touched
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
-    t, still = clock[0], clock[1]
+    t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
     for draw in range(waits.size):
@@ -89,7 +89,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         for i in range(np.uint64(n_blocks)):
             total += sums[i]
             upto[i] = total
-        t, still, passed, outcome = move_on(t, still, waits[draw], total, counts, grid, passed, out)
+        t, passed, outcome = move_on(t, waits[draw], total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
         chosen = channel_at(propensities, sums, upto, uniforms[draw] * total, total)
@@ -127,5 +127,5 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             fired[n_events] = chosen
         n_events += 1
     seen[0], seen[1] = passed, n_events
-    clock[0], clock[1] = t, still
+    clock[0] = t
     return outcome

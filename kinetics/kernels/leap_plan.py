@@ -11,7 +11,7 @@ from kinetics.kernels.ensemble_work import BEFORE
 from kinetics.kernels.leap_limits import LARGEST_COUNT, MOST_EVENTS, TRIALS, WIDE
 
 DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
-CELL, STRETCHES, LEAPS = 4, 5, 6  # in `LeapWork.notes`, after those of `direct`
+CELL, STRETCHES = 4, 5  # in `LeapWork.notes`, after those of `direct`
 NO_CELL = -1  # between leaps
 
 next_length = compiled(leap_limits.next_length)
@@ -48,8 +48,8 @@ class LeapWork(NamedTuple):
     means (R,) : events of a leap that are expected
     leap (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
     of_run, of_leap (4,) uint64 : keys of their random words
-    clock, notes : of `EnsembleWork`; notes (7,) then say at which cell the leap at hand is, -1 between leaps, how
-        many stretches the run has had, and how many of them were leaps. A cell that is looked at counts as an event
+    clock, notes : of `EnsembleWork`; notes (6,) then say at which cell the leap at hand is, -1 between leaps, and how
+        many stretches the run has had. A cell that is looked at counts as an event
     """
 
     counts: np.ndarray
@@ -92,8 +92,8 @@ def work_for(n_channels, n_species):
         np.zeros(3),
         np.zeros(4, dtype=np.uint64),
         np.zeros(4, dtype=np.uint64),
-        np.zeros(2),
-        np.array([0, 0, BEFORE, 0, NO_CELL, 0, 0]),
+        np.zeros(3),
+        np.array([0, 0, BEFORE, 0, NO_CELL, 0]),
     )
 
 

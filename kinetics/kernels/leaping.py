@@ -17,11 +17,11 @@ Where a leap would hold few events, the direct method draws the next `STRETCH` o
 
 import numpy as np
 
-from kinetics.kernels.clock import MOST_STILL, record
+from kinetics.kernels.clock import record, stands_still
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.direct import advance
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
-from kinetics.kernels.leap_plan import CELL, DEEPEST, LEAPS, NO_CELL, STRETCHES, plan_leap, propensity
+from kinetics.kernels.leap_plan import CELL, DEEPEST, NO_CELL, STRETCHES, plan_leap, propensity
 from kinetics.kernels.members import name_events
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
 from kinetics.kernels.streams import start_stream
@@ -136,16 +136,14 @@ def begin_leap(work, length):
     work.begins[0], work.ends[0] = 0.0, work.leap[1]
     start_stream(work.of_leap, LEFT, work.keys[0])
     notes[CELL] = 0
-    notes[LEAPS] += 1
 
 
 @compiled
 def end_leap(work, time):
     """The leap at hand has reached a time: the outcome."""
     work.notes[CELL] = NO_CELL
-    work.clock[1] = 0.0 if time > work.leap[0] else work.clock[1] + 1.0
     work.clock[0] = time
-    return UNFINISHED if work.clock[1] < MOST_STILL else STALLED_CLOCK
+    return UNFINISHED if time > work.leap[0] else stands_still(work.clock, time)
 
 
 @compiled
@@ -161,16 +159,14 @@ def leap(model, work, grid, out, events, keeps, most):
     n_species = work.counts.size - 1
     start, length, notes = work.leap[0], work.leap[1], work.notes
     stream = np.empty(4, dtype=np.uint64)
-    top, seen = notes[CELL], notes[PASSED]
-    for _ in range(most):
-        if top < 0:
-            break
-        notes[EVENTS] += 1
+    top, seen, cells, outcome, over = notes[CELL], notes[PASSED], 0, UNFINISHED, start + length
+    while top >= 0 and cells < most:
+        cells += 1
         begin, end = work.begins[top], work.ends[top]
         seen = record(work.counts[:n_species], start + begin, grid, seen, out)
-        notes[PASSED] = seen
         if seen == grid.size:
-            return REACHED_END, (times, channels, number)
+            outcome = REACHED_END
+            break
         n_events, n_open, can_leave = worst_orders(model, work, top)
         if n_events == 0:
             top -= 1
@@ -186,30 +182,35 @@ def leap(model, work, grid, out, events, keeps, most):
         elif n_events == 1 and n_open == 0:
             time = start + min(begin + draw_uniform(stream) * (end - begin), end)
             seen = record(work.counts[:n_species], time, grid, seen, out)
-            notes[PASSED] = seen
             if seen == grid.size:
-                return REACHED_END, (times, channels, number)
+                outcome = REACHED_END
+                break
             channel = apply(model, work, top)
             leaves = can_leave and is_outside(work)
             if leaves and work.counts.min() < 0:  # it came around
                 for i in range(model.starts[channel], model.starts[channel + 1]):
                     work.counts[model.species[i]] -= model.gains[i]
-                work.clock[0] = time
-                return OVERFLOW, (times, channels, number)
+                work.clock[0], outcome = time, OVERFLOW
+                break
             if keeps:
                 times, channels = with_room(times, channels, number, 1)
                 times[number], channels[number] = time, channel
                 number += 1
             if leaves:
-                return end_leap(work, time), (times, channels, number)
+                top, over = NO_CELL, time
+                break
             top -= 1
         elif n_events > 0:
             if top + 2 == DEEPEST:
-                return STALLED_CLOCK, (times, channels, number)
+                outcome = STALLED_CLOCK
+                break
             halve(work, top, stream)
             top += 1
-    notes[CELL] = top
-    return UNFINISHED if top >= 0 else end_leap(work, start + length), (times, channels, number)
+    notes[CELL], notes[PASSED] = top, seen
+    notes[EVENTS] += cells
+    if top == NO_CELL and outcome == UNFINISHED:
+        outcome = end_leap(work, over)
+    return outcome, (times, channels, number)
 
 
 @compiled
@@ -230,7 +231,8 @@ def begin_run(work, initial, key, run, look):
     work.clock[:] = 0.0
     work.leap[2] = 0.0
     start_stream(key, run, work.of_run)
-    work.notes[PASSED:] = np.array([0, 0, look, NO_CELL, 0, 0])
+    work.notes[PASSED:] = 0
+    work.notes[LOOK], work.notes[CELL] = look, NO_CELL
 
 
 @compiled

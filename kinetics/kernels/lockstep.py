@@ -12,6 +12,7 @@ from kinetics.kernels.streams import exponential, next_word, start_stream, unifo
 LANES = 64  # runs side by side
 GATHERED = 8  # up to so many species, all are updated whichever channel fired: quicker than its own few
 LARGEST_EXACT = 2.0**52  # lanes count in doubles, which are exact up to 2**53
+LEAST_TOTAL = 1e-290  # below, a wait may itself be infinite
 
 
 ACTIVE, RUNS, STEPS = 0, 1, 2  # in `LockstepWork.notes`
@@ -75,12 +76,17 @@ def begin_lane(lane, work, initial, grid, key, first_run, limits, stream):
 
 @compiled
 def is_stuck(work, lane, steps):
-    """Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds."""
-    if work.t[lane] > work.part[lane] or work.seen[lane] >= work.needed[lane]:
+    """Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds.
+
+    A lane whose clock stands still comes with an infinite time, and takes that before it.
+    """
+    total = work.total[lane]
+    if work.t[lane] < np.inf or total == 0.0 or work.seen[lane] >= work.needed[lane]:
         return False
+    work.t[lane] = work.part[lane]
     work.still[lane] = work.still[lane] + 1 if work.stood[lane] == steps - 1 else 1
     work.stood[lane] = steps
-    return not work.total[lane] < np.inf or work.still[lane] >= MOST_STILL
+    return not LEAST_TOTAL < total < np.inf or work.still[lane] >= MOST_STILL
 
 
 @compiled
@@ -164,9 +170,9 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
             words[0, lane], words[1, lane], words[2, lane], words[3, lane] = s0, s1, s2, s3
             target[lane] = uniform(second) * total[lane]
             later = t[lane] + exponential(first) / total[lane]
-            # or a clock that stands still, or a total beyond double
-            n_crossed += (later > upcoming[lane]) | (not later > t[lane])
             part[lane] = t[lane]
+            later = later if later > t[lane] else np.inf  # a clock that stands still, or a total beyond double
+            n_crossed += later > upcoming[lane]
             t[lane] = later
 
         steps += 1
@@ -175,7 +181,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
             for s in range(n_species):
                 for lane in range(lanes):
                     if counts[s, lane] > LARGEST_EXACT:
-                        t[lane], part[lane], total[lane] = np.inf, np.inf, np.inf
+                        t[lane], total[lane] = np.inf, np.inf
                         n_crossed += 1
         n_ended = 0
         if n_crossed > 0:

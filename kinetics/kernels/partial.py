@@ -134,7 +134,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
-    t, still, passed, n_events, age = clock[0], clock[1], seen[0], 0, work.age[0]
+    t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
     is_frozen = False
     outcome = UNFINISHED
     for draw in range(waits.size):
@@ -146,7 +146,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         for i in range(n_spans):
             total += spans[i]
         wait = np.inf if is_frozen else waits[draw]
-        t, still, passed, outcome = move_on(t, still, wait, total, counts, grid, passed, out)
+        t, passed, outcome = move_on(t, wait, total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
@@ -221,5 +221,5 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             fired[n_events] = chosen
         n_events += 1
     seen[0], seen[1] = passed, n_events
-    clock[0], clock[1], work.age[0] = t, still, age
+    clock[0], work.age[0] = t, age
     return outcome

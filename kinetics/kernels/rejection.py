@@ -196,12 +196,12 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
-    t, still, total = clock[0], clock[1], work.total[0]
+    t, total = clock[0], work.total[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
     target, picked, chosen, is_stale = 0.0, np.int64(NO_GROUP), np.uint64(0), True
     for draw in range(np.uint64(waits.size)):
-        t, still, passed, outcome = move_on(t, still, waits[draw], total, counts, grid, passed, out)
+        t, passed, outcome = move_on(t, waits[draw], total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
@@ -325,5 +325,5 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         n_events += 1
     work.bins[1], work.bins[2], work.total[0] = lowest, highest, total
     seen[0], seen[1] = passed, n_events
-    clock[0], clock[1] = t, still
+    clock[0] = t
     return outcome

@@ -110,7 +110,7 @@ class RecomputingSampler:
         stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)
         members.start_naming(key, run, naming)
-        counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(2)
+        counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
         pieces = []
         made, look = 0, watch.first_look

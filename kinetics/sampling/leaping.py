@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.kernels.ensemble_work import RUN
+from kinetics.kernels.ensemble_work import EVENTS, RUN
 from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.kernels.outcomes import REACHED_END
 from kinetics.network import Network
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from kinetics.kernels import leap_plan
 
 MARGIN = 1.5  # times the events of the direct method that cost as much as a leap, a leap should hold
+MANY = 10.0  # events for each that was drawn, with which a run is not one of single events
 CAUTION = 2.0  # counts may fall after the start, by which `auto` chooses
 
 
@@ -113,7 +114,7 @@ class LeapingSampler:
             outcome: int = leaping.ensemble(self.model, work, start, grid, key, first_run, limits, out, most)
             return outcome
 
-        in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work.notes))
+        in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
@@ -128,7 +129,7 @@ class LeapingSampler:
             pieces.append((times[:number].copy(), channels[:number].copy()))
             return REACHED_END if work.notes[RUN] else int(outcome)
 
-        in_turn(watch, run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work.notes))
+        in_turn(watch, run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return times, channels
 
@@ -143,15 +144,22 @@ class LeapingSampler:
 
 
 class _Leaps:
-    """Whether rate equations say what a run will cost: not as long as it leaps; None where it is within a leap."""
+    """Whether rate equations say what a run will cost: if its events are drawn singly; None within a leap."""
 
-    def __init__(self, notes: Ints) -> None:
-        self.notes, self.seen = notes, 0
+    def __init__(self, work: leap_plan.LeapWork, watch: Watch) -> None:
+        self.work, self.watch = work, watch
+        self.time, self.drawn = 0.0, 0  # at the last look
 
     def __call__(self) -> bool | None:
-        from kinetics.kernels.leap_plan import CELL, LEAPS, NO_CELL
+        from kinetics.kernels.leap_plan import CELL, NO_CELL
 
-        if self.notes[CELL] != NO_CELL:
+        if self.work.notes[CELL] != NO_CELL:
             return None
-        seen, self.seen = self.seen, int(self.notes[LEAPS])
-        return self.seen == seen
+        before, begun = self.time, self.drawn
+        self.time, self.drawn = float(self.work.clock[0]), int(self.work.notes[EVENTS])
+        if self.drawn < begun:  # another run
+            before, begun = 0.0, 0
+        if self.watch.outlook is None:
+            return False
+        total = self.watch.outlook.rates(self.work.counts[None, :-1].astype(float), self.time).sum()
+        return not total * (self.time - before) > MANY * (self.drawn - begun)

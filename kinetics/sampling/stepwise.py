@@ -57,7 +57,7 @@ class StepwiseSampler:
 
         stream = np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)
-        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(2), np.zeros(2, dtype=np.int64)
+        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
         pieces = []
@@ -65,15 +65,15 @@ class StepwiseSampler:
         waits = uniforms = np.empty(0)
         while seen[0] < (needed := watch.needed(run)):
             n = min(n_draws, look - drawn)
-            if waits.size < n:
+            if waits.size != n:
                 waits, uniforms = np.empty(n), np.empty(n)
             n_kept = n if keep_events else 0
             times, channels = np.empty(n_kept), np.empty(n_kept, dtype=np.int64)
-            streams.draw(stream, waits[:n], uniforms[:n])
+            streams.draw(stream, waits, uniforms)
             began = perf_counter()
-            outcome = self.advance(
-                workspace, counts, seen, clock, waits[:n], uniforms[:n], grid[:needed], out[:needed], times, channels
-            )
+            if needed < grid.size:
+                grid, out = grid[:needed], out[:needed]
+            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
             pieces.append((times[: seen[1]], channels[: seen[1]]))
             drawn += n
             if outcome == outcomes.REACHED_END:

@@ -81,6 +81,8 @@ class Watch:
 
     def needed(self, run: int) -> int:
         """How many times of the grid a run is to pass."""
+        if self._first is None:
+            return self.grid.size
         more, few, followed, _ = self.limits(0)
         return int(more if run < followed else few)
 

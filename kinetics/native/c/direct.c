@@ -68,15 +68,22 @@ INLINE int64_t chosen_channel(const Room *room, double target, double total)
     return chosen;
 }
 
-/* Draw when the next event comes: inf where none does. `still` counts events in a row that do not move the clock. */
-INLINE int next_time(double t, double total, uint64_t *s, double *later, double *still)
+/* An event has left the clock at t: clock.stands_still. */
+static int stands_still(double *clock, double t)
+{
+    clock[1] = clock[2] == t ? clock[1] + 1.0 : 1.0;
+    clock[2] = t;
+    return clock[1] >= MOST_STILL ? STALLED_CLOCK : UNFINISHED;
+}
+
+/* Draw when the next event comes: inf where none does. */
+INLINE int next_time(double t, double total, uint64_t *s, double *later, double *clock)
 {
     const double wait = exponential(next_word(s, s + 1, s + 2, s + 3));
     if (!(total < INFINITY))
         return OVERFLOW_;
     *later = total > 0.0 ? t + wait / total : INFINITY;
-    *still = *later == t ? *still + 1.0 : 0.0;
-    return *still >= MOST_STILL ? STALLED_CLOCK : UNFINISHED;
+    return *later == t ? stands_still(clock, t) : UNFINISHED;
 }
 
 /* Change the counts by a channel; whether they are all within 63 bits, without which nothing is changed. */
@@ -105,7 +112,7 @@ static void begin(const Model *model, const int64_t *counts, const Room *room)
 
 /* Where a run stands. */
 typedef struct {
-    double t, still;
+    double clock[3];
     int64_t passed, n_events;
     uint64_t stream[4];
 } Standing;
@@ -116,13 +123,13 @@ static int go_on(const Model *model, const Room *room, const double *grid, int64
 {
     const int64_t n_species = model->n_species;
     uint64_t *s = at->stream;
-    double t = at->t, still = at->still;
+    double t = at->clock[0];
     int64_t passed = at->passed, n_events = at->n_events;
     int outcome = passed < n_times ? UNFINISHED : REACHED_END;
     while (outcome == UNFINISHED && n_events < last) {
         const double total = total_propensity(model, room);
         double later;
-        outcome = next_time(t, total, s, &later, &still);
+        outcome = next_time(t, total, s, &later, at->clock);
         if (outcome != UNFINISHED)
             break;
         for (; passed < n_times && grid[passed] < later; passed++)
@@ -138,7 +145,7 @@ static int go_on(const Model *model, const Room *room, const double *grid, int64
         else
             n_events++;
     }
-    at->t = t, at->still = still, at->passed = passed, at->n_events = n_events;
+    at->clock[0] = t, at->passed = passed, at->n_events = n_events;
     return outcome;
 }
 
@@ -170,12 +177,14 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
     double *memory = make_room(model, counts, &room);
     int outcome = memory ? REACHED_END : -1;
     memcpy(at.stream, stream, sizeof at.stream);
-    at.t = clock[0], at.still = clock[1], at.passed = notes[PASSED], at.n_events = notes[EVENTS];
+    memcpy(at.clock, clock, sizeof at.clock);
+    at.passed = notes[PASSED], at.n_events = notes[EVENTS];
     while (outcome == REACHED_END && notes[RUN] < runs) {
         if (at.n_events == BEFORE) {
             start_stream(key, first_run + notes[RUN], at.stream);
             begin(model, initial, &room);
-            at.t = at.still = 0.0, at.passed = at.n_events = 0;
+            memset(at.clock, 0, sizeof at.clock);
+            at.passed = at.n_events = 0;
             notes[LOOK] = limits[3];
         }
         const int64_t made = at.n_events, last = notes[LOOK] < made + most ? notes[LOOK] : made + most;
@@ -191,7 +200,8 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
     if (memory)
         memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);
     memcpy(stream, at.stream, sizeof at.stream);
-    clock[0] = at.t, clock[1] = at.still, notes[PASSED] = at.passed, notes[EVENTS] = at.n_events;
+    memcpy(clock, at.clock, sizeof at.clock);
+    notes[PASSED] = at.passed, notes[EVENTS] = at.n_events;
     free(memory);
     return outcome;
 }
@@ -201,13 +211,13 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
            int64_t *fired, int64_t most, int64_t *n_events)
 {
     Room room;
-    double t = clock[0], still = clock[1], *memory = make_room(model, counts, &room);
+    double t = clock[0], *memory = make_room(model, counts, &room);
     int outcome = memory ? UNFINISHED : -1;
     *n_events = 0;
     while (outcome == UNFINISHED && *n_events < most) {
         const double total = total_propensity(model, &room);
         double later;
-        outcome = next_time(t, total, stream, &later, &still);
+        outcome = next_time(t, total, stream, &later, clock);
         if (outcome != UNFINISHED)
             break;
         t = later;
@@ -227,7 +237,7 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
     }
     if (memory)
         memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);
-    clock[0] = t, clock[1] = still;
+    clock[0] = t;
     free(memory);
     return outcome;
 }

@@ -9,6 +9,7 @@
 #define LANES 64
 #define GATHERED 8            /* up to so many species, all are updated whichever channel fired */
 #define LARGEST_EXACT 0x1p52  /* lanes count in doubles */
+#define LEAST_TOTAL 1e-290    /* below, a wait may itself be infinite */
 
 typedef double Lanes[LANES];
 
@@ -96,8 +97,8 @@ INLINE void sum_propensities(Work *work, int64_t active)
     }
 }
 
-/* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid or
- * stand still. `part` keeps the times before. */
+/* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid.
+ * `part` keeps the times before. */
 INLINE int64_t move_clocks(Work *work, int64_t active)
 {
     uint64_t(*words)[LANES] = work->words;
@@ -107,10 +108,10 @@ INLINE int64_t move_clocks(Work *work, int64_t active)
         const uint64_t first = next_word(&s0, &s1, &s2, &s3), second = next_word(&s0, &s1, &s2, &s3);
         words[0][lane] = s0, words[1][lane] = s1, words[2][lane] = s2, words[3][lane] = s3;
         work->target[lane] = uniform(second) * work->total[lane];
-        const double before = work->t[lane], later = before + exponential(first) / work->total[lane];
-        /* or a clock that stands still, or a total beyond double */
-        n_crossed += (later > work->upcoming[lane]) | !(later > before);
-        work->part[lane] = before;
+        double later = work->t[lane] + exponential(first) / work->total[lane];
+        work->part[lane] = work->t[lane];
+        later = later > work->t[lane] ? later : INFINITY; /* a clock that stands still, or a total beyond double */
+        n_crossed += later > work->upcoming[lane];
         work->t[lane] = later;
     }
     return n_crossed;
@@ -213,14 +214,17 @@ static int64_t closed_ranks(Work *work, int64_t active)
     return kept;
 }
 
-/* Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds. */
+/* Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds. A lane whose
+ * clock stands still comes with an infinite time, and takes that before it. */
 static int is_stuck(Work *work, int64_t lane)
 {
-    if (work->t[lane] > work->part[lane] || work->seen[lane] >= work->needed[lane])
+    const double total = work->total[lane];
+    if (work->t[lane] < INFINITY || total == 0.0 || work->seen[lane] >= work->needed[lane])
         return 0;
+    work->t[lane] = work->part[lane];
     work->still[lane] = work->stood[lane] == work->steps - 1 ? work->still[lane] + 1 : 1;
     work->stood[lane] = work->steps;
-    return !(work->total[lane] < INFINITY) || work->still[lane] >= (int64_t)MOST_STILL;
+    return !(total > LEAST_TOTAL && total < INFINITY) || work->still[lane] >= (int64_t)MOST_STILL;
 }
 
 /* `lockstep.lockstep`. The grid has n_times times. */
@@ -245,7 +249,7 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
             for (int64_t s = 0; s < n_species; s++)
                 for (int64_t lane = 0; lane < active; lane++)
                     if (work->counts[s][lane] > LARGEST_EXACT) {
-                        work->t[lane] = work->part[lane] = work->total[lane] = INFINITY;
+                        work->t[lane] = work->total[lane] = INFINITY;
                         n_crossed++;
                     }
         for (int64_t lane = 0; n_crossed > 0 && lane < active; lane++) {

@@ -108,7 +108,7 @@ def test_the_cases_reach_every_outcome():
 def run_by(kernel, net, initial, end, model=None):
     """Outcome, all events of one run, in pieces of 50, and what the kernel writes to."""
     merging = Merging.of(net)
-    counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(2), stream_key(4)
+    counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(3), stream_key(4)
     outcome, found = outcomes.UNFINISHED, []
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)

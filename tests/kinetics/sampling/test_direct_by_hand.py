@@ -179,7 +179,7 @@ def test_what_cannot_happen_does_not_where_the_draw_is_zero():
     word = np.uint64(0x9E3779B97F4A7C15)
     stream = np.array([0, word, 5, word], np.uint64)
     times, fired, counts = np.zeros(1), np.zeros(1, np.int64), np.array([0, 9, 1])
-    found = advance(sampler.model, sampler.changes, counts, np.zeros(2), 50.0, stream, times, fired)
+    found = advance(sampler.model, sampler.changes, counts, np.zeros(3), 50.0, stream, times, fired)
     assert found == (UNFINISHED, 1)
     assert (fired.tolist(), counts.tolist()) == ([1], [1, 8, 1])
     members = Members(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), np.array([0, 1], np.int32), np.zeros(2))

@@ -301,7 +301,7 @@ MISTAKES = {
     "halves share their words": (RIGHT_WORDS, RIGHT_WORDS.replace("RIGHT", "LEFT"), "outbreak"),
     "the box is not checked": ("not (can_leave or is_asked)", "not is_asked", "narrow"),
     "a leap goes on beyond its box": ("leaves = can_leave and is_outside(work)", "leaves = False", "narrow"),
-    "leaps that end early end in time": ("end_leap(work, time),", "end_leap(work, start + length),", "edge"),
+    "leaps that end early end in time": ("top, over = NO_CELL, time", "top = NO_CELL", "edge"),
 }  # fmt: skip
 
 

@@ -109,7 +109,7 @@ def test_kernels_equal_their_python(monkeypatch):
     key, initial = stream_key(13), np.array([60, 0, 0, 0])
 
     def everything():
-        stream, clock, counts = np.empty(4, dtype=np.uint64), np.zeros(2), np.append(initial, 1)
+        stream, clock, counts = np.empty(4, dtype=np.uint64), np.zeros(3), np.append(initial, 1)
         times, channels = np.zeros(30), np.zeros(30, dtype=np.int64)
         streams.start_stream(key, 5, stream)
         first = direct.advance(*model, counts, clock, 2000.0, stream, times, channels)

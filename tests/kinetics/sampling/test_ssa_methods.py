@@ -176,7 +176,7 @@ def advance_some(sampler, work, counts, n=500):
     streams.start_stream(stream_key(31), 0, stream)
     streams.draw(stream, waits, uniforms)
     none = np.empty(0), np.empty(0, dtype=np.int64)
-    seen, clock, grid = np.zeros(2, dtype=np.int64), np.zeros(2), np.array([1e300])
+    seen, clock, grid = np.zeros(2, dtype=np.int64), np.zeros(3), np.array([1e300])
     outcome = sampler.advance(work, counts, seen, clock, waits, uniforms, grid, out, *none)
     assert outcome == outcomes.UNFINISHED
 
@@ -272,7 +272,7 @@ KEPT = "if target >= whole:"
 MUTANTS = [
     (grouped, "a stale propensity", ("propensities[reader] = propensity", "pass")),
     (grouped, "s * s for s (s - 1)", ("- channels[6 * reader + 2]", "- 0")),
-    (grouped, "coarse waits", ("still, waits[draw]", "still, np.floor(waits[draw] * 4) / 4 + 1e-9")),
+    (grouped, "coarse waits", ("t, waits[draw]", "t, np.floor(waits[draw] * 4) / 4 + 1e-9")),
     (rejection, "a stale partial propensity", ("part = 0.0\n                    for r", "for r in range(0): #")),
     (rejection, "a stale sum", (16 * " " + "groups[group].owners = owners", 16 * " " + "pass")),
     (rejection, "a stale bin", ("if new == old:", "if old != NO_BIN and new != NO_BIN:")),
