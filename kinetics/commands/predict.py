@@ -11,6 +11,7 @@ import numpy as np
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.start import instead_of_many_states, start
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.options import (
     AskedStart,
     NumbersCommand,
@@ -27,6 +28,8 @@ from kinetics.support.cli.options import (
 from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
+
+FEWER_TIMES = 4  # exit code: a run was truncated
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
@@ -78,6 +81,14 @@ INSTEAD = (
     f"[default: {BUDGET:g}; with --accuracy 20]",
 )
 @click.option(
+    "--max-events",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=MAX_EVENTS,
+    show_default=True,
+    help="Most events of a run. Where one would come to more, figures end before it.",
+)
+@click.option(
     "--threads",
     metavar="N",
     type=click.IntRange(min=1),
@@ -117,6 +128,7 @@ def predict(
     accuracy: str | None,
     accuracy_of: str,
     budget: float | None,
+    max_events: int,
     threads: int | None,
     draws: int,
     with_elasticity: bool,
@@ -138,6 +150,9 @@ def predict(
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
     they are enough. 1% is relative to each species' largest mean over the times, or to one copy where that is more. The
     report says what was chosen, what each way was foretold to cost, the error reached, and what a tenth would cost.
+
+    A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
+    given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
     """
     from kinetics.predicting import predict as make
 
@@ -153,7 +168,7 @@ def predict(
     with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
             begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
-            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None,
+            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
         )  # fmt: skip
         found = None
         if begin.rates is not None and (with_elasticity or elasticity_files):
@@ -187,6 +202,7 @@ def predict(
                 "method": method or "auto",
                 "method_used": made.method,
                 "runs": made.runs,
+                "truncated": None if made.truncated is None else made.truncated.to_dict(),
                 "complete": made.is_complete,
                 "seed": seed,
                 "time_unit": made.network.time_unit,
@@ -209,6 +225,8 @@ def predict(
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
+    if made.truncated is not None:
+        raise SystemExit(FEWER_TIMES)
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:

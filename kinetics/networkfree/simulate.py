@@ -23,7 +23,6 @@ from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
 from kinetics.networkfree.tank import ALONE, Breakers, GrowingTank, Known, Rate, TankEvent
 from kinetics.rates import ClassRates
-from kinetics.sampling.run_source import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
 from kinetics.support.cli.progress import forecast, stage
 from kinetics.support.tables import rough
@@ -35,6 +34,7 @@ DRAW_SECONDS = 4e-5  # of CPU time, on a common machine
 BEGIN_SECONDS = 3e-4  # of a run, however few its draws
 DRAWS_A_CUBE = 4.0  # null events among them, while all cubes join once
 DRAWS_A_BREAK = 3.0  # and what rejoins
+MOST_STILL = 1000  # draws in a row that do not move the clock: it has stalled
 
 
 def grow(
@@ -204,7 +204,7 @@ def _draws(
     tank: GrowingTank, draw: Callable[[], float], end: float, run: int
 ) -> Iterator[tuple[float, TankEvent | None]]:
     """When something is drawn, and the event that comes of it, if any; the tank is then as after the event."""
-    time = 0.0
+    time, still = 0.0, 0
     drawn, break_rate = tank.rates()
     while True:
         total = drawn[-1] / 2 + break_rate
@@ -213,8 +213,9 @@ def _draws(
         if not isfinite(total):
             raise ValueError(f"run {run}: the rate of all events goes beyond 1e308; the rate constants are too large")
         wait = -log1p(-draw()) / total
-        if time + wait == time and wait > 0:
-            raise StalledClockError(
+        still = still + 1 if time + wait == time else 0
+        if still >= MOST_STILL:
+            raise ValueError(
                 f"run {run}: events came so quickly that the clock stood still at {time:g}; the rate constants are "
                 "too large for the duration asked for"
             )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
+from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
@@ -235,6 +236,7 @@ class Ensemble(Shown, Tabular):
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
     method : that made the runs; "" where that is not known
+    truncated : why there are fewer times than were asked for; None where there are not
     ValueError: counts of another shape or kind, or negative ones
 
     >>> import numpy as np
@@ -249,6 +251,7 @@ class Ensemble(Shown, Tabular):
     times: Floats
     counts: Ints
     method: str = ""
+    truncated: Truncation | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", rising_times(self.times))
@@ -284,7 +287,7 @@ class Ensemble(Shown, Tabular):
         if not kept.any():
             last = f"{self.times[0]:g} to {self.times[-1]:g}" if self.times.size else "none"
             raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
-        return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method)
+        return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method, self.truncated)
 
     def __contains__(self, name: object) -> bool:
         """Whether it has a species of this name."""
@@ -303,6 +306,8 @@ class Ensemble(Shown, Tabular):
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
         note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
+        if self.truncated is not None:
+            note += f"; {self.truncated}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note

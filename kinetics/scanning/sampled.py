@@ -14,7 +14,7 @@ from kinetics.chain.observing import earned_in, state_names
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
-from kinetics.runs import JumpPath
+from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Auto
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
@@ -81,7 +81,10 @@ def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, se
     """Values (runs,) of each reward at its time."""
     times = np.array(sorted({float(query.at or 0.0) for query in queries}))
     method = Auto().choose(model.network, model.initial)
-    counts = method.simulate(model.network, model.initial, times, runs, seed, threads=1).counts
+    made = method.simulate(model.network, model.initial, times, runs, seed, threads=1)
+    if made.truncated is not None:
+        raise TruncatedRunsError(made.truncated)
+    counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
     return [
         earned_in(model.network, model.observables, query.name, counts[:, t])
