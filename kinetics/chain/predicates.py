@@ -108,6 +108,11 @@ class StateNames:
                 )
 
 
+def names_in(text: str) -> tuple[str, ...]:
+    """The variables and labels that a condition names; a ValueError where it is none."""
+    return tuple(_read(text).species)
+
+
 def _read(text: str) -> Expression:
     graph = Graph()
     return Expression.of(graph.formula(node_of(text, graph, dialect=PRISM)))

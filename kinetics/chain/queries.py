@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from kinetics.chain.answers import ChainAnswer
 from kinetics.chain.chain import Chain
-from kinetics.chain.predicates import StateNames
+from kinetics.chain.predicates import StateNames, names_in
 from kinetics.network.laws.reading import LONGEST, shortened
 
 Answer_co = TypeVar("Answer_co", covariant=True)
@@ -73,6 +73,11 @@ class Settled(NamedTuple):
         if self.target is not None:
             found |= names.holds(self.target)
         return found if self.through is None else found | ~names.holds(self.through)
+
+    @property
+    def names(self) -> set[str]:
+        """The variables and labels that both conditions name."""
+        return {name for text in self if text is not None for name in names_in(text)}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.chain.chain import Chain
+from kinetics.chain.chain import DEADLOCK, INIT, Chain
 from kinetics.chain.listing import Condition, held
 from kinetics.chain.observing import observing, state_names
 from kinetics.chain.queries import Query, Settled
@@ -58,9 +58,12 @@ def answering_chains(
         )
         return observing(chain, network, observables)
 
+    # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
+    whole = {INIT, DEADLOCK} - {*network.species, *observables}
     alike: dict[Settled | None, list[int]] = {}
     for place, query in enumerate(queries):
-        alike.setdefault(query.settled, []).append(place)
+        settled = query.settled
+        alike.setdefault(None if settled and settled.names & whole else settled, []).append(place)
     if len(alike) != 1:
         try:
             chain = chain_until(None)
