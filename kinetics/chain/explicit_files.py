@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,7 +26,7 @@ from kinetics.solving.transitions import totals
 from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
-from kinetics.support.output import write_together
+from kinetics.support.output import scratch_folder, write_together
 
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
 Parsed = TypeVar("Parsed")
@@ -126,10 +125,9 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
 
 def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> None:
     """A ValueError where these files, read back, are another chain; names may be spelled otherwise."""
-    with TemporaryDirectory() as folder:
-        write_together({Path(folder, path.name): text for path, text in contents.items()})
+    with scratch_folder({path.name: text for path, text in contents.items()}) as folder:
         try:
-            again = read_explicit(Path(folder, file.name))
+            again = read_explicit(folder / file.name)
         except ValueError as error:
             told = str(error).replace(f"{folder}/", "")
             raise ValueError(f"{file} is not written, since it cannot be read back: {told}") from None

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from itertools import zip_longest
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.output import write_whole
+from kinetics.support.output import scratch_folder
 
 MOST_STATES = 8
 MOST_ENTRIES = 10**7  # states times species and channels
@@ -27,13 +27,14 @@ def check_written(kind: Format, model: NetworkModel, text: str, path: Path) -> N
     names may be spelled otherwise. Cost: that of reading the file, for SBML a second of processor time for 1,000
     channels, and of the propensities of all channels at 8 states at most, fewer beyond a million species and channels.
     """
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what there is to say of the network was said when it was made
-        copy = Path(folder) / f"model{kind.suffixes[0]}"
-        try:
-            again = kind.model(write_whole(copy, text))
-        except ValueError as error:
-            raise _unlike(path, f"it cannot be read back: {str(error).replace(str(copy), path.name)}") from None
+    name = f"model{kind.suffixes[0]}"
+    try:
+        with scratch_folder({name: text}) as folder, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what there is to say of the network was said when it was made
+            again = kind.model(folder / name)
+    except ValueError as error:
+        told = re.sub(rf"\S*{re.escape(name)}", path.name, str(error))
+        raise _unlike(path, f"it cannot be read back: {told}") from None
     _compare(model, again, path)
 
 

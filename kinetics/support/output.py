@@ -15,6 +15,7 @@ import os
 import re
 import shutil
 import stat
+import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -76,6 +77,15 @@ def append_line(path: str | Path, line: str) -> None:
             os.close(descriptor)
         if not size:
             _sync_folder(target.parent)
+
+
+@contextlib.contextmanager
+def scratch_folder(contents: Mapping[str, str]) -> Iterator[Path]:
+    """A private folder with these files, name -> text, which is gone after the block; nothing of it is synced."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in contents.items():
+            Path(folder, name).write_bytes(text.encode())
+        yield Path(folder)
 
 
 @contextlib.contextmanager
