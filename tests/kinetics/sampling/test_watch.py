@@ -1,5 +1,6 @@
 """Runs between calls of a kernel: the same bits however often it returns, Ctrl-C, and runs that would never end."""
 
+import os
 import signal
 import threading
 from dataclasses import replace
@@ -95,7 +96,7 @@ def test_ctrl_c_is_heard_within_a_run(method, threads, monkeypatch):
         lambda: method.sample_path(HOT, [1], 1.0, max_events=most),
     ]
     for make in makers if threads == 1 else makers[:2]:
-        timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+        timer = threading.Timer(0.2, os.kill, [os.getpid(), signal.SIGINT])
         timer.start()
         with pytest.raises(KeyboardInterrupt):
             make()
