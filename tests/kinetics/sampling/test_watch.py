@@ -108,12 +108,13 @@ def test_ctrl_c_is_heard_within_a_run(method, threads, monkeypatch):
 def test_the_runs_that_are_finished_are_kept(method, monkeypatch):
     """Ctrl-C once three runs are done: the statistics are those of the first runs that are."""
 
-    def interrupts(self, _):
+    def interrupts(self, *_):
         if self.complete.get(0, 0) >= 3:
             raise KeyboardInterrupt
 
     hasty(monkeypatch, 7)
     monkeypatch.setattr(Watch, "pause", interrupts)
+    monkeypatch.setattr(Watch, "hear", interrupts)
     found = simulate_statistics(line(), method, [60, 0, 0, 0], [100.0], runs=80, seed=3, threads=1)
     assert 3 <= found.runs < 80
     assert not found.is_complete
