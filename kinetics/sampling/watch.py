@@ -129,7 +129,8 @@ class Watch:
             is_worrying = np.zeros(runs.size, dtype=bool)
         for i in np.argsort(runs):
             run, n, t = int(runs[i]), int(events[i]), float(times[i])
-            if np.searchsorted(self.grid, t) >= self.needed(run):
+            if np.searchsorted(self.grid, t) >= self.needed(run):  # about to be over, without another event
+                again[i] = 2 * n
                 continue
             if n >= self.max_events:
                 self.stop(run, outcomes.MOST_EVENTS, t, counts[i], n)

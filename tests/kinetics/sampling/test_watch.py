@@ -1,5 +1,6 @@
 """Runs between calls of a kernel: the same bits however often it returns, Ctrl-C, and runs that would never end."""
 
+import os
 import signal
 import threading
 from dataclasses import replace
@@ -95,7 +96,7 @@ def test_ctrl_c_is_heard_within_a_run(method, threads, monkeypatch):
         lambda: method.sample_path(HOT, [1], 1.0, max_events=most),
     ]
     for make in makers if threads == 1 else makers[:2]:
-        timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+        timer = threading.Timer(0.2, os.kill, [os.getpid(), signal.SIGINT])
         timer.start()
         with pytest.raises(KeyboardInterrupt):
             make()
@@ -107,12 +108,13 @@ def test_ctrl_c_is_heard_within_a_run(method, threads, monkeypatch):
 def test_the_runs_that_are_finished_are_kept(method, monkeypatch):
     """Ctrl-C once three runs are done: the statistics are those of the first runs that are."""
 
-    def interrupts(self, _):
+    def interrupts(self, *_):
         if self.complete.get(0, 0) >= 3:
             raise KeyboardInterrupt
 
     hasty(monkeypatch, 7)
     monkeypatch.setattr(Watch, "pause", interrupts)
+    monkeypatch.setattr(Watch, "hear", interrupts)
     found = simulate_statistics(line(), method, [60, 0, 0, 0], [100.0], runs=80, seed=3, threads=1)
     assert 3 <= found.runs < 80
     assert not found.is_complete
