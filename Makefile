@@ -8,20 +8,22 @@ READY := $(VENV)/.ready
 CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py \
 	tests/contracts/test_engines.py tests/mechsim/world/test_own_engine.py
 
-# Byte code is kept: hundreds of commands would compile all modules again, each for itself.
-unexport PYTHONDONTWRITEBYTECODE
+# Tests and demo get HOME and PATH alone, so that nothing can lean on what a machine happens to set. Set-up gets all that
+# there is: pip may need certificates, a proxy or an index.
+BARE := env -i HOME="$(HOME)" PATH="$(PATH)" $(if $(CI),CI="$(CI)")
+DEMO :=  # further options of the demo
 
 .PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study pyramid clean
 
 demo: $(READY)
-	$(BIN)/wellmixed demo --folder demo-output --workers 2
+	$(BARE) $(BIN)/wellmixed demo --folder demo-output --workers 2 $(DEMO)
 
 test: lint
-	$(BIN)/python -m pytest -q $(SIDE_BY_SIDE)
+	$(BARE) $(BIN)/python -m pytest -q $(SIDE_BY_SIDE)
 
 # The core without mechanics under another Python: make core PYTHON=python3.13 VENV=.venv-3.13
 core: $(READY)
-	$(BIN)/python -m pytest -q $(SIDE_BY_SIDE) kinetics $(CORE_TESTS)
+	$(BARE) $(BIN)/python -m pytest -q $(SIDE_BY_SIDE) kinetics $(CORE_TESTS)
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -30,16 +32,16 @@ lint: $(READY)
 	$(BIN)/mypy
 
 validate: $(READY)
-	$(BIN)/python -m pytest -q --validate
+	$(BARE) $(BIN)/python -m pytest -q --validate
 
 faults: $(READY)
-	$(BIN)/python -m tests.faults --json results/faults.json
+	$(BARE) $(BIN)/python -m tests.faults --json results/faults.json
 
 fuzz: $(READY)
-	$(BIN)/python -m tests.helpers.fuzz_campaign
+	$(BARE) $(BIN)/python -m tests.helpers.fuzz_campaign
 
 mutation: $(READY)
-	$(BIN)/python -m tests.mutation
+	$(BARE) $(BIN)/python -m tests.mutation
 
 benchmarks: $(READY)
 	for bench in $(notdir $(basename $(wildcard tests/benchmarks/bench_*.py))); do \

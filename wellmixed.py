@@ -6,8 +6,8 @@ import contextlib
 import importlib.util
 import io
 import os
-import sys
 import warnings
+from typing import NoReturn
 
 import click
 
@@ -38,13 +38,16 @@ def stranger() -> str | None:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if (trouble := stranger()) is not None:
-    click.echo(f"Error: {trouble}", err=True)
+    with contextlib.suppress(OSError):  # not by `sys.stderr`, whose flush at exit would change the code
+        os.write(2, f"Error: {trouble}\n".encode())
     raise SystemExit(2)
 
 from kinetics import __version__  # noqa: E402 - ours, as we now know
 from kinetics.support.cli.failures import INTERRUPTED, interrupted, judged  # noqa: E402
 from kinetics.support.cli.lazy_commands import mount  # noqa: E402
 from kinetics.support.cli.options_file import options_in  # noqa: E402
+from kinetics.support.cli.process import run  # noqa: E402
+from kinetics.support.cli.progress import sign_of_life  # noqa: E402
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -136,6 +139,10 @@ ACCURACY = {
 class FrontDoor(click.Group):
     """Turns every error into one message and an exit code, see `kinetics.support.cli.failures`."""
 
+    def __call__(self, *args, **named) -> NoReturn:
+        """Be the process of the command line, see `kinetics.support.cli.process`."""
+        run(self, *args, **named)
+
     def invoke(self, ctx: click.Context):
         """Run the chosen command."""
         warnings.showwarning = _tell
@@ -143,19 +150,17 @@ class FrontDoor(click.Group):
         try:
             with ctx, silenced:
                 return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):  # click's own ways to end
+        except (click.ClickException, click.exceptions.Exit):  # click's own ways to end
             raise
-        except BrokenPipeError:  # the reader of our output has seen enough
-            raise
+        except (click.Abort, KeyboardInterrupt):
+            click.echo(interrupted(ctx), err=True)
+            ctx.exit(INTERRUPTED)
         except Exception as error:
             if ctx.params.get("debug"):
                 raise
             code, said = judged(error)
             click.echo(f"Error: {said}", err=True)
             ctx.exit(code)
-        except KeyboardInterrupt:
-            click.echo(interrupted(ctx), err=True)
-            ctx.exit(INTERRUPTED)
 
 
 def _tell(message, *_, **__) -> None:
@@ -176,7 +181,8 @@ def _tell(message, *_, **__) -> None:
 @click.pass_context
 def main(ctx: click.Context, debug: bool, quiet: bool, options_file: str | None) -> None:
     """Kinetics and Markov modelling of self-assembly, calibrated on rigid-body mechanics."""
-    del debug, quiet
+    del debug
+    ctx.with_resource(sign_of_life(str(ctx.invoked_subcommand), quiet))
     if options_file is not None:
         options_in(ctx, options_file)
 
@@ -190,4 +196,4 @@ mount(accuracy, ACCURACY)
 mount(main, COMMANDS)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

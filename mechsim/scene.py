@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
+from kinetics.network import Tank
 from kinetics.support.config import find, is_path, read_toml
 from kinetics.support.settings import Positive, Settings, validated
 from mechsim.effects import AnyEffect
@@ -31,6 +32,9 @@ class TankSize(Settings):
     """Inside of the tank. size : (x, y, z), length; the origin is its centre."""
 
     size: tuple[Positive, Positive, Positive]
+
+    def __post_init__(self) -> None:
+        Tank(self.size)
 
 
 class Cubes(Settings):

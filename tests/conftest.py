@@ -10,6 +10,10 @@ from json_outputs import watch_outputs
 # Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
+# Settings of one machine that hide a fault on others: without the first, Python's last flush may fail at exit. And byte
+# code is kept, or hundreds of commands compile all modules again.
+for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):
+    os.environ.pop(name, None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a shell; some tests send it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

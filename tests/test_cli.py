@@ -365,10 +365,11 @@ def check_that_it_goes_on(place, digest):
     assert done.json["digest"] == digest
 
 
-def test_ctrl_c(tmp_path, undisturbed):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm(tmp_path, undisturbed, number):
     with at_work(tmp_path) as process:
-        os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all processes of the command
-        out, err = process.communicate()
+        os.killpg(process.pid, number)  # a terminal, or a machine that is shut down, sends it to all processes
+        out, err = process.communicate()  # returns once the workers are gone too, for they hold the same pipes
     assert process.returncode == 130
     assert out == ""
     assert err == (

@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from command_line import COMMAND, run_here
 
-from kinetics.support.cli.failures import FAULT, MISTAKE, OUTSIDE, judged
+from kinetics.support.cli.failures import FAULT, INTERRUPTED, MISTAKE, OUTSIDE, judged
 
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
@@ -113,7 +114,11 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
         (MemoryError("Unable to allocate 8 TiB"), OUTSIDE, "not enough memory (Unable to allocate 8 TiB)"),
         (RecursionError("maximum recursion depth exceeded"), MISTAKE, "nests more deeply"),
         (OverflowError("int too large"), MISTAKE, "(int too large)"),
-        (ModuleNotFoundError("No module named 'libsbml'", name="libsbml"), MISTAKE, "pip install 'wellmixed[sbml]'"),
+        (
+            ModuleNotFoundError("No module named 'libsbml'", name="libsbml"),
+            MISTAKE,
+            "pip install 'python-libsbml>=5.20'",
+        ),
         (ModuleNotFoundError("No module named 'nothing'", name="nothing"), FAULT, "fault of wellmixed"),
         (RuntimeError("the book is wrong"), FAULT, "RuntimeError: the book is wrong (test_failures.py:"),
         (KeyError("quad"), FAULT, "please report it, with what --debug shows"),
@@ -131,21 +136,17 @@ def test_every_error_has_a_message_and_a_code(monkeypatch, tmp_path, error, code
         run_here("--debug", *PREDICT, cwd=tmp_path)
 
 
-def test_a_full_disk_behind_standard_output(tmp_path):
-    with Path("/dev/full").open("w") as full:
-        command = [str(COMMAND), "derive", "line4"]
-        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=-1, text=True, check=False)
-    assert (done.returncode, done.stderr) == (OUTSIDE, "Error: No space left on device\n")
-
-
 def test_a_limit_on_the_size_of_files(tmp_path):
     (tmp_path / "table.csv").write_text("older")
 
     def limit():
         resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
 
-    command = [str(COMMAND), *map(str, PREDICT), "--csv", "table.csv"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=limit)
+    command = list(map(str, [COMMAND, *PREDICT, "--csv", "table.csv"]))
+    here = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # Python does not notice that it has cut its own files
+    done = subprocess.run(
+        command, cwd=tmp_path, env=here, capture_output=True, text=True, check=False, preexec_fn=limit
+    )
     assert done.returncode == OUTSIDE
     assert done.stderr.endswith("Error: File too large; could not write: table.csv\n")
     assert (tmp_path / "table.csv").read_text() == "older"
@@ -197,6 +198,53 @@ def test_ctrl_c_says_what_is_kept(tmp_path, monkeypatch, command, where, said):
     done = run_here(*command, cwd=tmp_path)
     assert done.code == 130
     assert done.err.endswith(said)
+
+
+# SIGTERM, and signals at awkward moments
+
+COMMAND_OF_ONE_LINE = """
+import signal, sys, time
+import click
+import kinetics.support.cli.process as process
+from kinetics.sampling.streamed import unbroken
+from wellmixed import main
+end, interrupt = lambda: signal.raise_signal(signal.SIGTERM), lambda: signal.raise_signal(signal.SIGINT)
+
+@main.command()
+def wait():
+    {line}
+    print("done")
+
+main(["wait"])
+"""
+INTO_AN_ANSWER = "import wellmixed; wellmixed.interrupted = lambda _: end(); end()"  # while the first is answered
+
+
+@pytest.mark.parametrize(
+    ("line", "ignored", "code", "said"),
+    [
+        ("end()", (), INTERRUPTED, NOTHING),
+        ("end()", (signal.SIGINT,), INTERRUPTED, NOTHING),
+        ("interrupt()", (signal.SIGINT,), 0, ""),
+        ("end()", (signal.SIGTERM,), 0, ""),
+        ("exec('with unbroken(): end(); print(1, file=sys.stderr)')", (), INTERRUPTED, f"1\n{NOTHING}"),
+        ("exec('with unbroken(): end(); print(1, file=sys.stderr)')", (signal.SIGINT,), INTERRUPTED, f"1\n{NOTHING}"),
+        ("raise click.Abort", (), INTERRUPTED, NOTHING),
+        (INTO_AN_ANSWER, (), INTERRUPTED, "\n"),  # click's, which ends the line of a terminal's ^C
+        ("process._lost = end", (), INTERRUPTED, ""),  # as the last of the output is written
+        ("process.sys.exit = lambda _: end()", (), -signal.SIGTERM, ""),  # as Python ends
+        ("process.sys.exit = lambda _: interrupt()", (), -signal.SIGINT, ""),
+    ],
+)
+def test_sigterm_is_as_ctrl_c_and_one_more_is_no_traceback(tmp_path, line, ignored, code, said):
+    def ignore():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+
+    command = [sys.executable, "-c", COMMAND_OF_ONE_LINE.format(line=line)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=ignore)
+    assert (done.returncode, done.stderr) == (code, said)
+    assert done.stdout == ("done\n" if code <= 0 or "_lost" in line else "")
 
 
 # A read-only installation

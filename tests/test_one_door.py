@@ -1,4 +1,5 @@
-"""Nothing of ours opens a file for writing but the door, `kinetics.support.output`, and the store of runs.
+"""Nothing of ours opens a file for writing but the door, `kinetics.support.output`, and the store of runs; and nothing
+reads a user's file but `kinetics.support.limits`.
 
 Read from the source, by what calls are named; `tests/test_outputs.py` watches what
 commands really open.
@@ -83,7 +84,8 @@ def writing(source: str) -> Iterator[str]:
         into += [ast.unparse(argument) for argument in place if ast.unparse(argument) != "None"]
         if name in OPENS:
             if on == "os" or any(flag in text for flag in FLAGS):
-                bad = any(flag in text for flag in FLAGS) or "O_RDONLY" not in text
+                writes = any(flag in text for flag in FLAGS) or "O_RDONLY" not in text
+                bad = writes and into != ["os.devnull"]
             else:
                 of_path = is_method and on.split(".")[0] not in FILE_MODULES
                 bad = (
@@ -179,3 +181,73 @@ def test_other_ways_are_seen(source):
 )
 def test_what_writes_no_file_is_allowed(source):
     assert list(writing(source)) == []
+
+
+# What is read beside the door: the system, our own sources, what our own child processes and stores wrote.
+READS_OWN = {
+    "kinetics/support/limits.py": "the door",
+    "kinetics/support/memory.py": "/proc",
+    "kinetics/commands/compile.py": "/proc",
+    "kinetics/kernels/compiled.py": "our sources",
+    "kinetics/formats/outside.py": "what a program made in a folder of ours",
+    "kinetics/scanning/kept.py": "points of scans, each with its checksum",
+    "mechsim/runs/store.py": "runs, with their checksums",
+    "mechsim/runs/turns.py": "the same, locked",
+    "mechsim/inspection/pictures/movie.py": "a film that ffmpeg made in a folder of ours",
+    "kinetics/support/output.py": "the door of the writers, which looks at the end of a line",
+    "mechsim/world/engines/pybullet_engine.py": "the null device",
+    "calibration/watched/tables.py": "Parquet, which pyarrow reads",
+}
+READ = {
+    *("read_text", "read_bytes", "fromfile", "genfromtxt", "memmap", "open_memmap", "readSBML", "readSBMLFromFile"),
+    *("read_csv", "ParquetFile", "read_json", "read_parquet", "read_pickle", "read_excel", "open_code"),
+}
+READ_FROM = {"open", "fdopen", "FileIO", "load", "loadtxt", "fromregex", "mmread", "load_npz"}
+
+
+def reading(source):
+    """Calls of a source that read files, as line and text."""
+    tree = ast.parse(source)
+    buffers = in_memory(tree)
+    for call in ast.walk(tree):
+        if not isinstance(call, ast.Call):
+            continue
+        name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+        on = ast.unparse(call.func.value) if isinstance(call.func, ast.Attribute) else ""
+        is_numpys = on in ("np", "numpy", "tomllib", "json", "pickle") or name not in ("load", "loadtxt")
+        is_executors = (
+            name == "open" and len(call.args) > 1 and not isinstance(call.args[1], ast.Constant | ast.Attribute)
+        )
+        if name in READ or (name in READ_FROM and is_numpys and not is_executors):
+            given = {ast.unparse(argument) for argument in call.args[:1]}
+            if not given & (buffers | {"texts"}):  # `texts`: lines that the door has read
+                yield f"{call.lineno}: {ast.unparse(call)}"
+
+
+def test_files_are_read_by_the_door_alone():
+    sources = [path for path in SOURCES if "notebooks" not in path.parts]  # which read results of ours
+    found = {str(path.relative_to(ROOT)): list(reading(path.read_text(encoding="utf-8"))) for path in sources}
+    assert found["kinetics/support/limits.py"]  # the control: what reads is seen
+    assert {name: calls for name, calls in found.items() if calls and name not in READS_OWN} == {}
+    assert {name for name in READS_OWN if not found[name]} == set()  # a list without what is gone
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "path.read_text(encoding='utf-8')",
+        "Path(name).read_bytes()",
+        "open(path)",
+        "path.open('rb')",
+        "os.open(path, os.O_RDONLY)",
+        "tomllib.load(file)",
+        "json.load(file)",
+        "np.load(path)",
+        "np.loadtxt(path)",
+        "pd.read_csv(path)",
+        "libsbml.readSBMLFromFile(str(path))",
+    ],
+)
+def test_other_ways_to_read_are_seen(source):
+    """Controls that must fail."""
+    assert len(list(reading(source))) == 1

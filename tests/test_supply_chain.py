@@ -71,3 +71,16 @@ def test_it_names_the_pythons_that_ci_tests():
     assert f"PYTHON ?= python3.{oldest}" in (ROOT / "Makefile").read_text("utf-8")
     assert f"for version in 3.{int(newest) - 1} " in (ROOT / ".ci/run").read_text("utf-8")
     assert all("python_version < '3.12'" in line for line in PROJECT["project"]["optional-dependencies"]["mech"])
+
+
+def test_tests_and_the_demo_get_home_and_path_alone():
+    """Nothing can lean on what a machine sets; set-up gets all of it, for pip may need certificates or an index."""
+    lines = (ROOT / "Makefile").read_text("utf-8").splitlines()
+    (bare,) = [line.partition(":=")[2].split() for line in lines if line.startswith("BARE")]
+    assert bare == ["env", "-i", 'HOME="$(HOME)"', 'PATH="$(PATH)"', "$(if", '$(CI),CI="$(CI)")']
+    tests = [line for line in lines if re.search(r"-m (pytest|tests\.(?!results|benchmarks))|wellmixed demo", line)]
+    assert len(tests) == 7
+    assert all(line.startswith("\t$(BARE) $(BIN)/") for line in tests)
+    assert not any("pip install" in line and "BARE" in line for line in lines)
+    commands = [line for line in (ROOT / ".ci/run").read_text("utf-8").splitlines() if not line.startswith("#")]
+    assert not any(".venv" in line and "VENV=" not in line for line in commands)  # all of them by `make`

@@ -11,7 +11,7 @@ import click
 from calibration.commands.shared import leave
 from kinetics.support.cli.options import echo_json
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 
 if TYPE_CHECKING:
     from calibration.pipeline.class_study import ClassStudy, GrowthStudy
@@ -94,8 +94,8 @@ def calibrate_by_class(
 def validate_by_class(
     specs: Sequence[RunSpec],
     rates_name: str,
-    csv_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     groups: int | None,
     runs_folder: str,
     workers: Executor,
@@ -112,12 +112,12 @@ def validate_by_class(
     study = run_growth_validation(
         specs, rates, runs_folder, groups=min(GROUPS, number), most_groups=number, workers=workers, progress=progress
     )
-    if csv_file:
+    for csv_file in csv_files:
         import pandas as pd
 
         curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
         write_whole(csv_file, curves.to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         _plot(study, plot_file)
     if as_json:
         echo_json(
@@ -140,8 +140,8 @@ def _rates_table(study: ClassStudy) -> str:
     rows = [
         (
             row["class"],
-            f"{row['rate']:.3g}",
-            f"{row['low']:.3g} to {row['high']:.3g}",
+            figure(row["rate"], ".3g"),
+            f"{figure(row['low'], '.3g')} to {figure(row['high'], '.3g')}",
             f"{row['events']:.3g}",
             f"{row['exposure']:.4g}",
         )

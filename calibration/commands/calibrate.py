@@ -198,10 +198,12 @@ def calibrate(
     if as_json:
         from calibration.reporting.overview import not_seen
 
+        looks = study.diagnosis.looks
         echo_json(
             {
                 "out": out,
                 "channels": study.calibration.table(),
+                "coarse_looks": {"sentence": looks.sentence, "channels": looks.table()} if looks.channels else None,
                 "not_seen": not_seen(study.calibration),
                 "not_measured": study.rates.not_measured,
                 "breaks": None if study.break_models is None else study.break_models.to_dict(),

@@ -11,6 +11,7 @@ from calibration.commands.plan import asked_of_a_plan
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
+from kinetics.support.cli.progress import progress_line
 
 
 @click.command(cls=NumbersCommand)
@@ -53,7 +54,8 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     from calibration.pipeline.new_study import new_study
 
     asked = {name: value for name, value in wanted.items() if value != ()}
-    made = new_study(target, folder or Path(target).stem, time_limit, **asked)
+    with progress_line():
+        made = new_study(target, folder or Path(target).stem, time_limit, **asked)
     planned = made.planned
     if as_json:
         echo_json(

@@ -11,6 +11,7 @@ import click
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
 from mechsim.commands.options import executor_options, progress_option, runs_option
 
@@ -167,7 +168,7 @@ def plan(
     rates_name: str | None,
     pilot_time: float,
     strict: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     runs_folder: str,
     workers: Executor,
     progress: bool | None,
@@ -202,9 +203,10 @@ def plan(
         pilot = Pilot(Scene.load(scene), request.cubes, pilot_time, seed + 2)
         click.echo(f"pilot: {pilot.described(costs)}", err=True)
         rates = pilot.rates(runs_folder, workers=workers, progress=progress)
-    planned = make_plan(request, rates, costs)
+    with progress_line(progress):
+        planned = make_plan(request, rates, costs)
     planned.plan.save(target)
-    if plot_file is not None:
+    for plot_file in plot_files:
         save(plot_file, planned.plot, size=(7.5, 4.5))
     if as_json:
         echo_json(planned.to_dict() | {"out": out, "seed": seed})

@@ -9,8 +9,8 @@ import click
 from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
-from kinetics.support.cli.options import in_a_folder
-from kinetics.support.tables import inverse, of_unit, text_table
+from kinetics.support.cli.options import table_of
+from kinetics.support.tables import figure, inverse, of_unit, text_table
 from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ report_option = click.option(
     "--report",
     metavar="FILE",
     type=click.Path(dir_okay=False),
-    callback=in_a_folder,
+    callback=table_of("matplotlib"),
     help="Write an HTML report to this file, and its tables (CSV) and figures (SVG) beside it.",
 )
 
@@ -71,7 +71,7 @@ def breaks_table(compared: BreakComparison) -> str:
             f"{row['aic_above_least']:.1f}",
             "-" if row["p_against_nested"] is None else f"{row['p_against_nested']:.2g}",
             "-" if math.isnan(row["log_score"]) else f"{row['log_score']:.1f}",
-            f"{row['deviance']:.1f} ({row['freedom']})",
+            f"{row['deviance']:.1f} ({row['freedom']})" if row["freedom"] > 0 else "-",
             "-" if math.isnan(row["p_deviance"]) else f"{row['p_deviance']:.2g}",
             shape_in_words(row["shape"]),
         )
@@ -95,8 +95,8 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
         (
             row["channel"],
             f"{row['ways']:g}",
-            f"{row['rate']:.3g}",
-            f"{row['low']:.3g} to {row['high']:.3g}",
+            figure(row["rate"], ".3g"),
+            row["note"] or f"{row['low']:.3g} to {row['high']:.3g}",
             str(row["events"]),
             f"{row['exposure']:.4g}",
         )
@@ -104,7 +104,7 @@ def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
     ]
     unit = study.calibration.network.time_unit
     titles = ("channel", "ways", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
-    lines = [text_table(titles, rows)]
+    lines = [text_table(titles, rows), *filter(None, [study.diagnosis.looks.sentence])]
     if unseen := about_not_seen(study.calibration):
         lines.append(unseen)
     lines += ["", *diagnosis_lines(study.diagnosis), ""]
@@ -118,6 +118,8 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     cells = [["-" if isinstance(v, float) and math.isnan(v) else v for v in row.values()] for row in rows]
     shown = [[cell if isinstance(cell, str) else f"{cell:.2g}" for cell in line] for line in cells]
     lines = [text_table(tuple(rows[0]), shown), diagnosis.verdict]
+    if diagnosis.looks.channels:
+        return lines
     return lines + [f"doubtful: {f.title}: {f.seen}; {f.remedy}" for f in diagnosis.failed]
 
 
@@ -179,8 +181,14 @@ def _event_table(study: ValidationStudy) -> str:
             str(row.seen),
             f"{row.expected:.1f} ({row.low:.1f}-{row.high:.1f})",
             shown_p(row.p, row.least),
-            f"{row.scatter:.2f} ({row.scatter_low:.2f}-{row.scatter_high:.2f})",
-            shown_p(row.p_scatter, row.least_scatter),
+            *(
+                ("-", "a single run")
+                if math.isnan(row.scatter)
+                else (
+                    f"{row.scatter:.2f} ({row.scatter_low:.2f}-{row.scatter_high:.2f})",
+                    shown_p(row.p_scatter, row.least_scatter),
+                )
+            ),
         )
         for row in study.events
     ]

@@ -15,7 +15,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, picture_of
+from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
@@ -69,10 +69,11 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--csv",
-    "csv_file",
+    "csv_files",
     metavar="FILE",
-    callback=in_a_folder,
-    help="Write the events seen and expected to this CSV file; for rates by class the curves.",
+    multiple=True,
+    callback=table_of("pandas"),
+    help="Write the events seen and expected to this CSV file; for rates by class the curves; may be repeated.",
 )
 @click.option(
     "--groups",
@@ -83,10 +84,11 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--plot",
-    "plot_file",
+    "plot_files",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="For rates by class: draw each curve beside its prediction to this PNG, PDF or SVG file.",
+    help="For rates by class: draw each curve beside its prediction to this PNG, PDF or SVG file; may be repeated.",
 )
 @report_option
 @run_options
@@ -99,9 +101,9 @@ def validate(
     runs: int,
     duration: float,
     control_name: str | None,
-    csv_file: str | None,
+    csv_files: tuple[str, ...],
     groups: int | None,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     report: str | None,
     runs_folder: str,
     workers: Executor,
@@ -147,9 +149,9 @@ def validate(
         if part is not None:
             part.make(specs, runs_folder, workers, progress, as_json)
         else:
-            validate_by_class(specs, rates_name, csv_file, plot_file, groups, runs_folder, workers, progress, as_json)
+            validate_by_class(specs, rates_name, csv_files, plot_files, groups, runs_folder, workers, progress, as_json)
         return
-    if plot_file or groups:
+    if plot_files or groups:
         raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
     rates = Rates.load(rates_name)
     check_held_out(described, rates, seed)
@@ -171,7 +173,7 @@ def validate(
             run_planned_validation(plan, Rates.load(control_name), runs_folder, **common) if control_name else None
         )
         cleared = bars(plan.verdict, study, control)
-    if csv_file:
+    for csv_file in csv_files:
         import pandas as pd
 
         write_whole(csv_file, pd.DataFrame([row.to_dict() for row in study.events]).to_csv(index=False))

@@ -14,6 +14,7 @@ from calibration.estimating.estimate import Calibration
 from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, compare_fits
 from kinetics.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
+from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class BreakComparison(Shown):
         cls, paths: Iterable[JumpPath], models: Sequence[BreakModel] = BREAK_MODELS, within: float | None = None
     ) -> BreakComparison:
         """Fit all models that the network admits."""
+        stage("fitting break models")
         runs = tuple(paths)
         admitted = [model for model in models if admits(model, runs[0].network)]
         return cls(

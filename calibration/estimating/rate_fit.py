@@ -16,6 +16,7 @@ from kinetics.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.shown import ResultTable, Shown, on_axes
+from kinetics.support.tables import figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,9 +74,9 @@ class RateFit(Shown):
         """One row a parameter, with its profile-likelihood limits."""
         rows = []
         for row in self.table():
-            limits = row["note"] or f"[{row['low']:.3g}, {row['high']:.3g}]"
+            limits = row["note"] or f"[{figure(row['low'], '.3g')}, {figure(row['high'], '.3g')}]"
             events = "" if row["events"] is None else str(row["events"])
-            rows.append((row["parameter"], f"{row['estimate']:.4g}", limits, events))
+            rows.append((row["parameter"], figure(row["estimate"]), limits, events))
         notes = [f"{self.free_parameters} free parameters; AIC {self.aic:.6g}"]
         return ResultTable(self.headline, ("parameter", "estimate", "95 % interval", "events"), rows, notes)
 

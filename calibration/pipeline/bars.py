@@ -10,6 +10,7 @@ from calibration.estimating.joins_and_breaks import BREAKS, WHOLES
 from calibration.pipeline.plan import VerdictRules
 from calibration.validating.events import EventRow
 from calibration.validating.over_sizes import ComparedSizes
+from kinetics.support.tables import figure
 
 
 @dataclass(frozen=True)
@@ -92,4 +93,4 @@ def _ratio(row: EventRow) -> float:
 
 
 def _shown(row: EventRow) -> str:
-    return f"{row.group} {row.size} {row.seen} / {row.expected:.4g} = {_ratio(row):.2f}"
+    return f"{row.group} {row.size} {row.seen} / {row.expected:.4g} = {figure(_ratio(row), '.2f')}"

@@ -20,7 +20,7 @@ from calibration.validating.power import GroupPower
 from kinetics.assembly import Derivation
 from kinetics.networkfree import grow
 from kinetics.rates import ClassRates
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import species_of
@@ -125,7 +125,7 @@ class PlannedGrowth(Planned):
         ]
         return (
             f"{text_table(('tank', 'for', 'runs', 'joins expected', 'CPU (min)'), rows)}\n\n"
-            f"half-width of all joins together {self.width:.1%}\n{self.cost}"
+            f"half-width of all joins together {figure(self.width, '.1%')}\n{self.cost}"
         )
 
     @property

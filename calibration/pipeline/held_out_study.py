@@ -16,6 +16,7 @@ from calibration.validating.crossvalidation import crossvalidate
 from calibration.validating.over_sizes import ComparedSizes
 from kinetics.network import Tank
 from kinetics.rates import Rates
+from kinetics.support.cli.progress import stage
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
 from mechsim.runs.record import RunSpec, book_of
@@ -106,6 +107,7 @@ def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Out
         records = [finished[spec.key] for spec in alike if spec.key in finished]
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
+        stage(f"comparing the runs with {label} with their prediction")
         comparisons.append(
             crossvalidate(
                 derivation.network,

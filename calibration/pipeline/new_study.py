@@ -21,8 +21,10 @@ from kinetics.assembly.compiler import Compiled, Target, compile_book
 from kinetics.assembly.compiler.target import TARGETS
 from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
+from kinetics.support.cli.progress import stage
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
 from kinetics.support.config import find, write_toml
+from kinetics.support.limits import bytes_in
 from kinetics.support.output import new_folder, write_whole
 from kinetics.support.settings import validated
 from mechsim.scene import Scene
@@ -57,15 +59,16 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
     goal = Path(folder)
     with new_folder(goal) as made:
         target = Target.load(name_or_path)
-        compiled = compile_book(target, time_limit=time_limit)
+        compiled = compile_book(target, time_limit=time_limit, progress=stage)
         try:
+            stage("deriving the network of the book")
             derivation = derive(compiled.book)
         except ValueError as error:
             raise ValueError(
                 f"{target.name} has a book, but mechanics runs are read by a list of all structures: {error}; grow it "
                 "without a network by `wellmixed rules compile` and `wellmixed rules grow`"
             ) from None
-        write_whole(made / TARGET, find(name_or_path, TARGETS, "target").read_bytes())
+        write_whole(made / TARGET, bytes_in(find(name_or_path, TARGETS, "target")))
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
         name = plain_name(target.name)
         scene = scene_for(name, derivation)

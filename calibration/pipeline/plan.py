@@ -93,7 +93,7 @@ class StudyPlan(Settings):
     def load(cls, path: str | Path) -> StudyPlan:
         """Read a TOML file."""
         source = Path(path)
-        if not source.is_file():
+        if not source.exists():
             raise ValueError(f"plan {source} does not exist; give the path of a TOML file")
         plan = validated(cls, read_toml(source), source.name)
         return plan.replace(scene=str(source.parent / plan.scene)) if is_path(plan.scene) else plan

@@ -21,8 +21,9 @@ from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for
 from kinetics.network import Tank
 from kinetics.rates import Rates
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import stage
 from kinetics.support.shown import on_axes
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, some_of
@@ -154,7 +155,7 @@ class PlannedStudy(Planned):
         )
         rates = text_table(
             ("rate", "events", "half-width"),
-            [(row["rate"], f"{row['events']:.0f}", f"{row['half_width']:.1%}") for row in found["rates"]],
+            [(row["rate"], f"{row['events']:.0f}", figure(row["half_width"], ".1%")) for row in found["rates"]],
         )
         tests = text_table(
             ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),
@@ -182,6 +183,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
 
     ValueError: a request that cannot be met at all.
     """
+    needed = events_for(request.width)  # first, because it may be refused
     scene = in_tank(Scene.load(request.scene), request.tank)
     derivation = book_of(scene.rules)[1]
     network = derivation.network
@@ -204,7 +206,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
         raise ValueError(f"no tank on the path shows {some_of(never)}; take more --cubes, or later times --along")
     whole = {n: RunSpec(scene, starts[n], request.held_out_duration, request.seed, 0) for n in request.held_out}
     sized = {n: cost(spec) for n, spec in whole.items()}
-    runs = allocate(table, costs, events_for(request.width))
+    runs = allocate(table, costs, needed)
     wanted_seconds = float(runs @ costs)
     budget = math.inf if request.cpu_hours is None else 3600 * request.cpu_hours
     rest = budget - FEWEST * sum(sized.values())
@@ -231,6 +233,7 @@ def held_out_tests(
     tests: list[HeldOutTest] = []
     for n in sizes:
         start = forecast.network.state(single_cubes(derivation, n))
+        stage(f"power of held-out runs with {n} cubes")
         powers = group_powers(forecast, events, groups, start, request.held_out_duration, request.shift)
         tests += [HeldOutTest(n, power, runs_for(power, request.power), power.power(math.inf)) for power in powers]
     return tuple(tests)

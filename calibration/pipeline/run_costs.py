@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+from kinetics.support.cli.progress import stage
 from mechsim.runs.record import RunSpec
 from mechsim.runs.store import RunStore
 from mechsim.studies.cost import timed
@@ -34,6 +35,7 @@ class RunCosts:
         """Of one run."""
         kind = _kind(spec.scene.content, spec.composition)
         if kind not in self._per_tu:
+            stage(f"a short trial for the cost of a run: {spec.title}")
             self._per_tu[kind] = timed(spec).cpu_per_tu
         return self._per_tu[kind] * spec.duration
 

@@ -29,6 +29,10 @@ def events_for(width: float) -> float:
 
     if not (math.isfinite(width) and width > 0):
         raise ValueError(f"width = {width}; expected a finite share above 0, such as 0.1")
+    if width < (narrowest := float(half_width(MOST_EVENTS))):
+        raise ValueError(
+            f"width = {width:.2g}; expected {narrowest:.2g} or more, which takes {MOST_EVENTS:.0e} events of every kind"
+        )
     log_n = brentq(lambda x: math.log(float(half_width(math.exp(x))) / width), -20.0, math.log(MOST_EVENTS))
     return math.exp(log_n)
 
@@ -54,6 +58,9 @@ def allocate(events: ArrayLike, costs: ArrayLike, needed: float) -> Ints:
         raise ValueError(f"the linear programme was not solved: {found.message}")
     runs = np.ceil(np.asarray(found.x) * needed - 1e-9)
     for tank in np.argsort(-prices, kind="stable"):
+        shown = table[tank] > 0
+        spare = (runs @ table - needed * (1 - 1e-9))[shown] / table[tank][shown]
+        runs[tank] -= max(np.floor(spare.min(initial=runs[tank])) - 2, 0)  # then one by one, as rounding decides
         while runs[tank] > 0 and ((runs @ table - table[tank]) >= needed * (1 - 1e-9)).all():
             runs[tank] -= 1
     return runs.astype(np.int64)

@@ -12,6 +12,7 @@ from calibration.planning.forecast import Forecast, whole_bodies
 from kinetics.breaks import is_break
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.progress import stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,7 @@ def candidates(
             counts = whole_bodies(mean, sizes)
             composition = {name: int(n) for name, n in zip(network.species, counts, strict=True) if n}
             if all(composition != other.composition for other in found):
+                stage(f"events of tank {len(found) + 1}, at {time:g} tu")
                 found.append(Candidate(composition, float(time), forecast.events(counts, duration)))
     return found
 

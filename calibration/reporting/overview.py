@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
-exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen. The paper's estimator, from means of
-waiting times (its eqs 12 to 15), stands beside it for comparison; it is biased and nothing here uses it.
+exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
+"""
+ABOUT_PAPER = """
+The paper's estimator, from means of waiting times (its eqs 12 to 15), stands beside it for comparison; it is biased and
+nothing here uses it.
 """
 ABOUT_DIAGNOSTICS = """
 Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
@@ -85,15 +88,22 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
 
 
 def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
-    rows = [row | {"paper's estimator": study.paper_rates[row["channel"]]} for row in study.calibration.table()]
+    rows, about_rates = study.calibration.table(), ABOUT_RATES
+    if "cubes" in study.calibration.network.conserved:  # the paper's system: other people's have no such estimator
+        rows = [row | {"paper's estimator": study.paper_rates[row["channel"]]} for row in rows]
+        about_rates += ABOUT_PAPER
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
     references = {"paper, Table III": table3} if is_papers_line else None
     breaks = [] if study.break_models is None else _break_parts(study.break_models)
+    looks, looks_parts = study.diagnosis.looks, list[Part]()
+    if looks.channels:
+        looks_parts = [Text(looks.sentence), ReportTable("Coarse looks.", looks.table(), "looks")]
     return [
         Heading("Rates"),
-        Text(f"{study.source}. {study.made} {ABOUT_RATES} {about_not_seen(study.calibration)}"),
+        *looks_parts,
+        Text(f"{study.source}. {study.made} {about_rates.strip()} {about_not_seen(study.calibration)}"),
         ReportTable(f"{about}, per way and combination.", rows, "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"

@@ -19,6 +19,11 @@ IN_WORDS = {
     "log_score": "log score of runs left out",
     "freedom": "degrees of freedom",
     "p_deviance": "p of the deviance",
+    # coarse looks
+    "fall": "relative fall of the propensity between two looks",
+    "bias": "relative error of the rate, about",
+    "corrected": "rate without it, about",
+    "per_look": "events between two looks",
     # rules of a plan
     "came": "what came",
     "is_cleared": "holds",

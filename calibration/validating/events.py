@@ -25,6 +25,7 @@ from kinetics.breaks import base_channel
 from kinetics.network import Network, Tank
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import stage
 
 LEVEL = 0.95
 AT_A_TIME = 500  # groups whose single runs are in memory
@@ -189,6 +190,7 @@ class HeldOutEvents:
     def totals(self, groups: int) -> EventTotals:
         """Of the first groups, as many as one of the `looks`; they are simulated once."""
         while (known := sum(len(part.seen) for part in self._parts)) < groups:
+            stage(f"{known} of {groups} simulated groups of runs")
             self._parts.append(self._totals(self.groups.events(known, groups, self.until)))
         return EventTotals.joined(self._parts).until(groups)
 
@@ -219,6 +221,7 @@ class HeldOutEvents:
 
     def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
         """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
+        stage(f"power to show {group} off by a factor of {factor:g}")
         factors = np.where(self._members[:, self.names.index(group)] > 0, factor, 1.0)
         return self._totals(self.groups.events_off(factors, groups, self.until, part))
 

@@ -15,6 +15,7 @@ from kinetics.solving.search import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
+from kinetics.support.tables import figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +73,7 @@ class FirstTimes(Shown):
     def summary(self) -> ResultTable:
         """Observed beside predicted."""
         values = {
-            "observed mean, cut at the horizon": f"{self.observed_mean:.4g} [{self.low:.4g}, {self.high:.4g}]",
+            "observed mean, cut at the horizon": f"{self.observed_mean:.4g} [{figure(self.low)}, {figure(self.high)}]",
             "predicted mean, cut alike": f"{self.predicted_mean:.4g}",
             "its error by sampling": f"{self.predicted_error:.2g}" if self.samples else "none: solved",
             "runs without one": str(self.censored),

@@ -49,8 +49,8 @@ class Given:
             raise ValueError(f"{where}: unknown channel {name!r}{near(name, [*self.network.channels, *words])}")
         return self.network.channel_places[name]
 
-    def counts(self, table: Table, row: int) -> Ints | None:
-        """Counts (S,) in a row, a species without a column having none; None where no cell is filled."""
+    def counts(self, table: Table, row: int) -> dict[str, int] | None:
+        """Counts in a row, of the species that have a column; None where no cell is filled."""
         titles = self.species(table)
         counts = table.counts(titles, np.array([row]))[0]
         if np.isnan(counts).all():
@@ -58,18 +58,19 @@ class Given:
         if np.isnan(counts).any():
             empty = titles[int(np.isnan(counts).argmax())]
             raise ValueError(f"{table.where(row)}: the cell of {empty} is empty; write 0 if there are none")
-        return self.network.state(dict(zip(titles, counts.astype(np.int64).tolist(), strict=True)))
+        return dict(zip(titles, counts.astype(np.int64).tolist(), strict=True))
 
     def initial(self, table: Table, row: int) -> Ints:
-        """Counts (S,) at the start that a row tells of."""
-        initial = self.counts(table, row)
-        if initial is None:
+        """Counts (S,) at the start that a row tells of, a species without a column having none."""
+        said = self.counts(table, row)
+        if said is None:
             if self.single is None or self.cubes is None:
                 raise ValueError(
                     f"{table.where(row)}: no counts at the start of this run; give a column for each species that is "
                     "there, or, for a rule book whose runs start from single cubes, their number, as in --cubes 60"
                 )
-            initial = self.network.state({self.single: self.cubes})
+            said = {self.single: self.cubes}
+        initial = self.network.state(said)
         if self.cubes is not None:
             if "cubes" not in self.network.conserved:
                 raise ValueError(
@@ -89,7 +90,8 @@ class Frame:
 
     where : the row that says so
     start, end : tu, on the clock of the table
-    initial, final : (S,) at the start, and at the end where that is stated
+    initial : (S,) at the start
+    final : at the end, of the species of which that is stated; None where nothing is
     is_open : (R,) bool, channels that could fire
     resolution : tu within which events share a time
     """
@@ -99,7 +101,7 @@ class Frame:
     end: float
     initial: Ints
     is_open: NDArray[np.bool_]
-    final: Ints | None = None
+    final: Mapping[str, int] | None = None
     tank: Tank | None = None
     resolution: float = 0.0
 
@@ -149,8 +151,9 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
         run, where = runs.columns["run"][row], runs.where(row)
         if not run or run in frames:
             raise ValueError(f"{where}: {'a second row of this run' if run else 'the run is not named'}")
-        if resolution[row] < 0:
-            raise ValueError(f"{where}: resolution = {resolution[row]:g}; expected a time, 0 or more")
+        if resolution[row] < 0 or start[row] + resolution[row] > end[row] > start[row]:
+            long = end[row] - start[row]
+            raise ValueError(f"{where}: resolution = {resolution[row]:g}; expected a time from 0 to the run's {long:g}")
         said = runs.columns["tank"][row].split() if "tank" in runs.columns else ()
         frames[run] = Frame(
             where,

@@ -106,7 +106,7 @@ class _Reader:
         titles = self.given.species(self.events)
         stated = self.events.counts(titles, rows)
         if titles and not np.isnan(stated).all():
-            fired = self.inferred(frame, rows, [self.network.index(name) for name in titles], stated)
+            fired = self.inferred(frame, rows, stated)
         elif (fired == UNNAMED).any():
             raise ValueError(f"{self.events.where(rows[(fired == UNNAMED).argmax()])}: neither a channel nor counts")
         is_change = fired != UNNAMED
@@ -120,13 +120,15 @@ class _Reader:
                 frame.is_open,
                 frame.tank,
                 self.partners(rows[is_change], fired[is_change]),
+                frame.resolution,
             )
         except ValueError as error:
             raise ValueError(
                 f"{self.events.name}, run {run}, times from its start: {error}; check the rows before, and its start"
             ) from error
-        if frame.final is not None and not np.array_equal(frame.final, path.at([path.end])[0]):
-            said, left = self.text(frame.final), self.text(path.at([path.end])[0])
+        final, counts = frame.final or {}, path.at([path.end])[0]
+        if not np.array_equal(counts[[self.network.index(name) for name in final]], list(final.values())):
+            said, left = self.text(self.network.state(final)), self.text(counts)
             raise ValueError(f"{self.events.name}, run {run}: it ends with {said}, but its rows leave {left}")
         return path
 
@@ -165,25 +167,29 @@ class _Reader:
                 row = int(is_wrong.argmax())
                 raise ValueError(f"{self.events.where(rows[row])}, time {times[row]:g}: {said}")
 
-    def inferred(self, frame: Frame, rows: Rows, columns: list[int], stated: Floats) -> Ints:
+    @cached_property
+    def counted(self) -> list[int]:
+        """The species that have a column; of the others the table says nothing after a start."""
+        return [self.network.index(name) for name in self.given.species(self.events)]
+
+    def inferred(self, frame: Frame, rows: Rows, stated: Floats) -> Ints:
         """Channels (len(rows),) where counts are stated; UNNAMED in a row that changes nothing."""
         fired, state = self.channels[rows], frame.initial
         for place, row in enumerate(rows.tolist()):
             empty = np.isnan(stated[place])
             if empty.any() and not empty.all():
-                name = self.network.species[columns[int(empty.argmax())]]
+                name = self.network.species[self.counted[int(empty.argmax())]]
                 raise ValueError(f"{self.events.where(row)}: the cell of {name} is empty; write 0 if there are none")
             after = None
             if not empty.any():
-                after = np.zeros_like(state)
-                after[columns] = stated[place]
+                after = state.copy()
+                after[self.counted] = stated[place]
             if fired[place] == UNNAMED:
                 if after is None:
                     raise ValueError(f"{self.events.where(row)}: neither a channel nor counts")
-                if not np.array_equal(after, state):
-                    fired[place] = self.channel_of(row, after - state, state)
+                fired[place] = self.channel_of(row, after - state, state)
             expected = self.after(state, int(fired[place]), frame.initial)
-            if after is not None and not np.array_equal(after, expected):
+            if after is not None and not np.array_equal(after[self.counted], expected[self.counted]):
                 raise ValueError(
                     f"{self.events.where(row)}: {self.events.columns['channel'][row]} leaves {self.text(expected)}, "
                     f"but the counts say {self.text(after)}"
@@ -203,16 +209,25 @@ class _Reader:
         return following
 
     def channel_of(self, row: int, change: Ints, before: Ints) -> int:
-        """The one channel that makes a change (S,)."""
+        """The one channel that makes a change (S,) of the species that are counted; UNNAMED where nothing changed."""
         places = np.flatnonzero(change)
         fitting = self.by_change.get(tuple(zip(places.tolist(), change[places].tolist(), strict=True)), [])
+        if not places.size:
+            if not fitting:
+                return UNNAMED
+            hidden = " or ".join(self.network.channels[channel] for channel in fitting)
+            raise ValueError(
+                f"{self.events.where(row)}: no count changes; that may be {hidden}, or no event: give every species "
+                "that they change a column, or name what fired in the column channel"
+            )
         if len(fitting) == 1:
             return fitting[0]
         said = f"{self.events.where(row)}, time {self.events.columns['time'][row]}: {self.text(change, '+')}"
         if fitting:
             names = " or ".join(self.network.channels[channel] for channel in fitting)
             raise ValueError(f"{said} may be {names}; name the one that fired in the column channel")
-        for name, amount in self.network.conserved.items():
+        whole = len(self.counted) == len(self.network.species)
+        for name, amount in self.network.conserved.items() if whole else ():
             if gained := float(amount @ change):
                 held = float(amount @ before)
                 raise ValueError(
@@ -225,11 +240,13 @@ class _Reader:
 
     @cached_property
     def by_change(self) -> dict[Change, list[int]]:
-        """What happens to the counts -> the channels that do it."""
+        """What happens to the species that are counted -> the channels that do it, but for those that do nothing."""
         found: dict[Change, list[int]] = {}
         for channel in range(len(self.network.channels)):
             species, gains = self.network.sparse_stoichiometry.row(channel)
-            found.setdefault(tuple(sorted(zip(species.tolist(), gains.tolist(), strict=True))), []).append(channel)
+            seen = {s: gain for s, gain in zip(species.tolist(), gains.tolist(), strict=True) if s in self.counted}
+            if species.size:
+                found.setdefault(tuple(sorted(seen.items())), []).append(channel)
         return found
 
     def text(self, counts: Ints, sign: str = "") -> str:

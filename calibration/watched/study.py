@@ -19,6 +19,7 @@ from calibration.watched.reading import read_watched
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
+from kinetics.support.limits import bytes_in
 from kinetics.support.tables import in_unit
 
 
@@ -90,6 +91,7 @@ class WatchedStudy:
             "runs": len(self.paths),
             "versions": {name: version(name) for name in ("wellmixed", "numpy")},
             "doubtful_tests": self.diagnosis.doubtful,
+            **({"coarse_looks": self.diagnosis.looks.sentence} if self.diagnosis.looks.channels else {}),
             "paper_estimator": paper,
         }
         return rates_with_breaks(self.calibration, self.break_models, evidence)
@@ -120,6 +122,6 @@ def watched_study(
     files = [Path(file) for file in (events, runs) if file is not None]
     settings: dict[str, Any] = {
         "events_file": files[0].name,
-        "tables_sha256": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
+        "tables_sha256": [hashlib.sha256(bytes_in(file)).hexdigest() for file in files],
     }
     return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}), breaks)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.support.arrays import Floats
+from kinetics.support.limits import BREAKS, check_visible, text_in
 
 SUFFIXES = (".csv", ".parquet")
 MOST_CELLS = 10_000_000  # of a Parquet file, in which any number of equal cells takes no room
@@ -94,7 +96,8 @@ def read_table(path: str | Path) -> Table:
     if file.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: expected a table whose name ends in {' or '.join(SUFFIXES)}")
     if not file.is_file():
-        raise ValueError(f"table {path} does not exist")
+        fault = "is no file; a table is read more than once" if file.exists() else "does not exist"
+        raise ValueError(f"table {path} {fault}")
     try:
         titles, cells, lines = _csv(file) if file.suffix.lower() == ".csv" else _parquet(file)
     except DAMAGES as error:
@@ -102,8 +105,9 @@ def read_table(path: str | Path) -> Table:
     if len(set(titles)) < len(titles):
         raise ValueError(f"{path} has two columns of one title; its titles are {', '.join(titles)}")
     for title, column in zip(titles, cells, strict=True):
-        if any("\0" in cell for cell in (title, *column)):  # which numpy takes for the end of a text
-            raise ValueError(f"{path}: column {title!r} holds a character NUL, as no text does; write the table anew")
+        for text in (title, *column):
+            if not text.isprintable():
+                check_visible(f"{path}: column {title!r} has a text", BREAKS.sub(" ", text))
     if not lines.size:
         raise ValueError(f"{path} is empty: it has no rows below its titles")
     return Table(file.name, dict(zip(titles, cells, strict=True)), lines)
@@ -113,22 +117,21 @@ def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
     """Titles, columns and line numbers; a row that is cut short has empty cells, and empty rows are passed over."""
     titles: list[str] = []
     rows, lines = [], []
-    with file.open(newline="", encoding="utf-8-sig") as text:
-        reader = csv.reader(text, skipinitialspace=True)
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if not any(cells):
-                continue
-            if not titles:
-                titles = cells
-                continue
-            if len(cells) > len(titles):
-                raise ValueError(
-                    f"line {reader.line_num} has {len(cells)} cells for {len(titles)} titles; put a name that holds a "
-                    "comma in double quotes"
-                )
-            rows.append(cells + [""] * (len(titles) - len(cells)))
-            lines.append(reader.line_num)
+    reader = csv.reader(io.StringIO(text_in(file), newline=""), skipinitialspace=True)
+    for row in reader:
+        cells = [cell.strip() for cell in row]
+        if not any(cells):
+            continue
+        if not titles:
+            titles = cells
+            continue
+        if len(cells) > len(titles):
+            raise ValueError(
+                f"line {reader.line_num} has {len(cells)} cells for {len(titles)} titles; put a name that holds a "
+                "comma in double quotes"
+            )
+        rows.append(cells + [""] * (len(titles) - len(cells)))
+        lines.append(reader.line_num)
     columns = np.array(rows, dtype=object).reshape(len(rows), len(titles)).T
     return titles, list(columns), np.array(lines, dtype=np.int64)
 

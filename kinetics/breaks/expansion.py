@@ -17,6 +17,7 @@ from kinetics.support.arrays import Floats, Ints
 if TYPE_CHECKING:
     from kinetics.runs import JumpPath
 
+SMALLEST = float(np.finfo(float).tiny)  # below, digits are lost
 BY = " by "  # between a break and its partner, in the name of a channel
 
 
@@ -121,14 +122,24 @@ class Expansion:
     def scales(self, here: Tank | None, there: Tank | None) -> Floats:
         """Factors (R',) on rate constants that were measured `here` and are used `there`.
 
-        ValueError: one of the tanks is not known.
+        ValueError: one of the tanks is not known, or a scaled rate constant is beyond what a float holds.
         """
         if there is None or here == there:
             return np.ones(self.base_of.size)
         if here is None:
             raise ValueError(f"rates for a tank of {there} are asked for, but these rates do not state their tank")
         order = _totals(self.network.sparse_reactants)
-        return np.where(self._is_wall, here.wall_factor(there), here.dilution(there) ** (order - 1.0))
+        own = np.zeros(order.size) if self.base.rate_constants is None else self.base.rate_constants[self.base_of]
+        with np.errstate(all="ignore"):
+            factors = np.where(self._is_wall, here.wall_factor(there), here.dilution(there) ** (order - 1.0))
+            lost = (own > 0.0) & ~((own * factors >= SMALLEST) & (own * factors < np.inf))
+        if lost.any():
+            channel = int(np.argmax(lost))
+            raise ValueError(
+                f"channel {self.network.channels[channel]!r}: its rate constant {own[channel]:g}, of a tank of {here}, "
+                f"times {factors[channel]:g} for a tank of {there}, is beyond what a float holds; use tanks more alike"
+            )
+        return factors
 
     def constants(self, coefficients: ArrayLike, weights: ArrayLike) -> Floats:
         """Rate constants (..., R') from those of the base (..., R) and the weights (..., P) of the partners."""
@@ -149,7 +160,8 @@ class Expansion:
             named = [numbers[name] for name in self.model.partners(self.base)]
             of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
             partners = np.append(of_channel, NO_BREAK)[path.channels]
-        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, path.tank, partners)
+        said = path.tank, partners, path.resolution
+        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, *said)
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,6 +54,8 @@ class ChainAnswer:
 
     def __str__(self) -> str:
         kind = "proven" if self.is_bound else "estimated"
+        if self.high == math.inf:
+            return f"at least {self.low:.12g} ({kind}; {self.method})"
         if self.high - self.value > LOPSIDED * (self.value - self.low):
             return f"{self.low:.12g} to {self.high:.12g} ({kind}; {self.method})"
         wide = max(self.high - self.value, self.value - self.low)

@@ -37,6 +37,7 @@ from kinetics.solving.search import MAX_STATES
 from kinetics.support.arrays import Floats, integers, read_only, some_times
 
 Mask = NDArray[np.bool_]
+INIT, DEADLOCK = "init", "deadlock"  # as PRISM calls them
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
 EQUATIONS = "linear equations"
 
@@ -183,7 +184,21 @@ class Chain:
     def _names(self) -> StateNames:
         counts: Any = self.counts
         labels: Any = self.labels
-        return StateNames(len(self), self.variables, counts, labels)
+        return StateNames(len(self), self.variables, counts, {**labels, **self._unnamed()})
+
+    def _unnamed(self) -> dict[str, Mask]:
+        return {name: mask for name, mask in self.built_in.items() if name not in (*self.labels, *self.variables)}
+
+    @property
+    def built_in(self) -> dict[str, Mask]:
+        """The labels that conditions may use on every chain: where it starts, and where no rate leads on.
+
+        Labels and variables of the same names go before them.
+        """
+        stuck = np.bincount(self._transitions.rows[self._transitions.rates > 0], minlength=len(self)) == 0
+        if isinstance(self.lost, np.ndarray):
+            stuck &= ~self.lost  # what lies beyond is not known
+        return {INIT: np.asarray(self.initial) > 0, DEADLOCK: stuck}
 
     def with_labels(self, labels: Mapping[str, Target]) -> Chain:
         """The same chain with these labels, and no others."""

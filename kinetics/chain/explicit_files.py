@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.chain.chain import Chain
+from kinetics.chain.chain import DEADLOCK, INIT, Chain
 from kinetics.chain.checks import Reward
 from kinetics.chain.prism_model import prism_names
 from kinetics.solving.search import MAX_STATES
@@ -28,13 +29,12 @@ from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 from kinetics.support.output import write_together
 
-INIT, DEADLOCK = "init", "deadlock"  # labels that PRISM gives; both follow from the chain
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
 Parsed = TypeVar("Parsed")
 
 
 def read_explicit(path: str | Path) -> Chain:
-    """The chain in a `.tra` file and those beside it; its labels include "init", which is where it starts.
+    """The chain in a `.tra` file and those beside it; its labels include "init", where it starts, and "deadlock".
 
     ValueError: a file is missing or damaged, with its line; the label "init" is not that of one state
 
@@ -50,7 +50,7 @@ def read_explicit(path: str | Path) -> Chain:
     0.047619
     """
     file = Path(path)
-    if not file.is_file():
+    if not file.exists():
         raise ValueError(f"{file} does not exist; expected a .tra file")
     n, rows, columns, rates = _entries(file)
     if n > rows.size + 1 + MAX_STATES:
@@ -67,13 +67,18 @@ def read_explicit(path: str | Path) -> Chain:
     moves = rows != columns
     generator = _sparse(rows[moves], columns[moves], rates[moves], n)
     stays = totals(rows[~moves], rates[~moves], n)
-    return Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
+    chain = Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
+    missing = {name: mask for name, mask in chain.built_in.items() if name not in (*labels, *variables)}
+    return chain.with_labels({**labels, **missing}) if missing else chain
 
 
 def write_explicit(chain: Chain, path: str | Path) -> None:
     """Write a chain to a `.tra` file, and beside it its labels, variables and rewards.
 
-    ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold
+    Names become identifiers, as PRISM wants them. Before the files take their names they are read back and compared
+    with the chain, at the cost of `read_explicit`.
+    ValueError: it starts in several states, or is a part of a larger chain, which these files cannot hold; the files
+    would say something else
 
     >>> from tempfile import TemporaryDirectory
     >>> from kinetics import Chain
@@ -101,27 +106,71 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     off = order[(entries.row != entries.col)[order]]
     lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
     contents = {file: _text([f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])}
+    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
+    variables = prism_names(chain.variables).values()
+    spelled = prism_names([*own], variables)
     if chain.counts is not None:
         rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
-        names = ",".join(prism_names(chain.variables).values())
-        contents[file.with_suffix(".sta")] = _text([f"({names})", *(f"{i}:{row}" for i, row in enumerate(rows))])
-    stuck = np.bincount(entries.row[off], minlength=len(chain)) == 0
-    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
-    labels = {INIT: start > 0, DEADLOCK: stuck, **own}
+        contents[file.with_suffix(".sta")] = _text(
+            [f"({','.join(variables)})", *(f"{i}:{row}" for i, row in enumerate(rows))]
+        )
+    labels = {**chain.built_in, **{spelled[name]: mask for name, mask in own.items()}}
     holds = np.array([np.asarray(mask) for mask in labels.values()]).T
     marked = ((i, np.flatnonzero(row)) for i, row in enumerate(holds))
     heading = " ".join(f'{k}="{name}"' for k, name in enumerate(labels))
     marks = (f"{i}: " + " ".join(map(str, k)) for i, k in marked if k.size)
     contents[file.with_suffix(".lab")] = _text([heading, *marks])
-    write_together(contents | dict(_reward_files(file, chain)))
+    contents |= dict(_reward_files(file, chain))
+    _check_written(chain, file, contents)
+    write_together(contents)
+
+
+def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> None:
+    """A ValueError where these files, read back, are another chain; names may be spelled otherwise."""
+    with TemporaryDirectory() as folder:
+        write_together({Path(folder, path.name): text for path, text in contents.items()})
+        try:
+            again = read_explicit(Path(folder, file.name))
+        except ValueError as error:
+            told = str(error).replace(f"{folder}/", "")
+            raise ValueError(f"{file} is not written, since it cannot be read back: {told}") from None
+    own = [mask for name, mask in chain.labels.items() if name not in chain.built_in]
+    masks = [*chain.built_in.values(), *own]
+    wrong = {
+        "rates": _differ(chain.transitions.generator(), again.transitions.generator()),
+        "start": not np.array_equal(chain.initial, again.initial),
+        "variables": not np.array_equal(_counts(chain), _counts(again)),
+        "labels": len(masks) != len(again.labels) or not all(map(np.array_equal, masks, again.labels.values())),
+        "rewards": len(chain.rewards) != len(again.rewards),
+    }
+    earned: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
+    for (name, reward), other in earned:
+        is_other = not np.array_equal(reward.rates, other.rates) or _differ(reward.impulses, other.impulses)
+        wrong[f"reward {name!r}"] = is_other
+    if any(wrong.values()):
+        what = next(what for what, is_other in wrong.items() if is_other)
+        raise ValueError(f"{file} is not written, since it would say something else: its {what} would differ")
+
+
+def _counts(chain: Chain) -> NDArray[Any]:
+    return np.empty((len(chain), 0)) if chain.counts is None else np.asarray(chain.counts)
+
+
+def _differ(one: Any, other: Any) -> bool:
+    """Whether two sparse tables, of which None has no entry, differ off the diagonal."""
+    if one is None and other is None:
+        return False
+    apart = (one if other is None else -other if one is None else one - other).tocoo()
+    return bool(np.any(apart.data[apart.row != apart.col]))
 
 
 def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
     """Paths and contents."""
+    spelled = prism_names(list(chain.rewards))
     for k, (name, reward) in enumerate(chain.rewards.items(), start=1):
         each: Any = reward
         stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
-        heading = f'# Reward structure "{name}"'
+        heading = f'# Reward structure "{spelled[name]}"'
         earned = np.flatnonzero(each.rates)
         values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
         state_lines = [f"{i} {value!r}" for i, value in values]
@@ -284,6 +333,7 @@ def _rewards(file: Path, n: int, stays: Floats) -> Iterator[tuple[str, Reward]]:
 
 def _name(path: Path) -> str | None:
     found = REWARD_NAME.search(text_in(path)[:1000])
+    check_names(path, [found[1]] if found else [])
     return found[1] if found else None
 
 

@@ -7,25 +7,30 @@ found, each channel a command, and each species and observable a reward.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from math import factorial
 
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
 from kinetics.network.laws.reading import LONGEST, shortened
 from kinetics.support.arrays import Ints
 
-# Words of the language, which no variable may have for a name.
+# Words of the language, which nothing may have for a name, and the label that it gives.
 LANGUAGE = """
 A bool clock const ctmc C double dtmc E endinit endinvariant endmodule endobservables endrewards endsystem false formula
 filter func F global G init invariant I int label max mdp min module X nondeterministic observable observables of Pmax
 Pmin P pomdp popta probabilistic prob pta rate rewards Rmax Rmin R S smg stochastic system true U W mod pow floor ceil
-round log ma
+round log ma csg ctmdp idtmc imdp ipomdp lts player endplayer sin cos tan deadlock
 """
 TAKEN = frozenset(LANGUAGE.split())
+WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*", re.ASCII)
+VARIABLE = re.compile(r"  (.*) : \[0\.\.\d+\] init \d+;")
+FRAME = ("", "ctmc", "module network", "endmodule", "endrewards")
 SIGNS = {Code.ADD: "+", Code.SUBTRACT: "-", Code.MULTIPLY: "*", Code.DIVIDE: "/"}
 COMPARED = {Code.LESS: "<", Code.LESS_EQUAL: "<=", Code.EQUAL: "=", Code.NOT_EQUAL: "!="}
 JOINED = {Code.AND: "&", Code.OR: "|"}
@@ -38,18 +43,14 @@ CALLED = {
 }
 
 
-def prism_names(names: Sequence[str]) -> dict[str, str]:
-    """Each name as one that PRISM takes, all different: what is no letter or digit becomes _."""
-    found: dict[str, str] = {}
-    used: set[str] = set()
-    for name in names:
-        plain = re.sub(r"\W", "_", name, flags=re.ASCII)
-        plain = f"n_{plain}" if plain in TAKEN or not re.match(r"[A-Za-z_]", plain) else plain
-        while plain in used:
-            plain += "_"
-        used.add(plain)
-        found[name] = plain
-    return found
+def prism_names(names: Sequence[str], taken: Collection[str] = ()) -> dict[str, str]:
+    """Each name as one that PRISM takes, all different and none `taken`: what is no letter or digit becomes _."""
+
+    def plain(name: str) -> str:
+        word = re.sub(r"\W", "_", name, flags=re.ASCII)
+        return f"n_{word}" if word in TAKEN or not re.match(r"[A-Za-z_]", word) else word
+
+    return dict(zip(names, spelled_apart(names, plain, taken), strict=True))
 
 
 def prism_text(
@@ -76,14 +77,33 @@ def prism_text(
     ]
     commands = [_command(network, channel, names) for channel in range(len(network.channels))]
     sums = {name: {name: 1.0} for name in network.species} | dict(observables or {})
+    spelled = prism_names(list(sums))
     rewards = [
-        f'rewards "{name}"\n  true : {" + ".join(f"{weight!r} * {names[each]}" for each, weight in terms.items())};\n'
-        "endrewards"
+        f'rewards "{spelled[name]}"\n  true : '
+        f"{' + '.join(f'{weight!r} * {names[each]}' for each, weight in terms.items()) or '0'};\nendrewards"
         for name, terms in sums.items()
-        if terms and '"' not in name
     ]
     module = ["ctmc", "", "module network", *variables, "", *filter(None, commands), "endmodule", ""]
-    return "\n".join([*module, *rewards]) + "\n"
+    text = "\n".join([*module, *rewards]) + "\n"
+    _check_identifiers(text)
+    return text
+
+
+def _check_identifiers(text: str) -> None:
+    """A ValueError where the lines of a model hold other names than those they declare, or none that PRISM takes."""
+    lines = [line for line in text.splitlines() if not line.startswith("  //")]
+    declared = [found[1] for line in lines if (found := VARIABLE.fullmatch(line))]
+    earned = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
+    known = {*declared, *CALLED.values(), "true"}
+    used = [word for line in lines if line.startswith(("  []", "  true")) for word in WORD.findall(line)]
+    others = [
+        line for line in lines if not line.startswith("  ") and line not in FRAME and not line.startswith("rewards")
+    ]
+    wrong = [name for name in (*declared, *earned) if not WORD.fullmatch(name) or name in TAKEN]
+    doubled = [name for names in (declared, earned) for name, count in Counter(names).items() if count > 1]
+    unknown = [word for word in used if word not in known]
+    for name in (*wrong, *doubled, *unknown, *others):
+        raise ValueError(f"the model would hold {name[:80]!r}, which PRISM would misread; rename what is written so")
 
 
 def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
@@ -106,7 +126,7 @@ def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
         f"({species[place]}' = {species[place]} {'+' if gain > 0 else '-'} {abs(gain)})"
         for place, gain in zip(changed, gains, strict=True)
     )
-    return f"  // {title}\n  [] {guard} -> {' * '.join(factors)} : {updates};"
+    return f"  // {' '.join(title.split())}\n  [] {guard} -> {' * '.join(factors)} : {updates};"
 
 
 def _ways(name: str, taken: int, combinations: str) -> str:

@@ -37,6 +37,8 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.transitions import totals
 from kinetics.solving.uniformisation import STEP_SECONDS
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 ADJOINT, SQUARING = "adjoint uniformisation", "squaring, with its derivative"
 EQUATIONS = "linear equations, adjoint"
@@ -230,6 +232,7 @@ class Sensitivity:
                 f"derivatives of {len(values)} means would take {steps:.3g} steps until {end:g} tu, up to "
                 f"{seconds:.3g} s; at most {max_seconds:g} s: ask for an earlier time, or start from fewer copies"
             )
+        forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self._chain)} states")
         return self._answers(lambda: slopes_at(entries, self._start, values, end), ADJOINT)
 
     def _answer(self, question: Callable[[], Slopes], method: str) -> Derivatives:

@@ -48,8 +48,8 @@ def kinetics(
     asked: AskedStart,
     duration: float,
     budget: float,
-    csv_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -72,9 +72,9 @@ def kinetics(
             f"{asked.source}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed,
             budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False, float_format="%.6g"))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support.plots import save
         from kinetics.trust.accuracy.plot import draw
 

@@ -18,6 +18,7 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
@@ -115,12 +116,14 @@ def ask(
         chains = answering_chains([] if out_file else queries, *told, stop, within, max_states)
     found: dict[int, tuple[ChainAnswer, Derivatives | None]] = {}
     states = rates = 0
-    with instead_of_many_states(INSTEAD):
+    with instead_of_many_states(INSTEAD), progress_line() as progress:
+        progress("listing states")
         for chain, places in chains:
             if out_file:
                 _write(out_file, chain, model)
             sensitivity = Sensitivity(chain) if with_sensitivity else None
             for place in range(len(queries)) if out_file else places:
+                progress(f"answering {questions[place]} by {len(chain)} states")
                 query = queries[place]
                 found[place] = query.of(chain), None if sensitivity is None else query.of(sensitivity)
             states, rates = max(states, len(chain)), max(rates, chain.transitions.rates.size)

@@ -9,6 +9,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option
+from kinetics.support.limits import text_in
 
 NOT_CERTIFIED = 1  # exit code
 
@@ -36,8 +37,8 @@ def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
     from kinetics.assembly.checking.certificate import certified
 
     try:
-        said = json.loads(Path(certificate).read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        said = json.loads(text_in(Path(certificate)))
+    except json.JSONDecodeError as error:
         raise ValueError(f"{certificate}: no certificate: {error}") from None
     claims = certified(RuleBook.load(book), said, steps)
     if as_json:

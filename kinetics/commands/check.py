@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, plot_option
-from kinetics.support.cli.progress import INTERRUPTED
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 
 NOT_CORRECT = 1  # exit code
 
@@ -38,7 +36,7 @@ NOT_CORRECT = 1  # exit code
 @plot_option
 @json_option
 def check(
-    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_file: str | None, as_json: bool
+    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_files: tuple[str, ...], as_json: bool
 ) -> None:
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
@@ -49,16 +47,12 @@ def check(
     from kinetics.assembly import RuleBook
     from kinetics.assembly import check as examine
 
-    shows = sys.stderr.isatty()
-
-    def progress(explored: int, found: int) -> None:
-        if shows and explored % 20 == 0:
-            click.echo(f"\r{explored} of {found} explored\033[K", err=True, nl=False)
-
-    report = examine(RuleBook.load(book), max_cubes, max_species, slow_waves, progress)
-    if shows:
-        click.echo("\r\033[K", err=True, nl=False)
-    if plot_file is not None:
+    with progress_line() as progress:
+        report = examine(
+            *(RuleBook.load(book), max_cubes, max_species, slow_waves),
+            lambda explored, found: progress(f"{explored} of {found} explored"),
+        )
+    for plot_file in plot_files:
         report.drawing().save(plot_file)
     if as_json:
         echo_json(
@@ -79,7 +73,7 @@ def check(
                     }
                     for finding in report.findings
                 ],
-                **({} if plot_file is None else {"plot": plot_file}),
+                **({"plot": plot_files[0]} if plot_files else {}),
             }
         )
     else:

@@ -13,6 +13,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 ENDING = 0.5  # of the time that the process took to start: what it takes to end
@@ -101,13 +102,7 @@ def compile_(
     if faces or roll or across or touched:
         asked = Senses(faces=faces or "two", roll=roll, across=across, touched=touched)
         wanted = replace(wanted, senses=asked)
-    shows = sys.stderr.isatty()
-
-    def progress(text: str) -> None:
-        if shows:
-            click.echo(f"\r\033[K{text}", err=True, nl=False)
-
-    try:
+    with progress_line() as progress:
         made = compile_book(
             wanted,
             joins=None if joins is None else tuple(join.strip() for join in joins.split(",")),
@@ -118,9 +113,6 @@ def compile_(
             seed=seed,
             progress=progress,
         )
-    finally:
-        if shows:
-            click.echo("\r\033[K", err=True, nl=False)
     book = made.book
     fewest = ", the fewest of their kind" if made.minimal else ""
     counts = f"{len(book.combine)} + {len(book.dissociate)} + {len(book.internal)}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from kinetics.breaks import BREAK_MODELS, Expansion, break_model
@@ -14,6 +16,7 @@ from kinetics.support.cli.options import (
     json_option,
     starting_options,
 )
+from kinetics.support.extras import require
 
 MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
 
@@ -57,6 +60,8 @@ def derive(
             "--breaks shows the network of a rule book without rates; with --out the rates say how bonds break, and a "
             "network file has the channels that it has"
         )
+    if out_file and Path(out_file).suffix.lower() in (".xml", ".sbml"):
+        require("libsbml")
     begin: Start | None = None
     if out_file or is_network_file(asked.source):
         begin = start(**asked._asdict())

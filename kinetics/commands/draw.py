@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
+from kinetics.support.cli.progress import progress_line
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RuleBook, Structure
@@ -171,13 +171,9 @@ def _derived(book: RuleBook, max_cubes: int | None, max_species: int) -> Derivat
     """The network as far as the caps; the drawing says where that is not all."""
     from kinetics.assembly import derive
 
-    shows = sys.stderr.isatty()
-
-    def progress(explored: int, found: int) -> None:
-        if shows and explored % 20 == 0:
-            click.echo(f"\r{explored} of {found} structures explored", err=True, nl=False)
-
-    derivation = derive(book, max_cubes, max_species, partial=True, progress=progress)
-    if shows:
-        click.echo("\r\033[K", err=True, nl=False)
-    return derivation
+    with progress_line() as progress:
+        return derive(
+            *(book, max_cubes, max_species),
+            partial=True,
+            progress=lambda explored, found: progress(f"{explored} of {found} structures explored"),
+        )

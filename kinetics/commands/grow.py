@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +12,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import (
     NumbersCommand,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
@@ -22,8 +21,9 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import text_table
+from kinetics.support.tables import text_table, with_spread
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook, Structure
@@ -35,7 +35,6 @@ MAX_FINAL = 50  # structures in JSON
 SHOWN_FINAL = 5  # for people
 MAX_WIDTH = 100  # of a structure in words
 FRAMES = 8  # of a strip
-INTERRUPTED = 130  # exit code
 
 
 @click.command(cls=NumbersCommand)
@@ -80,12 +79,15 @@ INTERRUPTED = 130  # exit code
 )
 @click.option(
     "--strip",
+    "strips",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG.",
+    help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG; may be repeated.",
 )
 @csv_option
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def grow(
@@ -99,9 +101,10 @@ def grow(
     duration: float | None,
     times: tuple[float, ...],
     runs: int,
-    strip: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    strips: tuple[str, ...],
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -123,22 +126,21 @@ def grow(
             f"--draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
         )
     end = float(np.max(grid))
-    made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, _progress(runs, end), draws or 0)
-    if sys.stderr.isatty():
-        click.echo("\r\033[K", err=True, nl=False)
+    with progress_line(budget=budget):
+        made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0)
     cpu_seconds = time.process_time() - began
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, lambda ax: made.plot(ax, grid))
-    if strip:
-        from kinetics.assembly.drawing.pictures import strip as strip_of
+    for file in strips:
+        from kinetics.assembly.drawing.pictures import strip
 
         moments = made.runs[0].milestones(FRAMES)
         captions = [f"{moment:.4g} tu" for moment in moments]
-        strip_of(made.runs[0].frames(moments), captions, rules.scheme).save(strip)
+        strip(made.runs[0].frames(moments), captions, rules.scheme).save(file)
     if as_json:
         asked = {"book": book, "cubes": cubes, "seeds": seeds, "seed": seed, "draws_of_rates": draws}
         echo_json(asked | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})
@@ -170,17 +172,6 @@ def _rates(rates_file: str | None, join: float | None, break_: float | None) -> 
     if rates_file is None and join is not None:
         return ClassRates.uniform(join, break_ or 0.0)
     raise ValueError("say how fast faces bond by either --rates FILE, or --join 7e-5 with or without --break 1e-3")
-
-
-def _progress(runs: int, end: float) -> Callable[[int, float], None] | None:
-    """Shows the work under way, on a terminal only."""
-    if not sys.stderr.isatty():
-        return None
-
-    def show(finished: int, moment: float) -> None:
-        click.echo(f"\r\033[K{finished} of {runs} runs; the next at {moment:.4g} of {end:g} tu", err=True, nl=False)
-
-    return show
 
 
 def _as_data(made: Growths, grid: Floats) -> dict[str, Any]:
@@ -227,7 +218,7 @@ def _table(made: Growths, grid: Floats) -> str:
     series = made.series(grid)
     spread = {name: (values.mean(axis=0), _sd(values)) for name, values in series.items()}
     rows = [
-        [f"{grid[i]:g}", *(f"{mean[i]:.4g} ± {sd[i]:.3g}" for mean, sd in spread.values())]
+        [f"{grid[i]:g}", *(with_spread(mean[i], sd[i]) for mean, sd in spread.values())]
         for i in range(0, grid.size, step)
     ]
     return text_table(("time (tu)", *series), rows)
@@ -237,7 +228,8 @@ def _notes(made: Growths, cpu_seconds: float) -> list[str]:
     """What the table means, what became of the target, what the runs end with and what they cost."""
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
-    notes = ["mean ± sd of a run: structures by their number of cubes, and the cubes of the largest one"]
+    what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"
+    notes = [f"{what}: structures by their number of cubes, and the cubes of the largest one"]
     if made.target is not None:
         first = made.first_times(made.target)
         reached = int(np.isfinite(first).sum())

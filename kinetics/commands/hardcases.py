@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.options import echo_json, json_option
+from kinetics.support.cli.progress import stage
 
 
 @click.command()
@@ -24,6 +25,7 @@ def hardcases(only: str, as_json: bool) -> None:
     for case in chosen:
         if not as_json:
             click.echo(f"{case.name}: {case.question} ({case.answer})")
+        stage(f"{case.name}, {chosen.index(case)} of {len(chosen)} cases done")
         for found in case.attempts():
             failed += not found.passed
             verdict = "ok" if found.passed else "WRONG"

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.predicting.methods import SAMPLING, names
+from kinetics.predicting.methods import SAMPLING, method_of, names
+
+if TYPE_CHECKING:
+    from kinetics.sampling import SamplingMethod
+    from kinetics.solving import SolvingMethod
+
+
+def within_budget(name: str, seconds: float) -> SamplingMethod | SolvingMethod:
+    """The method of this name; one that forecasts its work refuses what is forecast to take more CPU time, s."""
+    method: Any = method_of(name)
+    return replace(method, max_seconds=seconds) if hasattr(method, "max_seconds") else method
 
 
 class MethodName(click.Choice[str]):

@@ -20,7 +20,8 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
-from kinetics.support.tables import in_unit, of_unit, text_table
+from kinetics.support.cli.progress import progress_line, stage
+from kinetics.support.tables import figure, in_unit, of_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.derivatives import Derivatives
@@ -76,7 +77,7 @@ def passage(
     draws: int,
     within: str | int | None,
     with_sensitivity: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -93,17 +94,20 @@ def passage(
     begin = start(**asked._asdict(), edges=edges)
     counted = begin.counted(species)
     if within is not None:
-        if plot_file or with_sensitivity:
+        if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         with instead_of_many_states(INSTEAD):
             _limits(begin, within, species, copies, as_json)
         return
-    with instead_of_many_states(INSTEAD):
+    with instead_of_many_states(INSTEAD), progress_line() as progress:
+        progress("solving for the passage")
         made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
-    found = made.passage
-    quantiles = found.quantile(QUANTILES)
-    slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
-    if plot_file:
+        found = made.passage
+        progress("quantiles")
+        quantiles = found.quantile(QUANTILES)
+        progress("sensitivities")
+        slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, found.plot)
@@ -139,15 +143,16 @@ def passage(
         )
         return
     unit = begin.network.time_unit
-    if made.low is None:
+    if made.low is None or made.high is None:
         click.echo(str(found))
     else:
-        limits = f"95 % interval of the mean, from the rates: {made.low:.4g} to {in_unit(f'{made.high:.4g}', unit)}"
-        click.echo(f"mean time until {found.target}: {in_unit(f'{made.mean:.4g}', unit)}; {limits}")
+        mean, high = ("infinite" if t == np.inf else in_unit(f"{t:.4g}", unit) for t in (made.mean, made.high))
+        limits = f"95 % interval of the mean, from the rates: {figure(made.low)} to {high}"
+        click.echo(f"mean time until {found.target}: {mean}; {limits}")
         click.echo(f"at the posterior mean of each rate constant: {found}")
     click.echo(
         f"{of_unit('quantiles', unit)}: "
-        + ", ".join(f"{q:g}: {t:.4g}" for q, t in zip(QUANTILES, quantiles, strict=True))
+        + ", ".join(f"{q:g}: {_when(t, '.4g')}" for q, t in zip(QUANTILES, quantiles, strict=True))
     )
     for note in (*begin.in_words, *made.notes):
         click.echo(note)
@@ -158,6 +163,11 @@ def passage(
             click.echo(f"\nelasticities of sd and quantiles\n{slopes}")
         if slopes.refusal:
             click.echo(f"no elasticities of quantiles: {slopes.refusal}")
+
+
+def _when(time: float, form: str) -> str:
+    """A quantile, or that it may never come."""
+    return "never" if time == np.inf else f"{time:{form}}"
 
 
 class Sensitivities(NamedTuple):
@@ -179,11 +189,11 @@ class Sensitivities(NamedTuple):
 
     def __str__(self) -> str:
         rows = [
-            (name, *(f"{each.elasticity[p]:.6g}" for each in self.others.values()))
+            (name, *(figure(each.elasticity[p], ".6g") for each in self.others.values()))
             for p, name in enumerate(self.of_mean.parameters)
         ]
         widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
-        rows.append(("+- at most", *(f"{wide:.1e}" for wide in widths)))
+        rows.append(("+- at most", *(figure(wide, ".1e") for wide in widths)))
         kind = "proven" if all(each.is_bound for each in self.others.values()) else "estimated"
         seconds = sum(each.cpu_seconds for each in self.others.values())
         return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
@@ -194,8 +204,12 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
 
     asked, goal = sensitivity_to(network, initial, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
+    quantiles = {}
     try:
-        quantiles = {q: asked.passage_quantile(goal, q) for q in QUANTILES if found.is_certain or q < found.probability}
+        for q in QUANTILES:
+            if found.is_certain or q < found.probability:
+                stage(f"sensitivity of quantile {q:g}")
+                quantiles[q] = asked.passage_quantile(goal, q)
     except ValueError as refusal:  # too stiff
         return Sensitivities(mean, sd, {}, str(refusal))
     return Sensitivities(mean, sd, quantiles, "")
@@ -208,11 +222,14 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     began = time.process_time()
     model = begin.model
     weights, name = summed(model.network, begin.counted(species))
-    chain = Chain.of(
-        model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
-    )
-    found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
-    low, high = found.quantile_bounds(QUANTILES)
+    with progress_line() as progress:
+        progress("listing states")
+        chain = Chain.of(
+            model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
+        )
+        progress(f"solving {len(chain)} states")
+        found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
+        low, high = found.quantile_bounds(QUANTILES)
     if as_json:
         ever = found.probability_bounds
         echo_json(
@@ -232,6 +249,6 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     click.echo(f"{found} ({'proven' if found.is_bound else 'estimated'}; {len(chain)} states)")
     limits = zip(QUANTILES, low, high, strict=True)
     title = of_unit("quantiles", model.network.time_unit)
-    click.echo(f"{title}: " + ", ".join(f"{q:g}: {a:.6g} to {b:.6g}" for q, a, b in limits))
+    click.echo(f"{title}: " + ", ".join(f"{q:g}: {_when(a, '.6g')} to {_when(b, '.6g')}" for q, a, b in limits))
     for note in begin.in_words:
         click.echo(note)

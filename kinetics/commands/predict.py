@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
-from kinetics.commands.methods import MethodName
+from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.start import instead_of_many_states, start
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.options import (
     AskedStart,
     NumbersCommand,
@@ -21,9 +25,11 @@ from kinetics.support.cli.options import (
     tank_option,
     time_grid,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
 from kinetics.support.output import write_whole
-from kinetics.support.tables import in_unit, text_table
+from kinetics.support.tables import figure, in_unit, text_table
+
+FEWER_TIMES = 4  # exit code: a run was truncated
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
@@ -71,7 +77,16 @@ INSTEAD = (
     "--budget",
     metavar="MINUTES",
     type=click.FloatRange(min=0, min_open=True),
-    help="CPU time that --accuracy may cost; more is refused before it starts.  [default: 20]",
+    help="CPU time allowed; work that is forecast to take more is refused before it starts.  "
+    f"[default: {BUDGET:g}; with --accuracy 20]",
+)
+@click.option(
+    "--max-events",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=MAX_EVENTS,
+    show_default=True,
+    help="Most events of a run. Where one would come to more, figures end before it.",
 )
 @click.option(
     "--threads",
@@ -92,10 +107,11 @@ INSTEAD = (
 )
 @click.option(
     "--elasticity-plot",
-    "elasticity_file",
+    "elasticity_files",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Write bars of these elasticities to this PNG, PDF or SVG file.",
+    help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
 @csv_option
 @plot_option
@@ -112,12 +128,13 @@ def predict(
     accuracy: str | None,
     accuracy_of: str,
     budget: float | None,
+    max_events: int,
     threads: int | None,
     draws: int,
     with_elasticity: bool,
-    elasticity_file: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    elasticity_files: tuple[str, ...],
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -133,37 +150,46 @@ def predict(
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
     they are enough. 1% is relative to each species' largest mean over the times, or to one copy where that is more. The
     report says what was chosen, what each way was foretold to cost, the error reached, and what a tenth would cost.
+
+    A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
+    given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
     """
     from kinetics.predicting import predict as make
 
     asked_for = _accuracy(accuracy, accuracy_of)
     begin = start(**asked._asdict(), edges=edges)
-    if (with_elasticity or elasticity_file) and begin.rates is None:
+    if (with_elasticity or elasticity_files) and begin.rates is None:
         raise ValueError(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
     grid, sums = time_grid(duration, times), begin.shown(shown)
-    with progress_line() as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
+    most = BUDGET if budget is None else budget
+    chosen = None if method is None else within_budget(method, 60 * most)
+    with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
-            begin.network, begin.rates, begin.state, grid, method, runs, seed, draws, threads, progress,
-            sums, begin.tank, asked_for, None if budget is None else 60 * budget,
+            begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
+            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
         )  # fmt: skip
-    found = None
-    if begin.rates is not None and (with_elasticity or elasticity_file):
-        from kinetics.predicting import count_elasticities
+        found = None
+        if begin.rates is not None and (with_elasticity or elasticity_files):
+            from kinetics.predicting import count_elasticities
 
-        drawn = None if made.drawn is None else made.drawn.at_last()
-        found = count_elasticities(begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank)
-    if csv_file:
+            progress("elasticities")
+            drawn = None if made.drawn is None else made.drawn.at_last()
+            found = count_elasticities(
+                begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank
+            )
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, made.plot)
-    if elasticity_file and found is not None:
+    if found is not None:
         from kinetics.support import plots
 
-        plots.save(elasticity_file, lambda ax: found.plot(ax, made.network.species))
+        for elasticity_file in elasticity_files:
+            plots.save(elasticity_file, partial(found.plot, names=made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(
@@ -176,6 +202,7 @@ def predict(
                 "method": method or "auto",
                 "method_used": made.method,
                 "runs": made.runs,
+                "truncated": None if made.truncated is None else made.truncated.to_dict(),
                 "complete": made.is_complete,
                 "seed": seed,
                 "time_unit": made.network.time_unit,
@@ -198,6 +225,8 @@ def predict(
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
+    if made.truncated is not None:
+        raise SystemExit(FEWER_TIMES)
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
@@ -223,9 +252,16 @@ def _elasticity_table(found: Elasticities, made: Prediction) -> str:
     for p, name in enumerate(found.parameters):
         cells = [name if found.is_rate[p] else f"{name} (d ln / d {name})"]
         for s in range(len(made.network.species)):
-            error = "" if found.is_exact else f" ± {found.standard_error[p, 0, s]:.2g}"
-            cells.append(f"{found.value[p, 0, s]:.3g}{error} ({100 * found.share[p, 0, s]:.0f} %)")
+            value, share = found.value[p, 0, s], 100 * found.share[p, 0, s]
+            text = figure(value, ".3g")
+            if not found.is_exact and not math.isnan(value):
+                text += f" ± {found.standard_error[p, 0, s]:.2g}"
+            cells.append(text if math.isnan(share) else f"{text} ({share:.0f} %)")
         rows.append(cells)
     last = in_unit(f"{made.times[-1]:g}", made.network.time_unit)
-    head = f"elasticity of the mean at {last} (share of the variance that the rates leave)"
-    return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), found.note])
+    head, notes = f"elasticity of the mean at {last}", [found.note]
+    if not np.isnan(found.share).all():
+        head += " (share of the variance that the rates leave)"
+    if np.isnan(found.value).any():
+        notes.append("-: not known, because the mean is 0 or the parameter is taken as known")
+    return "\n".join(["", head, text_table(("parameter", *made.network.species), rows), *notes])

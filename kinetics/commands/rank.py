@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -13,15 +12,22 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
+from kinetics.support.cli.options import (
+    budget_option,
+    csv_option,
+    echo_json,
+    in_a_folder,
+    json_option,
+    plot_option,
+    seed_option,
+)
+from kinetics.support.cli.progress import INTERRUPTED, progress_line
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
     from kinetics.assembly import RuleBook
     from kinetics.rates import ClassRates
-
-INTERRUPTED = 130  # exit code
 
 
 @click.command()
@@ -106,6 +112,7 @@ INTERRUPTED = 130  # exit code
 )
 @csv_option
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def rank(
@@ -122,8 +129,9 @@ def rank(
     max_states: int,
     time_limit: float,
     best_file: str | None,
-    csv_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -139,24 +147,17 @@ def rank(
     from kinetics.assembly.rules.writing import written
     from kinetics.ranking import ranking
 
-    shows = sys.stderr.isatty()
-
-    def progress(text: str) -> None:
-        if shows:
-            click.echo(f"\r\033[K{text}", err=True, nl=False)
-
-    loaded, notes = _books(books, time_limit, progress)
-    rates = _rates(rates_name, rates_book, join, break_, loaded)
-    made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
-    if shows:
-        click.echo("\r\033[K", err=True, nl=False)
+    with progress_line(budget=budget) as progress:
+        loaded, notes = _books(books, time_limit, progress)
+        rates = _rates(rates_name, rates_book, join, break_, loaded)
+        made = ranking.rank(loaded, rates, cubes, horizon, by, runs, seed, draws, max_states, progress)  # type: ignore[arg-type]
     made = replace(made, notes=(*notes, *made.notes))
     if best_file:
         best = made.books[0].name
         write_whole(best_file, written(next(book for book in loaded if book.name == best)))
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, made.plot)

@@ -10,13 +10,14 @@ from kinetics.commands.start import is_network_file, start
 from kinetics.support.cli.failures import keep
 from kinetics.support.cli.options import (
     AskedStart,
+    budget_option,
     csv_option,
     echo_json,
-    in_a_folder,
     json_option,
     plot_option,
     seed_option,
     starting_options,
+    table_of,
     tank_option,
     within_option,
 )
@@ -91,12 +92,14 @@ UNANSWERED = 1  # exit code
 @csv_option
 @click.option(
     "--parquet",
-    "parquet_file",
+    "parquet_files",
     metavar="FILE",
-    callback=in_a_folder,
-    help="Write the table to this Parquet file.",
+    multiple=True,
+    callback=table_of("pandas", "pyarrow"),
+    help="Write the table to this Parquet file; may be repeated.",
 )
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def scan(
@@ -110,9 +113,10 @@ def scan(
     workers: int,
     scheduler: str | None,
     folder: str,
-    csv_file: str | None,
-    parquet_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    parquet_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -140,7 +144,7 @@ def scan(
         raise ValueError(f"--set {both[0]} and --over {both[0]}: a name is set, or scanned; leave one out")
     begin = _start(asked, edges, {name: values.tolist() for name, values in over.items()})
     keep(f"points that are done are kept in {folder}, and the same command goes on from there")
-    with progress_line() as progress:
+    with progress_line(budget=budget) as progress:
         made = make(
             ScannedModel(begin.model, begin.cube),
             over,
@@ -155,11 +159,11 @@ def scan(
             tell=lambda text: click.echo(text, err=True),
             progress=progress,
         )
-    if csv_file:
+    for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    if parquet_file:
+    for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
-    if plot_file:
+    for plot_file in plot_files:
         from kinetics.scanning.pictures import draw_scan, size_of
         from kinetics.support import plots
 

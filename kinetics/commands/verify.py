@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import click
+import numpy as np
 
 from kinetics.commands.start import start
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.support.cli.options import (
     DURATION,
     AskedStart,
     NumbersCommand,
+    budget_option,
     echo_json,
     json_option,
     seed_option,
     starting_options,
     tank_option,
 )
+from kinetics.support.cli.progress import progress_line
 
 METHODS: dict[str, type[SamplingMethod]] = {method.name: method for method in SAMPLING_METHODS}
 ALL = "all"
+ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of mutants of the rates
 
 
 @click.command(cls=NumbersCommand)
@@ -43,6 +48,7 @@ ALL = "all"
     help="Number of runs of each method; more show smaller errors.",
 )
 @click.option("--power/--no-power", default=True, help="Measure by mutants of the runs which mistakes would be seen.")
+@budget_option
 @seed_option
 @json_option
 def verify(
@@ -52,6 +58,7 @@ def verify(
     method: str,
     runs: int,
     power: bool,
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -72,8 +79,15 @@ def verify(
     refused = {one.name: one.refusal(model.network) for one in chosen}
     if all(refused.values()):
         raise ValueError(f"no such method takes the network: {'; '.join(refused.values())}")
-    reference = Reference.of(model.network, model.initial, grid)
-    solvers = compare_solvers(model.network, model.initial, grid)
+    with progress_line(budget=budget) as progress:
+        for one in chosen:
+            if not refused[one.name]:
+                made = runs * (WITH_POWER if power else ENSEMBLES)
+                forecast_runs(model.network, one, model.initial, np.array(grid), made)
+        progress("solving")
+        reference = Reference.of(model.network, model.initial, grid)
+        progress("comparing solvers")
+        solvers = compare_solvers(model.network, model.initial, grid)
     failed = len(solvers.failures)
     if not as_json:
         click.echo(f"solvers\n{solvers}")
@@ -81,7 +95,9 @@ def verify(
     for one in chosen:
         if refused[one.name]:
             continue
-        found = verify_against(reference, one, runs, seed, with_power=power)
+        with progress_line() as progress:
+            progress(f"verifying {one.name}")
+            found = verify_against(reference, one, runs, seed, with_power=power)
         failed += not found.passed
         verified.append(found.to_json())
         if not as_json:

@@ -10,7 +10,7 @@ import numpy as np
 from kinetics.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
-from kinetics.support.tables import text_table
+from kinetics.support.tables import figure, text_table
 
 ROUNDED = 2.0**-52  # of a quotient
 
@@ -101,7 +101,7 @@ class Derivatives(Shown):
         low, high = self.elasticity_limits
         wide = np.maximum(high - self.elasticity, self.elasticity - low)
         rows = [
-            (name, f"{elasticity:.6g}", f"{error:.1e}", f"{value:.6g}")
+            (name, figure(elasticity, ".6g"), figure(error, ".1e"), f"{value:.6g}")
             for name, elasticity, error, value in zip(self.parameters, self.elasticity, wide, self.value, strict=True)
         ]
         kind = "proven" if self.is_bound else "estimated"

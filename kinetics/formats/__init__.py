@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from kinetics.formats.model import Format, NetworkModel
+from kinetics.formats.proving import check_written
 from kinetics.support.families import members
 from kinetics.support.output import write_whole
 
@@ -44,15 +45,16 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
     """
     file = Path(path)
     kind = _kind_of(file, SUFFIXES)
-    if not file.is_file():
+    if not file.exists():
         raise ValueError(f"network file {path} does not exist")
-    return kind.read(file, copies_per_unit)
+    return kind.model(file, copies_per_unit)
 
 
 def write(model: NetworkModel, path: str | Path) -> None:
     """Write a network file, whose suffix gives the format, whole or not at all.
 
-    ValueError: the suffix is not known, or the format cannot hold all of the model
+    Before it takes its name it is read back and compared with the model, at the cost of reading it (see `proving`).
+    ValueError: the suffix is not known, the format cannot hold all of the model, or the file would say something else
 
     >>> from tempfile import TemporaryDirectory
     >>> from kinetics import Network
@@ -63,7 +65,10 @@ def write(model: NetworkModel, path: str | Path) -> None:
     ...     print(read(f"{folder}/binding.net").initial.tolist())
     [5, 4, 0]
     """
-    write_whole(path, _kind_of(Path(path), WRITTEN).text(model))
+    kind = _kind_of(Path(path), WRITTEN)
+    text = kind.text(model)
+    check_written(kind, model, text, Path(path))
+    write_whole(path, text)
 
 
 def _kind_of(file: Path, suffixes: tuple[str, ...]) -> Format:

@@ -6,6 +6,7 @@ copies of one species carries a factor of one half in the file. Faeder, Blinov &
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,7 +20,7 @@ from kinetics.formats.formulas import node_in_file, number
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
-from kinetics.formats.scaling import model_of
+from kinetics.formats.scaling import is_count, model_of
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import MOST_NODES, Code, Graph
@@ -70,37 +71,55 @@ class _NetReader:
     functions: dict[str, int] = field(default_factory=dict)  # name -> its node
     texts: dict[str, str] = field(default_factory=dict)  # parameter -> what the file says it is
     named: dict[str, int] = field(default_factory=dict)  # parameter -> its node
+    numbers: dict[str, float] = field(default_factory=dict)  # species that nothing changes and that are no count
     keeps_names: bool = True
 
     def model(self) -> NetworkModel:
         self._read_parameters()
         initial = self._read_species()
         observables = self._observables()
-        given = self._name_parameters()
-        self._read_functions(observables)
         lines = self.blocks["reactions"]
         needs, makes = (self._sides(lines, word) for word in (1, 2))
-        ways, rates = self._rates(lines)
-        channels = self._channels(lines)
-        shape = (len(lines), len(self.species))
-        is_free = ~np.array(self.fixed, dtype=bool)
         rows = np.concatenate([needs[0], makes[0]])
         columns = np.concatenate([needs[1], makes[1]])
         copies = np.repeat(np.array([-1, 1]), [needs[0].size, makes[0].size])
-        kept = is_free[columns]
+        free = ~np.array(self.fixed, dtype=bool)[columns]
+        changes = SparseTable.of_entries((len(lines), len(self.species)), rows[free], columns[free], copies[free])
+        self.numbers = self._numbers(initial, set(changes.columns[changes.copies != 0].tolist()))
+        given = self._name_parameters()
+        self._read_functions(observables)
+        ways, rates = self._rates(lines)
+        channels = self._channels(lines)
+        is_counted = np.array([name not in self.numbers for name in self.species], dtype=bool)
+        counted = [name for name in self.species if name not in self.numbers]
+        moved = np.cumsum(is_counted) - 1  # place of a species -> its place among those that are counted
+        shape = (len(lines), len(counted))
+        kept = is_counted[needs[1]]
+        needed = needs[0][kept], moved[needs[1][kept]]
         network = Network.from_sparse(
-            self.species,
+            counted,
             channels,
-            SparseTable.of_entries(shape, *needs, np.ones(needs[0].size, dtype=np.int64)),
-            SparseTable.of_entries(shape, rows[kept], columns[kept], copies[kept]),
+            SparseTable.of_entries(shape, *needed, np.ones(needed[0].size, dtype=np.int64)),
+            SparseTable.of_entries(shape, changes.rows, moved[changes.columns], changes.copies),
             ways,
             rates,
             "ordered",
             laws=self._laws(lines, channels),
             given=replace(given, rates=self._formulas_of_rates(lines, channels), initial=self._formulas_of_counts()),
         )
-        amounts = dict(zip(self.species, initial, strict=True))
-        return model_of(self.path, network, amounts, self.copies_per_unit, observables)
+        amounts = {name: initial[place] for place, name in enumerate(self.species) if name not in self.numbers}
+        notes = [
+            f"nothing changes {name}: a number, {n:g} in the file, and no count" for name, n in self.numbers.items()
+        ]
+        hidden = [name for name, weights in observables.items() if not self.numbers.keys().isdisjoint(weights)]
+        notes += [f"{name} is no sum of counts and is not shown" for name in hidden]
+        shown = {name: weights for name, weights in observables.items() if name not in hidden}
+        return model_of(self.path, network, amounts, self.copies_per_unit, shown, notes)
+
+    def _numbers(self, initial: list[float], changed: set[int]) -> dict[str, float]:
+        """Amounts of the species that no reaction changes, of those that no count can be."""
+        held = [(name, initial[place]) for place, name in enumerate(self.species) if place not in changed]
+        return {name: amount for name, amount in held if not is_count(amount * (self.copies_per_unit or 1.0))}
 
     def _read_parameters(self) -> None:
         for line in self.blocks.get("parameters", []):
@@ -127,7 +146,20 @@ class _NetReader:
             formula = None if is_plain else self._expression(place)
             given[name] = formula if formula is not None and formula.parameters else self.parameters[name]
             self.named[name] = self.graph.name(name)
-        return Parameters(given)
+        return Parameters(given | {name: amount for name, amount in self.numbers.items() if self._is_stated(name)})
+
+    def _is_stated(self, name: str) -> bool:
+        """Whether the amount of a species is a plain number of the file, and its name no parameter's."""
+        return name not in self.parameters and re.fullmatch(NUMBER, self._amount(name)) is not None
+
+    def _amount(self, name: str) -> str:
+        """What the file says that a species starts from."""
+        return " ".join(self.blocks["species"][self.species.index(name)].words[2:])
+
+    def _count(self, name: str) -> int:
+        """The node of a species: its count, or the number that it is."""
+        is_formula = name in self.numbers and not self._is_stated(name)
+        return self._node(self._amount(name)) if is_formula else self.graph.name(name)
 
     def _node(self, text: str) -> int:
         """The node of a formula of parameters."""
@@ -137,8 +169,8 @@ class _NetReader:
         """A node with the values of the parameters that it reads."""
         formula = self.graph.formula(place)
         used = [str(node.value) for node in formula if node.code == Code.COUNT]
-        counted = self.places
-        return Expression.of(formula, {name: self.parameters[name] for name in used if name not in counted})
+        values = {name: self.parameters[name] for name in used if name not in self.places}
+        return Expression.of(formula, values | {name: self.numbers[name] for name in used if name in self.numbers})
 
     def _read_species(self) -> list[float]:
         """Amounts (S,) at time 0."""
@@ -215,7 +247,7 @@ class _NetReader:
         """A weighted sum of counts."""
         add, graph = self.graph.add, self.graph
         terms = [
-            graph.name(each) if weight == 1 else add(Code.MULTIPLY, (graph.number(weight), graph.name(each)))
+            self._count(each) if weight == 1 else add(Code.MULTIPLY, (graph.number(weight), self._count(each)))
             for each, weight in weights.items()
         ]
         return graph.all_of(Code.ADD, terms or [graph.number(0.0)])
@@ -236,31 +268,46 @@ class _NetReader:
                 known[text] = ways, 1.0 if self._is_lawful(line) else self._value(line, constant)
                 if known[text][1] < 0:
                     raise self._wrong(line, f"the rate {text!r} comes to {known[text][1]:g}; it must not be negative")
-            found.append(known[text])
+            ways, constant = known[text]
+            held = [] if self._is_lawful(line) else self._held(line)
+            found.append((ways, constant * math.prod(self.numbers[name] for name in held)))
         table = np.array(found, dtype=np.float64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
     def _formulas_of_rates(self, lines: list[Line], channels: list[str]) -> dict[str, Expression]:
         """Channel -> rate constant, of those that are formulas of parameters."""
         found: dict[str, Expression] = {}
-        made: dict[str, Expression] = {}
+        made: dict[tuple[str, ...], Expression] = {}
         for line, channel in zip(lines, channels, strict=True):
-            text = " ".join(line.words[3:])
-            if self._is_lawful(line) or re.fullmatch(NUMBER, text):
+            text, held = " ".join(line.words[3:]), self._held(line)
+            if self._is_lawful(line) or (re.fullmatch(NUMBER, text) and not held):
                 continue
-            if text not in made:
+            key = (text, *held)
+            if key not in made:
                 factored = FACTOR.fullmatch(text)
-                made[text] = self._expression(self._node(factored[2] if factored else text))
-            if made[text].parameters:
-                found[channel] = made[text]
+                constant = self._node(factored[2] if factored else text)
+                amounts = [self._count(name) for name in held]
+                made[key] = self._expression(self.graph.all_of(Code.MULTIPLY, [constant, *amounts]))
+            if made[key].parameters:
+                found[channel] = made[key]
         return found
+
+    def _reactants(self, line: Line) -> list[str]:
+        return [self.species[int(n) - 1] for n in line.words[1].split(",") if n != "0"]
+
+    def _held(self, line: Line) -> list[str]:
+        """The reactants that are numbers; of each at most one copy, since n (n - 1) is of counts."""
+        held = [name for name in self._reactants(line) if name in self.numbers] if self.numbers else []
+        if len(set(held)) < len(held):
+            raise self._wrong(line, f"two of {held[0]!r}, which starts from {self.numbers[held[0]]:g}: no count")
+        return held
 
     def _formulas_of_counts(self) -> dict[str, int | Expression]:
         """Species -> amount at time 0, of those that are formulas of parameters."""
         found: dict[str, int | Expression] = {}
         for name, line in zip(self.species, self.blocks["species"], strict=True):
             text = " ".join(line.words[2:])
-            amount = None if re.fullmatch(NUMBER, text) else self._expression(self._node(text))
+            amount = None if name in self.numbers or re.fullmatch(NUMBER, text) else self._expression(self._node(text))
             if amount is not None and amount.parameters:
                 found[name] = amount
         return found
@@ -278,7 +325,8 @@ class _NetReader:
         for line, channel in zip(lines, channels, strict=True):
             if self._is_lawful(line):
                 name = FACTOR.fullmatch(line.words[3])[2]  # type: ignore[index]  # it matched before
-                reactants = [self.species[int(n) - 1] for n in line.words[1].split(",") if n != "0"]
+                self._held(line)
+                reactants = self._reactants(line)
                 if self.copies_per_unit is not None and len(set(reactants)) < len(reactants):
                     raise self._wrong(
                         line, "a function times like reactants, n (n - 1), has no scale of copies per unit"
@@ -287,7 +335,8 @@ class _NetReader:
                     self._value(line, word)
                 try:
                     values = [self._node(word) for word in line.words[4:]]
-                    laws[channel] = self._expression(law_of(self.graph, name, self.functions, values, reactants))
+                    nodes = [self._count(name) for name in reactants]
+                    laws[channel] = self._expression(law_of(self.graph, name, self.functions, values, nodes))
                 except ValueError as error:
                     raise self._wrong(line, str(error)) from None
         return laws

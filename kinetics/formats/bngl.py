@@ -1,6 +1,7 @@
 """The format BNGL: rules for molecules with sites, whose network BioNetGen itself generates, by its program BNG2.pl.
 
-Only the blocks that say what the model is are handed to it: actions may read and write files, and are not carried out.
+The file is read here first, line by line, and what BioNetGen gets is written anew from what was read: one line for one
+line, blocks and options alone, with actions off. The one action is ours, in a file of its own.
 Faeder, Blinov & Hlavacek (2009), doi:10.1007/978-1-59745-525-1_5.
 """
 
@@ -15,18 +16,21 @@ from pathlib import Path
 from typing import ClassVar
 
 from kinetics.formats.bionetgen import model_in
+from kinetics.formats.bnglactions import Actions
+from kinetics.formats.bnglblocks import BLOCKS, parameter
+from kinetics.formats.bngltext import BLANKS, BnglLine, lines_of
 from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.outside import Program
 from kinetics.support.extras import require
 from kinetics.support.limits import text_in
 
 MAX_BYTES = 4 * 2**20
-BLOCKS = ("parameters", "compartments", "molecule types", "seed species", "species", "observables", "functions",
-          "energy patterns", "population maps", "reaction rules")  # fmt: skip
-LINE = re.compile(r"\s*(begin|end)\s+(\w+(?:\s+\w+)*)\s*(?:#.*)?")
-FROM_A_FILE = re.compile(r"\btfun\b", re.IGNORECASE)
 FOLDERS = {"linux": "bng-linux", "darwin": "bng-mac", "win32": "bng-win"}
 SECONDS, MEMORY = 120, 2**31
+LAST_ROUND = b"Iteration 100:"  # where BioNetGen cuts a network short that says nothing of max_iter
+BORDER = re.compile(rf"(begin|end)[{BLANKS}]+(\w.*)", re.ASCII)
+SINGLE = rf"(?i:parameter|param|par)[{BLANKS}]+"  # a parameter outside of its block
+CLOSES = re.compile(rf"begin|end(?:[{BLANKS}]|$)")  # what BioNetGen takes for the border of a block
 
 
 class Bngl(Format):
@@ -39,51 +43,85 @@ class Bngl(Format):
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The network that the rules generate, as `.net` files are read.
 
+        Its options, the limits of generate_network and what is set before it hold; other actions are left to the user.
         Cost: BioNetGen's, which grows with the network: some .5 s for small ones, at most 120 s of processor time.
         """
-        blocks, has_actions = model_blocks(path, text_in(path, MAX_BYTES))
+        files, actions = bngl_files(path, text_in(path, MAX_BYTES))
+        if actions.concentrations is not None and copies_per_unit is None:
+            raise actions.concentrations.wrong(
+                "substanceUnits says that amounts are concentrations; say how many copies one unit is, "
+                "as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
+            )
         generator = Program(
             "BioNetGen",
-            (_perl(path), str(_program()), "model.bngl"),
+            (_perl(path), str(_program()), "generate.bngl"),
             SECONDS,
             MEMORY,
-            "generate the network yourself and read its .net file",
+            "say by max_agg, max_stoich or max_iter of its generate_network where the network ends",
+            None if actions.ends else LAST_ROUND,
         )
-        text = "\n".join(("begin model", *blocks, "end model", "generate_network({overwrite=>1})", ""))
-        network = generator.translated(path, text, "model.bngl", "model.net")
+        network = generator.translated(path, files, "model.net")
         model = model_in(path.with_name(f"{path.name} (its network)"), network, copies_per_unit)
         note = "actions of the file are not carried out: say with options what is to be done"
-        return replace(model, notes=(*model.notes, note)) if has_actions else model
+        return replace(model, notes=(*model.notes, note)) if actions.has_others else model
 
 
-def model_blocks(path: Path, text: str) -> tuple[list[str], bool]:
-    """The lines of the blocks that say what the model is, and whether there are actions beside them."""
-    kept: list[str] = []
-    inside, has_actions = "", False
-    for number, line in enumerate(text.splitlines(), 1):
-        border = LINE.fullmatch(line)
+def bngl_files(path: Path, text: str) -> tuple[dict[str, str], Actions]:
+    """What BioNetGen gets, name -> text, and what the file's actions say.
+
+    model.bngl has every line where it stands in the file, so that BioNetGen's messages tell its number; generate.bngl
+    reads it with actions off.
+    """
+    written: dict[int, str] = {}
+    actions = Actions()
+    inside, has_begun, has_ended = "", False, False
+    for line in lines_of(path, text):
+        border = BORDER.fullmatch(line.text)
         name = " ".join(border[2].split()) if border else ""
-        if name == "model":
-            continue
-        if border:
+        if border and name == "model":
+            if inside or (has_begun or has_ended if border[1] == "begin" else has_ended):
+                raise line.wrong(f"{line.text!r} stands where it cannot; a file has one model")
+            has_begun, has_ended = True, border[1] == "end"
+        elif border:
             expected = f"end {inside}" if inside else f"begin {name}"
             if f"{border[1]} {name}" != expected:
-                raise ValueError(f"{path}, line {number}: {line.strip()!r}; expected {expected!r}")
-            if name not in (*BLOCKS, "actions"):
-                raise ValueError(f"{path}, line {number}: unknown block {name!r}; expected one of {', '.join(BLOCKS)}")
+                raise line.wrong(f"{line.text!r}; expected {expected!r}")
             inside = "" if inside else name
-        content = line.partition("#")[0].strip()
-        if (border or inside) and "actions" not in (name, inside):
-            if FROM_A_FILE.search(content):
-                raise ValueError(f"{path}, line {number}: a function from a file (tfun), which is not read")
-            kept.append(line)
-        else:
-            has_actions |= bool(content)
+            if name in ("actions", "protocol"):
+                continue
+            if name not in BLOCKS:
+                raise line.wrong(f"unknown block {name!r}; expected one of {', '.join(BLOCKS)}")
+            if has_ended or (inside and actions.is_done):
+                raise line.wrong(f"the block {name!r} behind the end of the model, or behind an action that uses it")
+            written[line.number] = expected
+        elif said := _content(line, inside, actions):
+            written[line.number] = said
     if inside:
         raise ValueError(f"{path}: block {inside!r} has no end")
-    if not kept:
+    if not any(said.startswith("begin ") for said in written.values()):
         raise ValueError(f"{path} has no block of a model; expected 'begin reaction rules' and the like")
-    return kept, has_actions
+    model = "\n".join(written.get(number, "") for number in range(1, max(written) + 1))
+    limits = "".join(f",{limit}" for limit in actions.limits or [])
+    acts = ['readFile({file=>"model.bngl",skip_actions=>1})', *actions.settings]
+    acts.append(f'generate_network({{overwrite=>1,prefix=>"model"{limits}}})')
+    return {"model.bngl": f"{model}\n", "generate.bngl": "\n".join([*acts, ""])}, actions
+
+
+def _content(line: BnglLine, inside: str, actions: Actions) -> str:
+    """A line that is no border of a block, written anew."""
+    if inside in BLOCKS:
+        said = BLOCKS[inside](line)
+        line.end()
+    elif inside == "protocol":
+        actions.has_others, said = True, ""
+    elif not inside and line.take(SINGLE):
+        said = f"parameter {parameter(line)}"
+        line.end()
+    else:
+        said = actions.add(line)
+    if CLOSES.match(said):
+        raise line.wrong(f"{said!r} begins as a border of a block does")
+    return said
 
 
 def _program() -> Path:

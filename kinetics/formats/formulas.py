@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from kinetics.formats.functions import MADE_OF_OTHERS
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
@@ -15,6 +16,7 @@ from kinetics.network.laws.reading import NUMBER, SHOWN, Dialect, called, node_o
 
 SPELLINGS = {"^": "**", "&&": "and", "||": "or", "!": "not"}
 CONSTANTS = {"_pi": math.pi, "_e": math.e}
+UNREAD = ("asin", "acos", "atan", "atan2", "mratio", "tfun", "TFUN")
 BASES = {"log10": 10.0, "log2": 2.0}
 
 
@@ -57,7 +59,7 @@ def number(text: str, known: Mapping[str, float]) -> float:
 
 
 def _called(graph: Graph, name: str, arguments: Sequence[int]) -> int:
-    """A function with arguments."""
+    """A function with arguments, by muParser's list and BioNetGen's own."""
     if name == "log":
         raise ValueError("log means different things to different programs; write ln or log10")
     if name == "if" and len(arguments) == 3:
@@ -65,6 +67,13 @@ def _called(graph: Graph, name: str, arguments: Sequence[int]) -> int:
         return graph.add(Code.SELECT, (value, condition, other))
     if name == "rint" and len(arguments) == 1:
         return graph.add(Code.FLOOR, (graph.add(Code.ADD, (arguments[0], graph.number(0.5))),))
+    if name in ("sum", "avg") and arguments:
+        whole = graph.all_of(Code.ADD, arguments)
+        return whole if name == "sum" else graph.add(Code.DIVIDE, (whole, graph.number(len(arguments))))
+    if name in MADE_OF_OTHERS and len(arguments) == 1:
+        return MADE_OF_OTHERS[name](graph, arguments[0])
+    if name in UNREAD:
+        raise ValueError(f"the function {name!r} is not read here: rate laws have no such operation")
     if name in BASES and len(arguments) == 1:
         base = graph.add(Code.LOG, (graph.number(BASES[name]),))
         return graph.add(Code.DIVIDE, (graph.add(Code.LOG, arguments), base))

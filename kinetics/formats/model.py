@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
 from kinetics.support.arrays import Ints
+from kinetics.support.limits import check_names, check_visible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -92,6 +93,15 @@ class Format(ABC):
         copies_per_unit : how many copies one unit of the file's amounts is; None where it is one, and fractions of a
             copy are a mistake
         """
+
+    def model(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+        """`read`, and a ValueError where a name holds characters that cannot be seen."""
+        model = self.read(path, copies_per_unit)
+        network = model.network
+        names = (*network.species, *network.channels, *network.given.given, *model.observables, *model.formulas)
+        check_names(path, names)
+        check_visible(f"{path} has a time unit", network.time_unit)
+        return model
 
     def text(self, model: NetworkModel) -> str:
         """The text of a file for a model; a ValueError where the format cannot hold all of it."""

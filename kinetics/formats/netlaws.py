@@ -9,52 +9,59 @@ from kinetics.network.laws.graph import Code, Graph
 
 
 def law_of(
-    graph: Graph, name: str, functions: Mapping[str, int], values: Sequence[int], reactants: Sequence[str]
+    graph: Graph, name: str, functions: Mapping[str, int], values: Sequence[int], reactants: Sequence[int]
 ) -> int:
     """The propensity of a reaction per way: the law times the ordered combinations of its reactants.
 
     name : of a function without arguments, or one of `KINDS` with the nodes of its `values`
+    reactants : their nodes, in the order of the file
     """
     if name in functions:
         if values:
             raise ValueError(f"{name!r} is a function without arguments; {len(values)} came")
         return graph.all_of(Code.MULTIPLY, [functions[name], *_combinations(graph, reactants)])
-    count, least, law = KINDS[name]
-    if len(values) != count or len(reactants) < least:
+    count, is_open, least, law = KINDS[name]
+    most = max(count, len(reactants) + 1) if is_open else count
+    if not count <= len(values) <= most or len(reactants) < least:
+        wanted = f"{count} to {most}" if most > count else f"{count}"
         raise ValueError(
-            f"{name} takes {count} numbers and at least {least} reactants; {len(values)} and {len(reactants)} came"
+            f"{name} takes {wanted} numbers and at least {least} reactants; {len(values)} and {len(reactants)} came"
         )
     return law(graph, values, reactants)
 
 
-def _combinations(graph: Graph, reactants: Sequence[str]) -> list[int]:
+def _combinations(graph: Graph, reactants: Sequence[int]) -> list[int]:
     """Factors n, n - 1, ... for each species."""
     return [
-        graph.add(Code.SUBTRACT, (graph.name(species), graph.number(i))) if i else graph.name(species)
+        graph.add(Code.SUBTRACT, (species, graph.number(i))) if i else species
         for species, copies in Counter(reactants).items()
         for i in range(copies)
     ]
 
 
-def _saturation(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
-    k, half = values
-    share = graph.add(Code.DIVIDE, (k, graph.add(Code.ADD, (half, graph.name(reactants[0])))))
+def _saturation(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -> int:
+    """k / (K1 + A) / (K2 + B) ... times the combinations: a constant for each of the first reactants."""
+    share, *halves = values
+    if len(halves) > 1 and len(set(reactants)) < len(reactants):
+        raise ValueError("Sat with several constants takes reactants that differ")
+    for half, reactant in zip(halves, reactants, strict=False):
+        share = graph.add(Code.DIVIDE, (share, graph.add(Code.ADD, (half, reactant))))
     return graph.all_of(Code.MULTIPLY, [share, *_combinations(graph, reactants)])
 
 
-def _hill(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
+def _hill(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -> int:
     """As `Sat` with powers, but the first reactant is in the law and not multiplied in again."""
     top, half, power = values
-    raised = graph.add(Code.POWER, (graph.name(reactants[0]), power))
+    raised = graph.add(Code.POWER, (reactants[0], power))
     below = graph.add(Code.ADD, (graph.add(Code.POWER, (half, power)), raised))
     share = graph.add(Code.DIVIDE, (graph.add(Code.MULTIPLY, (top, raised)), below))
     return graph.all_of(Code.MULTIPLY, [share, *_combinations(graph, reactants[1:])])
 
 
-def _quasi_steady(graph: Graph, values: Sequence[int], reactants: Sequence[str]) -> int:
+def _quasi_steady(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -> int:
     """The total quasi-steady-state approximation of an enzyme: substrate first, then enzyme."""
     k, half = values
-    s, e = graph.name(reactants[0]), graph.name(reactants[1])
+    s, e = reactants[0], reactants[1]
     rest = graph.add(Code.SUBTRACT, (graph.add(Code.SUBTRACT, (s, half)), e))
     product = graph.all_of(Code.MULTIPLY, [graph.number(4.0), half, s])
     square = graph.add(Code.ADD, (graph.add(Code.POWER, (rest, graph.number(2.0))), product))
@@ -62,9 +69,9 @@ def _quasi_steady(graph: Graph, values: Sequence[int], reactants: Sequence[str])
     return graph.add(Code.DIVIDE, (graph.all_of(Code.MULTIPLY, [k, e, free]), graph.add(Code.ADD, (half, free))))
 
 
-# Name -> how many numbers it takes, how many reactants at least, and its node.
-KINDS: dict[str, tuple[int, int, Callable[[Graph, Sequence[int], Sequence[str]], int]]] = {
-    "Sat": (2, 1, _saturation),
-    "Hill": (3, 1, _hill),
-    "MM": (2, 2, _quasi_steady),
+# Name -> how many numbers it takes, whether one more for each further reactant, how many reactants at least, its node.
+KINDS: dict[str, tuple[int, bool, int, Callable[[Graph, Sequence[int], Sequence[int]], int]]] = {
+    "Sat": (2, True, 1, _saturation),
+    "Hill": (3, False, 1, _hill),
+    "MM": (2, False, 2, _quasi_steady),
 }

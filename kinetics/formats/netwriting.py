@@ -9,6 +9,7 @@ import numpy as np
 
 from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.sparse_tables import SparseTable
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
@@ -50,9 +51,10 @@ def net_text(model: NetworkModel) -> str:
     lines.append("end reactions")
     if model.observables:
         lines.append("begin groups")
-        for g, (name, weights) in enumerate(model.observables.items(), 1):
+        names = spelled_apart(list(model.observables), _word, taken=[f"k{i + 1}" for i in range(constants.size)])
+        for g, (name, weights) in enumerate(zip(names, model.observables.values(), strict=True), 1):
             terms = [place[each] if w == 1 else f"{w:.17g}*{place[each]}" for each, w in weights.items()]
-            lines.append(f"{g} {_word(name)} {','.join(terms)}".rstrip())
+            lines.append(f"{g} {name} {','.join(terms)}".rstrip())
         lines.append("end groups")
     return "\n".join(lines) + "\n"
 
@@ -92,13 +94,11 @@ def _sides(table: SparseTable) -> list[str]:
 
 def _patterns(species: tuple[str, ...]) -> list[str]:
     """Names as the format has them: `A()` for a plain name, and sites in brackets as they are."""
-    made: dict[str, None] = {}
-    for name in species:
-        pattern = name if PATTERN.fullmatch(name) else f"{_word(name)}()"
-        while pattern in made:
-            pattern = f"{pattern.removesuffix('()')}_()"
-        made[pattern] = None
-    return list(made)
+
+    def spelled(name: str) -> str:
+        return name.removesuffix("()") if PATTERN.fullmatch(name) else _word(name)
+
+    return [name if PATTERN.fullmatch(name) else f"{name}()" for name in spelled_apart(species, spelled)]
 
 
 def _word(name: str) -> str:

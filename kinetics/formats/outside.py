@@ -1,21 +1,23 @@
-"""Other people's programs, run on text that may be hostile: in an empty folder, with limits of time and memory."""
+"""Other people's programs, run on text that may be hostile: in an empty folder, with a bare environment and limits."""
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-# Puts the text into its file, sets the limits of its own process, then becomes the program. Systems without `resource`
-# have the limit of time alone.
+# Puts the texts into their files, sets the limits of its own process, then becomes the program. Systems without
+# `resource` have the limit of time alone.
 LAUNCHER = """
-import os, sys
+import json, os, sys
 from pathlib import Path
-Path(sys.argv[3]).write_bytes(sys.stdin.buffer.read())
+for name, text in json.loads(sys.stdin.buffer.read()).items():
+    Path(name).write_bytes(text.encode())
 try:
     import resource
     seconds, memory = map(int, sys.argv[1:3])
@@ -24,11 +26,13 @@ try:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 except ImportError:
     pass
-os.execv(sys.argv[4], sys.argv[4:])
+os.execv(sys.argv[3], sys.argv[3:])
 """
 
 
 CLOCK = 10  # times the limit of processor time, on a busy machine
+# What Python and the libraries of its packages are found by; nothing else of the user's environment is passed on.
+KEPT = ("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Program:
     seconds : of processor time, and of ten times as much by the clock
     memory : bytes of address space
     cure : what a user does about a model that takes more
+    stopped : what it says if it stops before it is done; None if it never does
     """
 
     name: str
@@ -47,23 +52,25 @@ class Program:
     seconds: int
     memory: int
     cure: str
+    stopped: bytes | None = None
 
-    def translated(self, path: Path, text: str, given: str, made: str) -> str:
-        """What it makes of a text: both are files of its empty folder.
+    def translated(self, path: Path, given: Mapping[str, str], made: str) -> str:
+        """What it makes of a text, in a folder that holds nothing else and is its home.
 
         path : the user's file, for messages
-        given, made : names of the files that it reads and writes
+        given : name -> text of the files that it reads
+        made : name of the file that it writes
         """
         import subprocess
 
         with tempfile.TemporaryDirectory() as folder:
-            settings = [str(self.seconds), str(self.memory), given]
+            bare = {"PATH": os.defpath, "LC_ALL": "C", "HOME": folder, "TMPDIR": folder, "PYTHONSAFEPATH": "1"}
             try:
                 done = subprocess.run(  # noqa: S603 - of no shell; the arguments are ours
-                    [sys.executable, "-P", "-c", LAUNCHER, *settings, *self.command],
+                    [sys.executable, "-P", "-c", LAUNCHER, str(self.seconds), str(self.memory), *self.command],
                     cwd=folder,
-                    env={**os.environ, "PYTHONSAFEPATH": "1"},
-                    input=text.encode(),
+                    env=bare | {name: os.environ[name] for name in KEPT if name in os.environ},
+                    input=json.dumps(dict(given)).encode(),
                     stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT,
                     timeout=CLOCK * self.seconds,
@@ -73,6 +80,8 @@ class Program:
                 raise self._beyond(path) from None
             if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
                 raise self._beyond(path)
+            if self.stopped is not None and self.stopped in done.stdout:
+                raise ValueError(f"{path}: {self.name} stopped before it came to an end; {self.cure}")
             output = Path(folder) / made
             if done.returncode == 0 and output.is_file():
                 return output.read_text(encoding="utf-8")

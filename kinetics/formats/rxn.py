@@ -16,7 +16,7 @@ from kinetics.network.laws.graph import Graph
 from kinetics.network.laws.reading import node_of
 from kinetics.network.laws.writing import quoted
 from kinetics.network.parameters import number_of
-from kinetics.network.reaction_text import MOST_COPIES, read_reactions
+from kinetics.network.reaction_text import MOST_COPIES, SETTINGS, read_reactions
 from kinetics.network.reactions import sides_of
 from kinetics.support.limits import MOST_SPECIES, check_count, check_names, text_in
 
@@ -135,7 +135,8 @@ def _reaction_line(network: Network, r: int) -> str:
         if not law.species and not law.reads_time:
             raise ValueError(f"the law of channel {name!r} is {law}, which reads no counts: it would be mass action")
         rate = rate if ways * k == 1 else f"{ways!r} * {k!r} * ({rate})"
-    return f"{quoted(name)}: {before} -> {after}, {rate}"
+    label = repr(name) if name in SETTINGS else quoted(name)
+    return f"{label}: {before} -> {after}, {rate}"
 
 
 def _text(formula: float | Expression, parameters: Mapping[str, float | Expression]) -> str:

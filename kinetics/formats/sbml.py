@@ -21,7 +21,7 @@ from kinetics.formats.scaling import model_of
 from kinetics.network import Network
 from kinetics.network.laws.graph import BudgetError
 from kinetics.network.parameters import Parameters
-from kinetics.support.limits import XML_BYTES, check_size
+from kinetics.support.limits import XML_BYTES, bytes_in
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,7 @@ class Sbml(Format):
 
     def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
         """The file's network with `distinct` combinations, its counts, and what its rules add up."""
-        check_size(path, XML_BYTES)
-        return model_in(path, path.read_bytes(), copies_per_unit)
+        return model_in(path, bytes_in(path, XML_BYTES), copies_per_unit)
 
     def text(self, model: NetworkModel) -> str:
         """The model in Level 3 Version 1, amounts in copies."""
@@ -43,10 +42,9 @@ class Sbml(Format):
 
 def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> NetworkModel:
     """The model of a document; `path` is the user's file, for messages."""
-    document = document_of(path, data)  # its model lives as long as it does
-    names = SbmlNames(path, document.getModel(), len(data))
     try:
-        return _model(names, copies_per_unit)
+        document = document_of(path, data)  # its model lives as long as it does
+        return _model(SbmlNames(path, document.getModel(), len(data), copies_per_unit), copies_per_unit)
     except ValueError as error:
         raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
 
@@ -62,6 +60,10 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
         channels.reactions, channels.laws, names.states, events=events, time_unit=_time_unit(names)
     )
     sums, notes, is_spent = {}, list(channels.notes), False
+    notes += [
+        f"nothing changes {name}: a number, {amount:g} in the file, and no count"
+        for name, amount in names.numbers.items()
+    ]
     if copies_per_unit is None and _are_moles(names):
         notes.append("the file states amounts in moles; they are read as copies")
     for name in names.rules:

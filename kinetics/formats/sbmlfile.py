@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -16,8 +17,8 @@ from kinetics.support.limits import (
 
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
 MAX_ERRORS = 5  # reported at once
-# Packages that say how a model looks, not what it does.
-HARMLESS = ("layout", "render", "annot", "l3v2extendedmath")
+MATH = "l3v2extendedmath"  # the package whose operators are read, or refused where they are used
+LOOKS = ("layout", "render", "annot")  # those that say how a model looks, not what it does
 
 
 def document_of(path: Path, data: bytes) -> Any:
@@ -26,23 +27,31 @@ def document_of(path: Path, data: bytes) -> Any:
 
     _check_depth(path, data)
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not UTF-8 text: {error}") from None
     document = libsbml.readSBMLFromString(text)
-    for i in range(document.getNumPlugins()):
-        package = document.getPlugin(i).getPackageName()
-        if package not in HARMLESS:
-            raise ValueError(f"{path} uses the package {package!r} of SBML, which is not read here")
-    _raise_errors(path, document)
+    passed = _optional_packages(path, document)
+    _raise_errors(path, document, passed)
     if document.getModel() is None:
         raise ValueError(f"{path} holds no model")
     _check_counts(path, document.getModel())
     for category in (libsbml.LIBSBML_CAT_UNITS_CONSISTENCY, libsbml.LIBSBML_CAT_MODELING_PRACTICE):
         document.setConsistencyChecks(category, False)
     check_consistency(document)
-    _raise_errors(path, document)
+    _raise_errors(path, document, passed)
     return document
+
+
+def _optional_packages(path: Path, document: Any) -> set[str]:
+    """The packages that the document does not require, which are taken off it: without them it means what it says."""
+    plugins = [document.getPlugin(i) for i in range(document.getNumPlugins())]
+    used = {each.getPackageName(): (each.getURI(), each.getPrefix()) for each in plugins}
+    for package in used.keys() - {MATH}:
+        if document.getPackageRequired(package) and package not in LOOKS:
+            raise ValueError(f"{path} requires the package {package!r} of SBML, which is not read here")
+        document.enablePackage(*used[package], False)
+    return used.keys() - {MATH}
 
 
 def _check_counts(path: Path, model: Any) -> None:
@@ -76,13 +85,13 @@ def _check_depth(path: Path, data: bytes) -> None:
         raise ValueError(f"{path} is not XML: {error}") from None
 
 
-def _raise_errors(path: Path, document: Any) -> None:
+def _raise_errors(path: Path, document: Any, passed: Set[str]) -> None:
     import libsbml
 
     found = []
     for i in range(document.getNumErrors()):
         error = document.getError(i)
-        if error.getSeverity() >= libsbml.LIBSBML_SEV_ERROR:
+        if error.getSeverity() >= libsbml.LIBSBML_SEV_ERROR and error.getPackage() not in passed:
             # The message is the rule of the specification, then what broke it.
             lines = [line.strip() for line in error.getMessage().splitlines() if line.strip()]
             found.append(f"line {error.getLine()}: {error.getShortMessage()}: {lines[-1][:200] if lines else ''}")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from kinetics.formats.sbmlmath import Functions, names_in, node_of
+from kinetics.formats.scaling import is_count
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import MOST_NODES, Code, Graph, in_order
 from kinetics.network.laws.program import learn_numbers
@@ -22,7 +25,8 @@ class SbmlError(ValueError):
 class SbmlNames:
     """The ids of one model, each resolved when it is first asked for.
 
-    states : ids of the species that a state counts: all that no rule gives
+    states : ids of the species that a state counts: all that no rule gives, and that are not `numbers`
+    numbers : id -> amount, of the species that nothing changes and that are no whole number of copies
     size : of the document, bytes, to which its formulas are in proportion
     rules : id -> its assignment rule
     values : id -> value, of the parameters that formulas read by name
@@ -31,7 +35,7 @@ class SbmlNames:
     A rule, an assignment, a trigger or the like without its math does nothing, as Level 3 Version 2 has it.
     """
 
-    def __init__(self, path: Path, source: Any, size: int):
+    def __init__(self, path: Path, source: Any, size: int, copies_per_unit: float | None = None):
         self.path, self.source = path, source
         self.compartments = {each.getId(): each for each in self.each("Compartments")}
         self.species = {each.getId(): each for each in self.each("Species")}
@@ -40,7 +44,6 @@ class SbmlNames:
         self.references = {each.getId(): each for each in self._references() if each.getId()}
         self.rules = {each.getVariable(): each for each in self.each("Rules") if each.isSetMath()}
         self.assignments = {each.getSymbol(): each for each in self.each("InitialAssignments") if each.isSetMath()}
-        self.states = [name for name in self.species if name not in self.rules]
         self.graph = Graph(MOST_NODES + size // 4)
         self._known: list[float | None] = []  # the numbers of the graph's first nodes
         self._valued: list[float | None] = []  # the same, with the values of parameters
@@ -48,6 +51,23 @@ class SbmlNames:
         self.settled: set[str] = set()
         self._functions = Functions({each.getId(): each for each in self.each("FunctionDefinitions")}, self.graph)
         self._found: dict[tuple[str, str], float | ValueError] = {}
+        self.numbers = self._numbers(copies_per_unit or 1.0)
+        self.states = [name for name in self.species if name not in self.rules and name not in self.numbers]
+
+    def _numbers(self, scale: float) -> dict[str, float]:
+        """Amounts of the species that nothing changes, of those that no count can be: an enzyme of 0.5."""
+        changed = {name for reaction in self.each("Reactions") for name in _changed_by(reaction)}
+        held = {name for name, each in self.species.items() if each.getBoundaryCondition() or each.getConstant()}
+        changed = (changed - held) | self.rules.keys()
+        changed |= {each.getVariable() for event in self.each("Events") for each in event.getListOfEventAssignments()}
+        found = {}
+        for name in self.species:
+            if name not in changed:
+                with suppress(ValueError):  # one without an amount, which is told where it is read
+                    amount = self.initial_amount(name)
+                    if 0 <= amount < math.inf and not is_count(amount * scale):
+                        found[name] = amount
+        return found
 
     def each(self, plural: str) -> list[Any]:
         """All members of one of the model's lists."""
@@ -218,12 +238,17 @@ class SbmlNames:
         if name in self.species:
             self._initial_size(name)  # which must be above 0
             size = self.size(name)
-            amount = self.graph.name(name)
+            amount = self._number(name) if name in self.numbers else self.graph.name(name)
             return amount if self.graph.is_known(size, 1.0) else self.graph.add(Code.DIVIDE, (amount, size))
         if name in self.reactions:
             return self.law(self.reactions[name])
-        value = self.initial(name)  # nothing that is read changes it
-        if name not in self.parameters or name in self.assignments or not math.isfinite(value):
+        return self._number(name)
+
+    def _number(self, name: str) -> int:
+        """The node of what nothing changes: its name, if a number is stated that another one could replace."""
+        value = self.numbers[name] if name in self.numbers else self.initial(name)
+        is_open = name in self.parameters or name in self.numbers
+        if not is_open or name in self.assignments or not math.isfinite(value):
             return self.graph.number(value)
         self.values[name] = value
         return self.graph.name(name)
@@ -252,3 +277,15 @@ class SbmlNames:
         value = self.constant(place)
         assert value is not None, "every name at time 0 is a number"  # noqa: S101
         return value
+
+
+def _changed_by(reaction: Any) -> set[str]:
+    """Species of which a reaction does not give back, as it is written, what it takes."""
+    net: Counter[str] = Counter()
+    changed = set()
+    for sign, side in ((-1, reaction.getListOfReactants()), (1, reaction.getListOfProducts())):
+        for reference in side:
+            net[reference.getSpecies()] += sign * reference.getStoichiometry()
+            if reference.getId() or reference.isSetStoichiometryMath():  # another number may take its place
+                changed.add(reference.getSpecies())
+    return changed | {name for name, gain in net.items() if gain}

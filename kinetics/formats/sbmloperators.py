@@ -7,8 +7,14 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 
+from kinetics.formats.functions import MADE_OF_OTHERS
 from kinetics.network.laws.graph import Code, Graph
 
+MADE = {
+    **{f"AST_FUNCTION_{name.upper()}": name for name in ("tan", "cot", "sec", "csc", "sinh", "cosh", "tanh")},
+    **{f"AST_FUNCTION_{name.upper()}": name for name in ("coth", "sech", "csch")},
+    **{f"AST_FUNCTION_ARC{name.upper()}": f"a{name}" for name in ("sinh", "cosh", "tanh")},
+}
 AVOGADRO = 6.02214179e23  # as SBML Level 3 has it
 
 Build = Callable[[Graph, Sequence[int]], int | None]
@@ -56,10 +62,7 @@ def builders() -> dict[int, Build]:
         sbml.AST_FUNCTION_REM: _remainder,
         sbml.AST_LOGICAL_IMPLIES: _implies,
         sbml.AST_LOGICAL_XOR: _either,
-        sbml.AST_FUNCTION_TAN: _wave(Code.SINE, Code.COSINE),
-        sbml.AST_FUNCTION_COT: _wave(Code.COSINE, Code.SINE),
-        sbml.AST_FUNCTION_SEC: _wave(None, Code.COSINE),
-        sbml.AST_FUNCTION_CSC: _wave(None, Code.SINE),
+        **{getattr(sbml, kind): _made(name) for kind, name in MADE.items()},
     }
 
 
@@ -88,16 +91,8 @@ def _compared(code: Code, is_mirrored: bool = False) -> Build:
     return build
 
 
-def _wave(above: Code | None, below: Code) -> Build:
-    """A quotient of sines and cosines; of 1 where there is none above."""
-
-    def build(graph: Graph, inner: Sequence[int]) -> int | None:
-        if len(inner) != 1:
-            return None
-        top = graph.number(1.0) if above is None else graph.add(above, inner)
-        return graph.add(Code.DIVIDE, (top, graph.add(below, inner)))
-
-    return build
+def _made(name: str) -> Build:
+    return lambda graph, inner: MADE_OF_OTHERS[name](graph, *inner) if len(inner) == 1 else None
 
 
 def _piecewise(graph: Graph, inner: Sequence[int]) -> int | None:

@@ -31,6 +31,7 @@ def channels_of(names: SbmlNames) -> Channels:
     made = Channels({}, [], [])
     states = set(names.states)
     held = {name for name, each in names.species.items() if each.getBoundaryCondition() or each.getConstant()}
+    held |= names.numbers.keys()
     for reaction in names.reactions.values():
         key = reaction.getId()
         if reaction.isSetFast() and reaction.getFast():

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from math import factorial
 from typing import Any
 
 from kinetics.formats.model import NetworkModel
+from kinetics.formats.sbmlmath import parts_of
 from kinetics.network import Network
+from kinetics.network.checks import spelled_apart
 from kinetics.network.reactions import sides_of
+from kinetics.support.limits import BREAKS, check_visible
+
+PLACE = "x{}"  # of an id in a formula
 
 
 def sbml_text(model: NetworkModel) -> str:
@@ -27,7 +32,7 @@ def sbml_text(model: NetworkModel) -> str:
     made = document.createModel()
     made.setSubstanceUnits("item")
     made.setExtentUnits("item")
-    ids = iter(_ids(["tank", *network.species, *network.channels, *model.observables]))
+    ids = iter(spelled_apart(["tank", *network.species, *network.channels, *model.observables], _id))
     place = made.createCompartment()
     place.setId(next(ids))
     place.setConstant(True)
@@ -38,7 +43,7 @@ def sbml_text(model: NetworkModel) -> str:
         each = made.createSpecies()
         species.append(next(ids))
         each.setId(species[-1])
-        each.setName(name)
+        each.setName(_shown(name))
         each.setCompartment(place.getId())
         if float(f"{count:.15g}") != count:
             raise ValueError(f"{count} copies of {name!r}: libsbml writes 15 digits; expected a count with no more")
@@ -51,20 +56,18 @@ def sbml_text(model: NetworkModel) -> str:
     for name, weights in model.observables.items():
         parameter = made.createParameter()
         parameter.setId(next(ids))
-        parameter.setName(name)
+        parameter.setName(_shown(name))
         parameter.setConstant(False)
         rule = made.createAssignmentRule()
         rule.setVariable(parameter.getId())
-        terms = [f"{weight!r} * {species[network.index(each)]}" for each, weight in weights.items()]
-        rule.setMath(libsbml.parseL3Formula(" + ".join(terms) or "0"))
+        terms = [f"{weight!r} * {PLACE.format(i)}" for i, weight in enumerate(weights.values())]
+        rule.setMath(_formula(" + ".join(terms) or "0", [species[network.index(each)] for each in weights]))
     return libsbml.writeSBMLToString(document)
 
 
 def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:
-    import libsbml
-
     reaction.setId(key)
-    reaction.setName(name)
+    reaction.setName(_shown(name))
     reaction.setReversible(False)
     reaction.setFast(False)
     before, after = sides_of(network.sparse_reactants, network.sparse_stoichiometry, r)
@@ -75,14 +78,29 @@ def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, 
             reference.setStoichiometry(float(copies))
             reference.setConstant(True)
     rate = float(network.known_rates[r] * network.ways[r])
-    needed = {species[s]: copies for s, copies in before.items()}
-    formula = libsbml.parseL3Formula(_propensity(rate, needed, network.combinations))
+    needed = {PLACE.format(i): copies for i, copies in enumerate(before.values())}
+    formula = _formula(_propensity(rate, needed, network.combinations), [species[s] for s in before])
     if formula is None:  # a factorial beyond all floats
         raise ValueError(
             f"channel {name!r} needs {max(needed.values())} copies of one species, too many for a formula of SBML; "
             f"write the reaction in steps of fewer reactants"
         )
     reaction.createKineticLaw().setMath(formula)
+
+
+def _formula(text: str, ids: Sequence[str]) -> Any | None:
+    """A formula in which `PLACE` number i is the i-th id. None for what is no formula.
+
+    The ids go around the grammar of texts, which takes `Pi`, `inf` or `Time`, in any case, for constants.
+    """
+    import libsbml
+
+    made = libsbml.parseL3Formula(text)
+    named = {PLACE.format(i): key for i, key in enumerate(ids)}
+    for part in parts_of(made) if made else ():
+        if part.getType() == libsbml.AST_NAME:
+            part.setName(named[part.getName()])
+    return made
 
 
 def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> str:
@@ -99,14 +117,13 @@ def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> st
     return " * ".join(factors)
 
 
-def _ids(names: Iterable[str]) -> list[str]:
-    """An id for each name, all different."""
-    made: dict[str, None] = {}
-    for name in names:
-        key = re.sub(r"[^A-Za-z0-9_]", "_", name)
-        if not re.match(r"[A-Za-z_]", key) or key in ("time", "avogadro", "pi", "true", "false", "infinity"):
-            key = f"_{key}"
-        while key in made:
-            key += "_"
-        made[key] = None
-    return list(made)
+def _shown(name: str) -> str:
+    """A name as libsbml takes it: it lets what looks like an entity pass, and ends the process on a last `&#`."""
+    one_line = BREAKS.sub(" ", name)
+    check_visible("a file of SBML cannot have a name", one_line)
+    return one_line.replace("&", "&amp;")
+
+
+def _id(name: str) -> str:
+    key = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return key if re.match(r"[A-Za-z_]", key) else f"_{key}"

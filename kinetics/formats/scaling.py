@@ -36,7 +36,7 @@ def model_of(
     for name, count in counts.items():
         if not 0 <= count < 2.0**63:  # nan, too
             raise ValueError(f"{path}: {count:g} copies of {name!r}; expected a count from 0 to 2**63 - 1")
-    off = [name for name, count in counts.items() if abs(count - round(count)) > CLOSE * count]
+    off = [name for name, count in counts.items() if not is_count(count)]
     remarks = list(notes)
     if off and copies_per_unit is None:
         more = f" and so do {len(off) - 1} more" if len(off) > 1 else ""
@@ -55,6 +55,11 @@ def model_of(
     formulas_of = {name: each for name, each in network.given.initial.items() if isinstance(each, Expression)}
     network = network.with_given(replace(network.given, initial=stated | formulas_of))
     return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
+
+
+def is_count(amount: float) -> bool:
+    """Whether an amount is a whole number of copies that a count can hold, but for its rounding."""
+    return 0 <= amount < 2.0**63 and abs(amount - round(amount)) <= CLOSE * amount
 
 
 def scaled(network: Network, copies: float) -> Network:

@@ -83,7 +83,9 @@ def say_that_nothing_is_kept() -> None:
 @functools.cache
 def say_that_it_compiles() -> None:
     """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
-    if sys.stderr.isatty() and multiprocessing.parent_process() is None:
+    from kinetics.support.cli.progress import is_terminal  # of ours, only this file may import more than kernels
+
+    if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
         print("compiling kernels, which are kept for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
 
 

@@ -11,8 +11,11 @@ import numpy as np
 from kinetics.kernels.blocks import BLOCK, block_at, factored
 from kinetics.kernels.clock import next_time, record
 from kinetics.kernels.compiled import compiled
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
+
+BUFFER = 1024  # events that are kept before they are written to the grid
 
 
 @compiled
@@ -22,7 +25,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
     model : see `sampling.merging.MergedChannels`
     changes : (G, S) int64, of the counts by each of the model's channels
     counts : (S + 1,) int64, the last one 1; changed in place
-    clock : (1,) tu; changed in place
+    clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
     times, fired : (B,) buffers that receive the events, by the model's channels
 
@@ -68,7 +71,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
             total += part
             upto[block] = total
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
-        later, outcome = next_time(t, exponential(word), total)
+        later, outcome = next_time(t, exponential(word), total, clock)
         if outcome != UNFINISHED:
             break
         if later > end:
@@ -89,6 +92,8 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
             overflowed |= counts[s] < 0
             copies[s] = counts[s]
         if overflowed:
+            for s in range(n_species):
+                counts[s] -= changes[chosen, s]
             outcome = OVERFLOW
             break
         times[n_events] = t
@@ -100,41 +105,56 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
 
 
 @compiled
-def ensemble(model, changes, initial, grid, key, first_run, out):
-    """Counts of many runs on a grid of times.
+def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most):
+    """Counts of many runs on a grid of times: go on with them until about `most` events were made.
 
     model, changes : see `advance`
+    work : see `EnsembleWork`; changed in place
     initial : (S,) int64
     grid : (T,) tu, rising
     key : (4,) uint64
     first_run : number of the first run; the others follow
+    limits : (4,) int64, the times of the grid that are needed of runs before a place in the ensemble, and of the
+        others; that place; and the number of events at which a run is first looked at
     out : (runs, T, S) int64, receives the counts
 
-    Returns the outcome and the number of the last run begun: the one that failed where the outcome says so.
+    Returns the outcome: REACHED_END where all runs have, UNFINISHED where the events are made or the run at hand is to
+    be looked at, or that which stopped the run at hand.
     """
+    counts, clock, stream, notes = work.counts, work.clock, work.stream, work.notes
     n_species = initial.size
-    n_times = grid.size
-    counts = np.ones(n_species + 1, dtype=np.int64)
+    times = np.empty(BUFFER)
+    fired = np.empty(BUFFER, dtype=np.int64)
     state = np.empty(n_species, dtype=np.int64)
-    clock = np.zeros(1)
-    stream = np.empty(4, dtype=np.uint64)
-    times = np.empty(1024)
-    fired = np.empty(1024, dtype=np.int64)
-    for i in range(out.shape[0]):
-        start_stream(key, first_run + i, stream)
-        counts[:n_species] = initial
-        state[:] = initial
-        clock[0] = 0.0
-        seen = 0
-        outcome = UNFINISHED
+    while notes[RUN] < out.shape[0]:
+        i = notes[RUN]
+        if notes[EVENTS] == BEFORE:
+            start_stream(key, first_run + i, stream)
+            counts[:n_species] = initial
+            clock[:] = 0.0
+            notes[PASSED], notes[EVENTS], notes[LOOK] = 0, 0, limits[3]
+        n_times = limits[0] if i < limits[2] else limits[1]
+        outcome, seen = UNFINISHED, notes[PASSED]
+        if seen >= n_times:
+            outcome = REACHED_END
+        state[:] = counts[:n_species]
         while outcome == UNFINISHED:
-            outcome, n_events = advance(model, changes, counts, clock, grid[-1], stream, times, fired)
+            room = min(BUFFER, most, notes[LOOK] - notes[EVENTS])
+            if room <= 0:
+                return UNFINISHED
+            end = grid[n_times - 1]
+            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], fired[:room])
             for event in range(n_events):
                 seen = record(state, times[event], grid, seen, out[i])
                 for s in range(n_species):
                     state[s] += changes[fired[event], s]
+            notes[PASSED] = seen
+            notes[EVENTS] += n_events
+            most -= n_events
         if outcome != REACHED_END:
-            return outcome, first_run + i
+            return outcome
         for j in range(seen, n_times):
             out[i, j] = state
-    return REACHED_END, first_run + out.shape[0] - 1
+        most -= 1
+        notes[RUN], notes[EVENTS] = i + 1, BEFORE
+    return REACHED_END

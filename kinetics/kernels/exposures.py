@@ -1,10 +1,13 @@
 """Events and exposures of every channel in runs of the direct method, without the counts on a grid."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kinetics.kernels.blocks import factored
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.direct import advance
+from kinetics.kernels.direct import BUFFER, advance
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN, EnsembleWork
 from kinetics.kernels.members import member_at, start_naming
 from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
 from kinetics.kernels.streams import start_stream
@@ -28,35 +31,54 @@ def add_exposures(units, plain, has_general, counts, copies, wait, exposures):
                 exposures[r] += wait * factored(units.coefficients[r], units.factors, r, counts)
 
 
+class ExposureWork(NamedTuple):
+    """Where the runs stand between calls: `EnsembleWork`, and what is named and added up after it.
+
+    naming (4,) uint64 : see `members.start_naming`; at (1,) : the time up to which exposures are added up
+    """
+
+    runs: EnsembleWork
+    naming: np.ndarray
+    at: np.ndarray
+
+
 @compiled
-def ensemble(model, members, units, changes, initial, end, key, first_run, events, exposures):
+def ensemble(model, members, units, changes, work, initial, end, key, first_run, events, exposures, most):
     """Events and exposures (runs, R) until `end`, tu; the runs are those of `direct.ensemble`, to the last bit.
 
-    members : see `members.Members`; units : see `add_exposures`
+    members : see `members.Members`; units : see `add_exposures`; work : see `ExposureWork`
+    events, exposures : filled with 0 before the first call
     Other arguments and result as of `direct.ensemble`; exposures are integrals of ways * combinations, tu.
     """
     n_species = initial.size
-    counts, state = np.ones(n_species + 1, dtype=np.int64), np.ones(n_species + 1, dtype=np.int64)
-    copies = np.ones(n_species + 1)
+    counts, clock, stream, notes = work.runs.counts, work.runs.clock, work.runs.stream, work.runs.notes
+    state, copies = counts.copy(), np.ones(n_species + 1)
     has_general = np.any(units.is_general)
     plain = np.where(units.is_general, 0.0, units.coefficients)
-    clock = np.zeros(1)
-    stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
-    times = np.empty(1024)
-    chosen = np.empty(1024, dtype=np.int64)
-    events[:] = 0
-    exposures[:] = 0.0
-    for i in range(events.shape[0]):
-        start_stream(key, first_run + i, stream)
-        start_naming(key, first_run + i, naming)
-        counts[:n_species] = initial
-        state[:n_species] = initial
-        copies[:n_species] = initial
-        clock[0] = 0.0
-        t = 0.0
+    naming = work.naming
+    times = np.empty(BUFFER)
+    chosen = np.empty(BUFFER, dtype=np.int64)
+    while notes[RUN] < events.shape[0]:
+        i = notes[RUN]
+        if notes[EVENTS] == BEFORE:
+            start_stream(key, first_run + i, stream)
+            start_naming(key, first_run + i, naming)
+            counts[:n_species] = initial
+            clock[:] = 0.0
+            work.at[0] = 0.0
+            notes[EVENTS] = 0
+        state[:] = counts
+        copies[:n_species] = counts[:n_species]
+        t = work.at[0]
         outcome = UNFINISHED
         while outcome == UNFINISHED:
-            outcome, n_events = advance(model, changes, counts, clock, end, stream, times, chosen)
+            room = min(BUFFER, most, notes[LOOK] - notes[EVENTS])
+            if room <= 0:
+                work.at[0] = t
+                return UNFINISHED
+            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], chosen[:room])
+            most -= n_events
+            notes[EVENTS] += n_events
             for event in range(n_events):
                 wait = times[event] - t
                 add_exposures(units, plain, has_general, state, copies, wait, exposures[i])
@@ -67,6 +89,8 @@ def ensemble(model, members, units, changes, initial, end, key, first_run, event
                     state[s] += changes[g, s]
                     copies[s] = state[s]
         if outcome != REACHED_END:
-            return outcome, first_run + i
+            return outcome
         add_exposures(units, plain, has_general, state, copies, end - t, exposures[i])
-    return REACHED_END, first_run + events.shape[0] - 1
+        most -= 1
+        notes[RUN], notes[EVENTS] = i + 1, BEFORE
+    return REACHED_END

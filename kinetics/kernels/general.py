@@ -208,7 +208,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             for block in range(n_blocks):
                 bound += sums[block]
                 upto[block] = bound
-        later, state = next_time(t, waits[draw], bound)
+        later, state = next_time(t, waits[draw], bound, clock)
         if state != UNFINISHED:
             outcome = state
             break
@@ -251,6 +251,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             counts[s] += model.copies[k]
             is_over |= counts[s] < 0
         if is_over:
+            for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
+                counts[model.changed[k]] -= model.copies[k]
             outcome = OVERFLOW
             break
         if times.size > 0:

@@ -70,7 +70,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     model, work : see `GroupedModel` and `GroupedWork`; work is changed in place
     counts : (S + 1,), the last one 1; changed in place
     seen : (2,) times of the grid that were passed, events so far in this call; changed in place
-    clock : (1,) tu; changed in place
+    clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     waits, uniforms : (D,) draws
     grid, out : (T,) tu and (T, S), receives the counts
     times, fired : receive the events; (D,), or (0,) where nobody asks for them
@@ -89,7 +89,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         for i in range(np.uint64(n_blocks)):
             total += sums[i]
             upto[i] = total
-        t, passed, outcome = move_on(t, waits[draw], total, counts, grid, passed, out)
+        t, passed, outcome = move_on(t, waits[draw], total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
         chosen = channel_at(propensities, sums, upto, uniforms[draw] * total, total)
@@ -101,6 +101,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             counts[s] += changes[2 * k + 1]
             is_over |= counts[s] < 0
         if is_over:
+            for k in range(first, last):
+                counts[changes[2 * k]] -= changes[2 * k + 1]
             outcome = OVERFLOW
             break
         for k in range(first, last):

@@ -7,9 +7,12 @@ import numpy as np
 
 from kinetics.kernels import leap_limits
 from kinetics.kernels.compiled import compiled
+from kinetics.kernels.ensemble_work import BEFORE
 from kinetics.kernels.leap_limits import LARGEST_COUNT, MOST_EVENTS, TRIALS, WIDE
 
 DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
+CELL, STRETCHES = 4, 5  # in `LeapWork.notes`, after those of `direct`
+NO_CELL = -1  # between leaps
 
 next_length = compiled(leap_limits.next_length)
 
@@ -43,6 +46,10 @@ class LeapWork(NamedTuple):
     sure, open (D, R) int64 : events of each cell; low, high (D, R) : between which the marks of the open ones lie
     begins, ends (D,) : of each cell, tu after the leap's start; keys (D, 4) : of its random words
     means (R,) : events of a leap that are expected
+    leap (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
+    of_run, of_leap (4,) uint64 : keys of their random words
+    clock, notes : of `EnsembleWork`; notes (6,) then say at which cell the leap at hand is, -1 between leaps, and how
+        many stretches the run has had. A cell that is looked at counts as an event
     """
 
     counts: np.ndarray
@@ -58,6 +65,11 @@ class LeapWork(NamedTuple):
     ends: np.ndarray
     keys: np.ndarray
     means: np.ndarray
+    leap: np.ndarray
+    of_run: np.ndarray
+    of_leap: np.ndarray
+    clock: np.ndarray
+    notes: np.ndarray
 
 
 @compiled
@@ -77,6 +89,11 @@ def work_for(n_channels, n_species):
         np.zeros(DEEPEST),
         np.zeros((DEEPEST, 4), dtype=np.uint64),
         np.zeros(n_channels),
+        np.zeros(3),
+        np.zeros(4, dtype=np.uint64),
+        np.zeros(4, dtype=np.uint64),
+        np.zeros(3),
+        np.array([0, 0, BEFORE, 0, NO_CELL, 0]),
     )
 
 

@@ -17,10 +17,11 @@ Where a leap would hold few events, the direct method draws the next `STRETCH` o
 
 import numpy as np
 
-from kinetics.kernels.clock import record
+from kinetics.kernels.clock import record, stands_still
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.direct import advance
-from kinetics.kernels.leap_plan import DEEPEST, plan_leap, propensity, work_for
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
+from kinetics.kernels.leap_plan import CELL, DEEPEST, NO_CELL, STRETCHES, plan_leap, propensity
 from kinetics.kernels.members import name_events
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
 from kinetics.kernels.streams import start_stream
@@ -122,30 +123,50 @@ def is_outside(work):
 
 
 @compiled
-def leap(model, work, start, length, key, grid, seen, out, events, keeps):
-    """One leap, as `plan_leap` has left it in `work`.
+def begin_leap(work, length):
+    """Draw the numbers of events of the leap that `plan_leap` has left in `work`."""
+    start, notes = work.clock[0], work.notes
+    later = start + length
+    work.leap[0], work.leap[1] = start, later - start if later > start else length
+    stream = np.empty(4, dtype=np.uint64)
+    start_stream(work.of_leap, OWN, stream)
+    for r in range(work.means.size):
+        work.sure[0, r] = poisson(work.low[0, r] * work.leap[1], stream)
+        work.open[0, r] = poisson((work.high[0, r] - work.low[0, r]) * work.leap[1], stream)
+    work.begins[0], work.ends[0] = 0.0, work.leap[1]
+    start_stream(work.of_leap, LEFT, work.keys[0])
+    notes[CELL] = 0
 
-    start, length : tu; key (4,) : of the leap's random words
-    grid, out, seen : see `clock.record`
+
+@compiled
+def end_leap(work, time):
+    """The leap at hand has reached a time: the outcome."""
+    work.notes[CELL] = NO_CELL
+    work.clock[0] = time
+    return UNFINISHED if time > work.leap[0] else stands_still(work.clock, time)
+
+
+@compiled
+def leap(model, work, grid, out, events, keeps, most):
+    """Go on with the leap at hand until its end, or until so many of its cells were looked at.
+
+    grid, out : see `clock.record`
     events : (times, channels, number) so far; where `keeps`, all events are told
 
-    Returns the outcome, the time reached, how many times of the grid were passed, and `events`.
+    Returns the outcome and `events`.
     """
     times, channels, number = events
     n_species = work.counts.size - 1
+    start, length, notes = work.leap[0], work.leap[1], work.notes
     stream = np.empty(4, dtype=np.uint64)
-    start_stream(key, OWN, stream)
-    for r in range(work.means.size):
-        work.sure[0, r] = poisson(work.low[0, r] * length, stream)
-        work.open[0, r] = poisson((work.high[0, r] - work.low[0, r]) * length, stream)
-    work.begins[0], work.ends[0] = 0.0, length
-    start_stream(key, LEFT, work.keys[0])
-    top = 0
-    while top >= 0:
+    top, seen, cells, outcome, over = notes[CELL], notes[PASSED], 0, UNFINISHED, start + length
+    while top >= 0 and cells < most:
+        cells += 1
         begin, end = work.begins[top], work.ends[top]
         seen = record(work.counts[:n_species], start + begin, grid, seen, out)
         if seen == grid.size:
-            return REACHED_END, start, seen, (times, channels, number)
+            outcome = REACHED_END
+            break
         n_events, n_open, can_leave = worst_orders(model, work, top)
         if n_events == 0:
             top -= 1
@@ -162,26 +183,34 @@ def leap(model, work, start, length, key, grid, seen, out, events, keeps):
             time = start + min(begin + draw_uniform(stream) * (end - begin), end)
             seen = record(work.counts[:n_species], time, grid, seen, out)
             if seen == grid.size:
-                return REACHED_END, start, seen, (times, channels, number)
+                outcome = REACHED_END
+                break
             channel = apply(model, work, top)
+            leaves = can_leave and is_outside(work)
+            if leaves and work.counts.min() < 0:  # it came around
+                for i in range(model.starts[channel], model.starts[channel + 1]):
+                    work.counts[model.species[i]] -= model.gains[i]
+                work.clock[0], outcome = time, OVERFLOW
+                break
             if keeps:
-                if time <= (times[number - 1] if number > 0 else 0.0):
-                    return STALLED_CLOCK, start, seen, (times, channels, number)
                 times, channels = with_room(times, channels, number, 1)
                 times[number], channels[number] = time, channel
                 number += 1
-            if can_leave and is_outside(work):
-                outcome = UNFINISHED if time > start else STALLED_CLOCK
-                if work.counts.min() < 0:  # it came around
-                    outcome = OVERFLOW
-                return outcome, time, seen, (times, channels, number)
+            if leaves:
+                top, over = NO_CELL, time
+                break
             top -= 1
         elif n_events > 0:
             if top + 2 == DEEPEST:
-                return STALLED_CLOCK, start, seen, (times, channels, number)
+                outcome = STALLED_CLOCK
+                break
             halve(work, top, stream)
             top += 1
-    return UNFINISHED, start + length, seen, (times, channels, number)
+    notes[CELL], notes[PASSED] = top, seen
+    notes[EVENTS] += cells
+    if top == NO_CELL and outcome == UNFINISHED:
+        outcome = end_leap(work, over)
+    return outcome, (times, channels, number)
 
 
 @compiled
@@ -196,67 +225,81 @@ def with_room(times, channels, number, more):
 
 
 @compiled
-def run_one(model, work, initial, grid, key, run, out, keeps):
-    """One run: the outcome, and times and channels of all its events where `keeps`."""
-    n_species = initial.size
-    counts = work.counts
-    counts[:n_species] = initial
-    of_run, of_leap, stream = np.empty(4, np.uint64), np.empty(4, np.uint64), np.empty(4, np.uint64)
-    start_stream(key, run, of_run)
-    state, clock, naming = np.ones(n_species + 1, np.int64), np.zeros(1), np.empty(4, np.uint64)
+def begin_run(work, initial, key, run, look):
+    """Put a run at its start; it is first looked at after so many events."""
+    work.counts[: initial.size] = initial
+    work.clock[:] = 0.0
+    work.leap[2] = 0.0
+    start_stream(key, run, work.of_run)
+    work.notes[PASSED:] = 0
+    work.notes[LOOK], work.notes[CELL] = look, NO_CELL
+
+
+@compiled
+def go_on(model, work, grid, out, keeps, most):
+    """Go on with the run at hand until about so many events and cells were drawn, or to its next look between leaps.
+
+    Returns the outcome, and times, channels and number of all events of this call where `keeps`.
+    """
+    n_species = work.counts.size - 1
+    counts, clock, notes = work.counts, work.clock, work.notes
+    stream = np.empty(4, np.uint64)
+    state, naming = np.ones(n_species + 1, np.int64), np.empty(4, np.uint64)
     step_times, fired = np.empty(STRETCH), np.empty(STRETCH, np.int64)
     events = (np.empty(0), np.empty(0, np.int64), 0)
-    seen, n_leaps, length, outcome = 0, 0, 0.0, UNFINISHED
+    last, outcome = notes[EVENTS] + most, UNFINISHED
+    if notes[PASSED] >= grid.size:
+        return REACHED_END, events
     while outcome == UNFINISHED:
-        start_stream(of_run, n_leaps, of_leap)
-        n_leaps += 1
-        expected = 0.0
-        if n_leaps > 1 or model.fewest == 0.0:  # a run may be short
-            length, expected = plan_leap(model, work, length)
-        if expected > 0.0:
-            later = clock[0] + length
-            if later == clock[0]:
-                return STALLED_CLOCK, events
-            outcome, clock[0], seen, events = leap(
-                model, work, clock[0], later - clock[0], of_leap, grid, seen, out, events, keeps
-            )
+        if notes[CELL] != NO_CELL:
+            outcome, events = leap(model, work, grid, out, events, keeps, max(last - notes[EVENTS], 1))
+        if notes[EVENTS] >= (last if notes[CELL] != NO_CELL else min(last, notes[LOOK])):
+            break
+        if outcome != UNFINISHED or notes[CELL] != NO_CELL:
             continue
-        start_stream(of_leap, OWN, stream)
+        start_stream(work.of_run, notes[STRETCHES], work.of_leap)
+        notes[STRETCHES] += 1
+        expected = 0.0
+        if notes[STRETCHES] > 1 or model.fewest == 0.0:  # a run may be short
+            work.leap[2], expected = plan_leap(model, work, work.leap[2])
+        if expected > 0.0:
+            begin_leap(work, work.leap[2])
+            continue
+        start_stream(work.of_leap, OWN, stream)
         state[:] = counts
         outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, fired)
+        notes[EVENTS] += n_events + 1
         begun = state[:n_species].copy()
         for event in range(n_events):
-            seen = record(begun, step_times[event], grid, seen, out)
+            notes[PASSED] = record(begun, step_times[event], grid, notes[PASSED], out)
             for s in range(n_species):
                 begun[s] += model.changes[fired[event], s]
         if keeps:
-            start_stream(of_leap, LEFT, naming)
+            start_stream(work.of_leap, LEFT, naming)
             name_events(model.members, model.changes, state, fired[:n_events], naming)
             times, channels = with_room(events[0], events[1], events[2], n_events)
             times[events[2] : events[2] + n_events] = step_times[:n_events]
             channels[events[2] : events[2] + n_events] = fired[:n_events]
             events = (times, channels, events[2] + n_events)
     if outcome == REACHED_END:
-        for i in range(seen, grid.size):
+        for i in range(notes[PASSED], grid.size):
             out[i] = counts[:n_species]
     return outcome, events
 
 
 @compiled
-def ensemble(model, initial, grid, key, first_run, out):
-    """Counts of many runs on a grid of times: as `direct.ensemble`."""
-    work = work_for(model.coefficients.size, initial.size)
-    for i in range(out.shape[0]):
-        outcome, _ = run_one(model, work, initial, grid, key, first_run + i, out[i], False)
+def ensemble(model, work, initial, grid, key, first_run, limits, out, most):
+    """Counts of many runs on a grid of times: arguments and result as of `direct.ensemble`."""
+    notes = work.notes
+    while notes[RUN] < out.shape[0]:
+        i = notes[RUN]
+        if notes[EVENTS] == BEFORE:
+            begin_run(work, initial, key, first_run + i, limits[3])
+        drawn = notes[EVENTS]
+        n_times = limits[0] if i < limits[2] else limits[1]
+        outcome, _ = go_on(model, work, grid[:n_times], out[i], False, most)
         if outcome != REACHED_END:
-            return outcome, first_run + i
-    return REACHED_END, first_run + out.shape[0] - 1
-
-
-@compiled
-def path(model, initial, end, key, run):
-    """The outcome, and times and channels of all events until `end`."""
-    grid, out = np.array([end]), np.empty((1, initial.size), dtype=np.int64)
-    work = work_for(model.coefficients.size, initial.size)
-    outcome, events = run_one(model, work, initial, grid, key, run, out, True)
-    return outcome, events[0][: events[2]].copy(), events[1][: events[2]].copy()
+            return outcome
+        most -= notes[EVENTS] - drawn + 1
+        notes[RUN], notes[EVENTS] = i + 1, BEFORE
+    return REACHED_END

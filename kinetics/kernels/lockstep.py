@@ -1,26 +1,92 @@
 """The direct method for many runs side by side: each does the arithmetic of `direct.advance` in a lane of vectors."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kinetics.kernels.blocks import BLOCK
+from kinetics.kernels.clock import MOST_STILL
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.direct import ensemble
-from kinetics.kernels.outcomes import REACHED_END
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
 
 LANES = 64  # runs side by side
 GATHERED = 8  # up to so many species, all are updated whichever channel fired: quicker than its own few
 LARGEST_EXACT = 2.0**52  # lanes count in doubles, which are exact up to 2**53
+LEAST_TOTAL = 1e-290  # below, a wait may itself be infinite
+
+
+ACTIVE, RUNS, STEPS = 0, 1, 2  # in `LockstepWork.notes`
+
+
+class LockstepWork(NamedTuple):
+    """Where the runs stand between calls. The arrays of the lanes are (LANES,) where no other shape is given.
+
+    counts (S + 1 + sums, LANES), within (G, LANES), upto (blocks, LANES) : copies, and running sums of propensities
+    change (S, G + 1) : of the counts by each channel; channel G changes nothing: what a lane does that has just ended
+        its run. starts (G + 2,), species_of (n,) int64 : the species that each channel changes
+    total, part, target : sums of propensities, scratch and, after a step, the times before it; where in the total the
+        event falls
+    t, upcoming : the clock, and the next time of the grid
+    words (4, LANES) uint64 : random streams
+    run, seen, needed int64 : the run in the lane by its place in the ensemble, -1 where there is none, the times of the
+        grid that it has passed, and those that are needed of it
+    begun, looks int64 : steps at which the run began, and at which it is to be looked at
+    still, stood int64 : events in a row that did not move the clock, and the step of the last such
+    chosen int64 : the channel that fires
+    notes (3,) int64 : lanes in use, runs begun, steps made
+    """
+
+    counts: np.ndarray
+    within: np.ndarray
+    upto: np.ndarray
+    change: np.ndarray
+    starts: np.ndarray
+    species_of: np.ndarray
+    total: np.ndarray
+    part: np.ndarray
+    target: np.ndarray
+    t: np.ndarray
+    upcoming: np.ndarray
+    words: np.ndarray
+    run: np.ndarray
+    seen: np.ndarray
+    needed: np.ndarray
+    begun: np.ndarray
+    looks: np.ndarray
+    still: np.ndarray
+    stood: np.ndarray
+    chosen: np.ndarray
+    notes: np.ndarray
 
 
 @compiled
-def begin_lane(lane, i, initial, grid, key, first_run, counts, t, upcoming, words, run, seen, stream):
-    """Put the i-th run of the ensemble into a lane of `lockstep`."""
+def begin_lane(lane, work, initial, grid, key, first_run, limits, stream):
+    """Put the next run of the ensemble into a lane of `lockstep`."""
+    i = work.notes[RUNS]
+    work.notes[RUNS] = i + 1
     start_stream(key, first_run + i, stream)
-    words[:, lane] = stream
-    counts[: initial.size, lane] = initial
-    t[lane], upcoming[lane] = 0.0, grid[0]
-    run[lane], seen[lane] = i, 0
+    work.words[:, lane] = stream
+    work.counts[: initial.size, lane] = initial
+    work.run[lane], work.seen[lane] = i, 0
+    work.needed[lane] = limits[0] if i < limits[2] else limits[1]
+    work.t[lane], work.upcoming[lane] = 0.0, grid[0] if work.needed[lane] > 0 else -np.inf
+    work.begun[lane], work.looks[lane] = work.notes[STEPS], work.notes[STEPS] + limits[3]
+    work.still[lane], work.stood[lane] = 0, -1
+
+
+@compiled
+def is_stuck(work, lane, steps):
+    """Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds.
+
+    A lane whose clock stands still comes with an infinite time, and takes that before it.
+    """
+    total = work.total[lane]
+    if work.t[lane] < np.inf or total == 0.0 or work.seen[lane] >= work.needed[lane]:
+        return False
+    work.t[lane] = work.part[lane]
+    work.still[lane] = work.still[lane] + 1 if work.stood[lane] == steps - 1 else 1
+    work.stood[lane] = steps
+    return not LEAST_TOTAL < total < np.inf or work.still[lane] >= MOST_STILL
 
 
 @compiled
@@ -34,11 +100,16 @@ def factored_lanes(coefficient, factors, r, counts, propensities, active):
 
 
 @compiled
-def lockstep(model, changes, initial, grid, key, first_run, out):
-    """`ensemble`, with `LANES` runs side by side: each does the arithmetic of `advance`, in a lane of vectors.
+def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most):
+    """`direct.ensemble`, with `LANES` runs side by side: each does the arithmetic of `advance`, in a lane of vectors.
 
-    Arguments and result as of `ensemble`. A lane that ends its run takes up the next one. Runs that come to counts
-    which a double cannot hold, or to a clock that stands still, are made again by `ensemble`.
+    work : see `LockstepWork`; changed in place
+    is_odd : (runs,) bool, set for runs that come to counts which a double cannot hold, to propensities beyond double,
+        or to a clock that stands still: they are to be made again, by `direct.ensemble`
+    most : events of each lane in this call
+
+    Other arguments as of `direct.ensemble`. A lane that ends its run takes up the next one. All runs are made where no
+    lane is in use any more.
     """
     n_channels, n_species = changes.shape
     terms = model.terms
@@ -46,29 +117,22 @@ def lockstep(model, changes, initial, grid, key, first_run, out):
     runs, n_times, _ = out.shape
     flat = out.ravel()  # no copy
     state = np.empty(n_species, dtype=np.int64)
-    counts = np.ones((n_species + 1 + np.count_nonzero(terms[:, 3]), LANES))
-    within, upto = np.empty((n_channels, LANES)), np.empty((n_blocks, LANES))
-    total, part, target = np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    t, upcoming = np.empty(LANES), np.empty(LANES)
-    words = np.empty((4, LANES), dtype=np.uint64)
-    run, seen = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
-    chosen = np.empty(LANES, dtype=np.int64)
-    is_odd = np.zeros(runs, dtype=np.bool_)
     stream = np.empty(4, dtype=np.uint64)
-    # Channel n_channels changes nothing: what a lane does that has just ended its run.
-    change = np.zeros((n_species, n_channels + 1))
-    change[:, :n_channels] = changes.T
-    starts, species_of = np.zeros(n_channels + 2, dtype=np.int64), np.nonzero(changes)[1]
-    for r in range(n_channels):
-        starts[r + 1] = starts[r] + np.count_nonzero(changes[r])
-    starts[n_channels + 1] = starts[n_channels]
-    active = min(LANES, runs)
-    begun = 0
+    counts, within, upto, change = work.counts, work.within, work.upto, work.change
+    starts, species_of = work.starts, work.species_of
+    total, part, target, t, upcoming = work.total, work.part, work.target, work.t, work.upcoming
+    words, run, seen, needed, chosen = work.words, work.run, work.seen, work.needed, work.chosen
+    active, steps = work.notes[ACTIVE], work.notes[STEPS]
+    last = steps + most
+    if work.notes[RUNS] == 0:
+        active = min(LANES, runs)
+        for lane in range(active):
+            begin_lane(lane, work, initial, grid, key, first_run, limits, stream)
     for lane in range(active):
-        begin_lane(lane, begun, initial, grid, key, first_run, counts, t, upcoming, words, run, seen, stream)
-        begun += 1
-    steps = 0
-    while active > 0:
+        needed[lane] = limits[0] if run[lane] < limits[2] else limits[1]
+        if seen[lane] >= needed[lane]:
+            upcoming[lane] = -np.inf  # its run is over
+    while active > 0 and steps < last:
         lanes = np.uint64(active)  # unsigned: indices need no check for negative ones
         for lane in range(lanes):
             total[lane], part[lane] = 0.0, 0.0
@@ -106,11 +170,13 @@ def lockstep(model, changes, initial, grid, key, first_run, out):
             words[0, lane], words[1, lane], words[2, lane], words[3, lane] = s0, s1, s2, s3
             target[lane] = uniform(second) * total[lane]
             later = t[lane] + exponential(first) / total[lane]
+            part[lane] = t[lane]
             later = later if later > t[lane] else np.inf  # a clock that stands still, or a total beyond double
             n_crossed += later > upcoming[lane]
             t[lane] = later
 
         steps += 1
+        work.notes[STEPS] = steps
         if steps % 1024 == 0:  # with changes below 2**40, no count can pass 2**53 in between
             for s in range(n_species):
                 for lane in range(lanes):
@@ -120,28 +186,28 @@ def lockstep(model, changes, initial, grid, key, first_run, out):
         n_ended = 0
         if n_crossed > 0:
             for lane in range(lanes):
-                if not t[lane] > upcoming[lane]:
+                stuck = is_stuck(work, lane, steps)
+                if not stuck and not t[lane] > upcoming[lane]:
                     continue
-                for s in range(n_species):
-                    state[s] = np.int64(counts[s, lane])
                 k = seen[lane]
-                place = np.uint64((run[lane] * n_times + k) * n_species)
-                while k < n_times and grid[k] < t[lane]:
+                if not stuck:
                     for s in range(n_species):
-                        flat[place] = state[s]
-                        place += np.uint64(1)
-                    k += 1
-                seen[lane] = k
-                if k < n_times:
-                    upcoming[lane] = grid[k]
-                    continue
-                is_odd[run[lane]] = t[lane] == np.inf and total[lane] != 0.0
+                        state[s] = np.int64(counts[s, lane])
+                    place = np.uint64((run[lane] * n_times + k) * n_species)
+                    while k < needed[lane] and grid[k] < t[lane]:
+                        for s in range(n_species):
+                            flat[place] = state[s]
+                            place += np.uint64(1)
+                        k += 1
+                    seen[lane] = k
+                    if k < needed[lane]:
+                        upcoming[lane] = grid[k]
+                        continue
+                else:
+                    is_odd[run[lane]] = True
                 target[lane], total[lane] = np.inf, np.inf
-                if begun < runs:
-                    begin_lane(
-                        lane, begun, initial, grid, key, first_run, counts, t, upcoming, words, run, seen, stream
-                    )
-                    begun += 1
+                if work.notes[RUNS] < runs:
+                    begin_lane(lane, work, initial, grid, key, first_run, limits, stream)
                 else:
                     run[lane] = -1
                     n_ended += 1
@@ -181,12 +247,9 @@ def lockstep(model, changes, initial, grid, key, first_run, out):
                 if run[lane] >= 0:
                     counts[:, kept], words[:, kept] = counts[:, lane], words[:, lane]
                     t[kept], upcoming[kept] = t[lane], upcoming[lane]
-                    run[kept], seen[kept] = run[lane], seen[lane]
+                    run[kept], seen[kept], needed[kept] = run[lane], seen[lane], needed[lane]
+                    work.begun[kept], work.looks[kept] = work.begun[lane], work.looks[lane]
+                    work.still[kept], work.stood[kept] = work.still[lane], work.stood[lane]
                     kept += 1
             active = kept
-
-    for i in np.flatnonzero(is_odd):
-        outcome, failed = ensemble(model, changes, initial, grid, key, first_run + i, out[i : i + 1])
-        if outcome != REACHED_END:
-            return outcome, failed
-    return REACHED_END, first_run + runs - 1
+    work.notes[ACTIVE] = active

@@ -145,7 +145,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         total = 0.0
         for i in range(n_spans):
             total += spans[i]
-        t, passed, outcome = move_on(t, np.inf if is_frozen else waits[draw], total, counts, grid, passed, out)
+        wait = np.inf if is_frozen else waits[draw]
+        t, passed, outcome = move_on(t, wait, total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
@@ -211,6 +212,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             for i in range(first // side, last // side + one):
                 spans[i] = eight(blocks, i * side)
         if is_over:
+            for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
+                counts[np.uint64(species[np.uint64(change_owners[k])])] -= change_copies[k]
             outcome = OVERFLOW
             break
         if times.size > 0:

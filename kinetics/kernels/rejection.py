@@ -201,7 +201,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     outcome = UNFINISHED
     target, picked, chosen, is_stale = 0.0, np.int64(NO_GROUP), np.uint64(0), True
     for draw in range(np.uint64(waits.size)):
-        t, passed, outcome = move_on(t, waits[draw], total, counts, grid, passed, out)
+        t, passed, outcome = move_on(t, waits[draw], total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
             break
 
@@ -252,6 +252,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             counts[s] = count
             is_over |= count < 0
         if is_over:
+            for k in range(first, begin, three):
+                gain = (np.uint64(words[k + two]) << np.uint64(32)) | np.uint64(words[k + one])
+                counts[words[k]] -= np.int64(gain)
             outcome = OVERFLOW
             break
         is_beyond = False

@@ -20,8 +20,6 @@ def library() -> ctypes.CDLL | None:
         return None
     loaded = ctypes.CDLL(_native.__file__)
     loaded.reduce_band.restype = loaded.insert.restype = c_int64
-    for name in ("direct", "lockstep"):
-        getattr(loaded, name).restype = EnsembleEnd
     for name in VOID:
         getattr(loaded, name).restype = None
     return loaded
@@ -29,19 +27,13 @@ def library() -> ctypes.CDLL | None:
 
 VOID = (
     *("tabulate", "find", "neighbours", "reach", "advance", "mix", "absorb", "earned", "occupied", "corrected"),
-    *("extend_range", "fit_bins", "rebin", "tally", "add_products"),
+    *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
 )
 
 
 def is_built() -> bool:
     """Whether there are C kernels."""
     return library() is not None
-
-
-class EnsembleEnd(Structure):
-    """How an ensemble ended: its outcome, and the last run begun."""
-
-    _fields_ = [("outcome", c_int), ("run", c_int64)]
 
 
 class ChannelModel(Structure):

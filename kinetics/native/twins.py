@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
     ChainMoves,
     ChannelModel,
-    EnsembleEnd,
     HashedStates,
     SearchProgress,
     SparseRows,
@@ -43,36 +43,45 @@ BLOCK = 8  # channels, whose propensities are summed by themselves
 
 
 def direct(
-    model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
-) -> tuple[int, int]:
-    """Counts of many runs by the direct method, one by one: `direct.ensemble`."""
-    if is_built():
-        return _sampled("direct", model, changes, initial, grid, key, first_run, out)
-    from kinetics.kernels.direct import ensemble
+    model: Any, changes: Ints, work: Any, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
+    out: Ints, most: int,
+) -> int:  # fmt: skip
+    """Go on with many runs by the direct method, one by one: `direct.ensemble`."""
+    if not is_built():
+        from kinetics.kernels.direct import ensemble
 
-    return ensemble(model, changes, initial, grid, key, first_run, out)
+        return ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most)
+    start, times = given(initial, np.int64), given(grid, float)
+    outcome: int = call(
+        "direct", _model(model, changes), *work, start, times, times.size, given(key, np.uint64), first_run, limits,
+        len(out), out, most,
+    )  # fmt: skip
+    return _sampled(outcome, changes)
 
 
 def lockstep(
-    model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
-) -> tuple[int, int]:
-    """The same runs, 64 side by side: `lockstep.lockstep`."""
-    if is_built():
-        return _sampled("lockstep", model, changes, initial, grid, key, first_run, out)
-    from kinetics.kernels import lockstep as twin
+    model: Any, changes: Ints, lanes: Lanes, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
+    out: Ints, is_odd: NDArray[np.bool_], most: int,
+) -> None:  # fmt: skip
+    """Go on with the same runs, 64 side by side: `lockstep.lockstep`."""
+    if not is_built():
+        from kinetics.kernels import lockstep as twin
 
-    return twin.lockstep(model, changes, initial, grid, key, first_run, out)
-
-
-def _sampled(
-    name: str, model: Any, changes: Ints, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints
-) -> tuple[int, int]:
-    made = _model(model, changes)
+        twin.lockstep(
+            model, changes, twin.LockstepWork(**lanes.arrays), initial, grid, key, first_run, limits, out, is_odd, most
+        )
+        return
     start, times = given(initial, np.int64), given(grid, float)
-    ending: EnsembleEnd = call(name, made, start, times, times.size, given(key, np.uint64), first_run, len(out), out)
-    if ending.outcome < 0:
+    call(
+        "lockstep", _model(model, changes), lanes.record, start, times, times.size, given(key, np.uint64), first_run,
+        limits, len(out), out, is_odd, most,
+    )  # fmt: skip
+
+
+def _sampled(outcome: int, changes: Ints) -> int:
+    if outcome < 0:
         raise MemoryError(f"no memory to sample {len(changes)} channels")
-    return ending.outcome, ending.run
+    return outcome
 
 
 def _model(model: Any, changes: Ints) -> Any:
@@ -94,9 +103,7 @@ def events(
         return twin(model, changes, counts, clock, end, stream, times, fired)
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
     outcome = call("events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events)
-    if outcome < 0:
-        raise MemoryError(f"no memory to sample {len(changes)} channels")
-    return outcome, int(n_events[0])
+    return _sampled(outcome, changes), int(n_events[0])
 
 
 def extend_range(counts: Ints, low: Ints, high: Ints) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,29 @@ def checked_conserved(
                 f"correct the channel or the weights"
             )
     return amounts
+
+
+def spelled_apart(names: Sequence[str], spell: Callable[[str], str], taken: Collection[str] = ()) -> list[str]:
+    """Each name as another program takes it, all different: with _ behind those that would be alike.
+
+    spell : a name -> what it becomes; a name that stays what it is goes before those that would become the same
+    taken : spellings that none may have
+
+    >>> spelled_apart(["A-B", "A_B", "A B"], lambda name: name.replace("-", "_").replace(" ", "_"))
+    ['A_B_', 'A_B', 'A_B__']
+    """
+    own = {name for name in names if spell(name) == name} - {*taken}
+    used, made = {*own, *taken}, []
+    for name in names:
+        text = spell(name)
+        if name in own:
+            own.discard(name)  # of two that are the same, the first
+        else:
+            while text in used:
+                text += "_"
+        used.add(text)
+        made.append(text)
+    return made
 
 
 def some_names(names: Collection[str]) -> str:

@@ -104,19 +104,22 @@ def over_factorial(coefficient: float, copies: int, channel: str) -> float:
     return share
 
 
+SAMPLE_IT = "sample it, by `simulate`, or by the commands `wellmixed predict` (method auto) and `wellmixed scan`"
+
+
 def check_homogeneous(laws: Mapping[str, Expression], events: Iterable[str]) -> None:
     """A ValueError where laws depend on the time, or events (by name) set counts: no constant generator then."""
     for name, law in laws.items():
         if law.reads_time:
             raise ValueError(
                 f"the law of channel {name!r}, {law}, depends on the time; without a time there is no propensity, "
-                f"and the chain has no constant generator: sample it with the method 'general'"
+                f"and the chain has no constant generator: {SAMPLE_IT}"
             )
     names = ", ".join(events)
     if names:
         raise ValueError(
             f"the network has events ({names}), so its counts are no "
-            f"Markov chain with a constant generator: sample it with the method 'general'"
+            f"Markov chain with a constant generator: {SAMPLE_IT}"
         )
 
 

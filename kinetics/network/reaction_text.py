@@ -25,6 +25,7 @@ from kinetics.network.parameters import Parameters, meant, number_of
 from kinetics.network.pieces import QUOTED, Mark, Piece
 from kinetics.network.propensity import COMBINATIONS
 from kinetics.network.reactions import Reaction
+from kinetics.support.limits import check_visible
 
 MOST_COPIES = 10**6  # in one place of a reaction
 MOST_REACTIONS = 10**6  # of a text
@@ -228,6 +229,7 @@ class _TextReading:
         names: list[str] = []
         here = piece.part(token.column, token.column + len(token.text))
         here.told(lambda: node_of(here.text, Graph(), lambda name: names.append(name) or 0))  # type: ignore[func-returns-value]
+        here.told(lambda: check_visible("a name", names[0]))
         return names[0]
 
     def _react(self, label: str, line: Piece, begin: int, arrow: Mark, commas: list[Mark]) -> None:

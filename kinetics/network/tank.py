@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from kinetics.support.arrays import reals
+
+# Of volume, surface and their ratio: the factors between two tanks, and their squares, are then numbers too.
+LEAST, MOST = 1e-60, 1e60
 
 
 @dataclass(frozen=True)
 class Tank:
     """A box of edges `size` (3,), in the unit of length in which the parts are measured.
+
+    ValueError: lengths that are not above 0, or a volume, a surface or their ratio outside 1e-60 to 1e60
 
     >>> Tank((2.0, 2.0, 3.0)).volume
     12.0
@@ -24,11 +27,18 @@ class Tank:
         if not (size > 0).all():
             raise ValueError(f"tank = {tuple(size.tolist())}; expected three lengths above 0, such as 2 2 3")
         object.__setattr__(self, "size", tuple(size.tolist()))
+        volume, surface = self.volume, self.surface
+        if not (LEAST <= volume <= MOST and LEAST <= surface <= MOST and LEAST <= surface / volume <= MOST):
+            raise ValueError(
+                f"tank = {self.size} has the volume {volume:.3g} and the surface {surface:.3g}; expected that both and "
+                f"their ratio lie between {LEAST:g} and {MOST:g}: write its lengths in another unit"
+            )
 
     @property
     def volume(self) -> float:
         """Product of the edges."""
-        return float(np.prod(self.size))
+        a, b, c = self.size
+        return a * b * c
 
     @property
     def surface(self) -> float:

@@ -23,11 +23,18 @@ from kinetics.assembly.structure import Structure
 from kinetics.networkfree.growth import NOTHING, Growth, Growths
 from kinetics.networkfree.tank import ALONE, Breakers, GrowingTank, Known, Rate, TankEvent
 from kinetics.rates import ClassRates
-from kinetics.sampling.run_source import StalledClockError
 from kinetics.support.arrays import rising_times, whole_number
+from kinetics.support.cli.progress import forecast, stage
+from kinetics.support.tables import rough
 
 BLOCK = 4096  # random numbers drawn at once
 PROGRESS_EVERY = 500  # draws
+TRIED = 2000  # draws of the first run, from whose end the rest is forecast
+DRAW_SECONDS = 4e-5  # of CPU time, on a common machine
+BEGIN_SECONDS = 3e-4  # of a run, however few its draws
+DRAWS_A_CUBE = 4.0  # null events among them, while all cubes join once
+DRAWS_A_BREAK = 3.0  # and what rejoins
+MOST_STILL = 1000  # draws in a row that do not move the clock: it has stalled
 
 
 def grow(
@@ -74,8 +81,11 @@ def grow(
     interrupted = False
     try:
         for run in range(whole_number("runs", runs, 1)):
-            grown = _run(known[run % len(known)], start, horizon, seed, run, progress)
+            grown = _run(known[run % len(known)], start, horizon, seed, run, progress, runs)
             finished.append(grown)
+            stage(f"{run + 1} of {runs} runs", (run + 1) / runs)
+            if run == 0 and grown.draws < TRIED:
+                _say(grown.draws, runs)
     except KeyboardInterrupt:
         if not finished:
             raise
@@ -145,6 +155,7 @@ def _run(
     seed: int,
     run: int,
     progress: Callable[[int, float], None] | None,
+    runs: int,
 ) -> Growth:
     """One run, and what happened in it."""
     tank = GrowingTank(known, initial)
@@ -156,8 +167,12 @@ def _run(
     with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are refused in words
         for time, event in _draws(tank, _uniforms(whole_number("seed", seed, 0), run).__next__, end, run):
             draws += 1
-            if progress is not None and draws % PROGRESS_EVERY == 0:
-                progress(run, time)
+            if draws % PROGRESS_EVERY == 0:
+                if progress is not None:
+                    progress(run, time)
+                stage(f"{run} of {runs} runs; the next at {time:.4g} of {end:g} tu")
+                if run == 0 and draws == TRIED:
+                    _forecast(tank, draws, end - time, runs)
             if event is None:
                 continue
             times.append(time)
@@ -170,11 +185,26 @@ def _run(
     return Growth(known.book, structures, initial_counts, np.array(times), table[:, 0], table[:, 1], end, draws)
 
 
+def _forecast(tank: GrowingTank, draws: int, left: float, runs: int) -> None:
+    """Say what all runs will take, from the rates in the first one, `left` tu before its end.
+
+    Joins use up what joins, so that they are no more than the cubes, but for those that mend breaks.
+    """
+    drawn, break_rate = tank.rates()
+    cubes = sum(len(kind.structure) * copies for kind, copies in tank.counts.items())
+    more = min(drawn[-1] / 2 * left, DRAWS_A_CUBE * cubes) + DRAWS_A_BREAK * break_rate * left
+    _say(draws + more, runs)
+
+
+def _say(draws: float, runs: int) -> None:
+    forecast(runs * (BEGIN_SECONDS + draws * DRAW_SECONDS), f"{rough(runs)} runs of some {rough(draws)} draws")
+
+
 def _draws(
     tank: GrowingTank, draw: Callable[[], float], end: float, run: int
 ) -> Iterator[tuple[float, TankEvent | None]]:
     """When something is drawn, and the event that comes of it, if any; the tank is then as after the event."""
-    time = 0.0
+    time, still = 0.0, 0
     drawn, break_rate = tank.rates()
     while True:
         total = drawn[-1] / 2 + break_rate
@@ -183,8 +213,9 @@ def _draws(
         if not isfinite(total):
             raise ValueError(f"run {run}: the rate of all events goes beyond 1e308; the rate constants are too large")
         wait = -log1p(-draw()) / total
-        if time + wait == time and wait > 0:
-            raise StalledClockError(
+        still = still + 1 if time + wait == time else 0
+        if still >= MOST_STILL:
+            raise ValueError(
                 f"run {run}: events came so quickly that the clock stood still at {time:g}; the rate constants are "
                 "too large for the duration asked for"
             )

@@ -20,6 +20,7 @@ from kinetics.solving.poisson import ROUNDOFF
 from kinetics.solving.search import MAX_STATES
 from kinetics.support.arrays import Counts, Floats, Ints, read_only
 from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import figure
 
 Target = Callable[[Ints], NDArray[np.bool_]]
 
@@ -68,7 +69,7 @@ class ChainCommittor(Shown):
         rows = []
         for k, name in enumerate(self.targets):
             low, high = self.probability_bounds(name)
-            rows.append((name, f"{self.probabilities[k]:.6g}", f"[{low:.6g}, {high:.6g}]", f"{self.mean_times[k]:.4g}"))
+            rows.append((name, f"{self.probabilities[k]:.6g}", f"[{low:.6g}, {high:.6g}]", figure(self.mean_times[k])))
         rows.append(("none", f"{self.never:.6g}", "", ""))
         kind = "proven" if self.is_bound else "estimated"
         notes = [f"solved, not sampled: relative error {self.error:.1g}, {kind}"]

@@ -24,7 +24,7 @@ from kinetics.solving.transitions import Transitions, totals
 from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
-from kinetics.support.tables import in_unit
+from kinetics.support.tables import figure, in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,17 +69,19 @@ class Passage(Shown, Tabular):
     @property
     def headline(self) -> str:
         """Of what it is, its mean, and the number of states."""
-        mean = in_unit(f"{self.mean:.4g}", self.time_unit)
-        return f"time until {self.target}: mean {mean}; {self.n_states} states"
+        return f"time until {self.target}: mean {self._in_words(self.mean, '.4g')}; {self.n_states} states"
 
     def summary(self) -> ResultTable:
         """Mean, standard deviation, probability and some quantiles, and how well they are known."""
         times = {"mean": self.mean, "sd": self.sd}
         times |= {f"{100 * q:g} % have arrived by": float(self.quantile(q)) for q in (0.05, 0.5, 0.95)}
-        values = {name: in_unit(f"{value:.6g}", self.time_unit) for name, value in times.items()}
+        values = {name: self._in_words(value, ".6g") for name, value in times.items()}
         kind = "proven" if self.is_bound else "estimated"
         note = f"solved, not sampled: relative error of mean and probability {self.error:.1g}, {kind}"
         return facts(self.headline, values | {"probability": f"{self.probability:.6g}"}, [note])
+
+    def _in_words(self, time: float, form: str) -> str:
+        return in_unit(figure(time, form), self.time_unit * bool(np.isfinite(time)))
 
     @property
     def is_certain(self) -> bool:
@@ -155,9 +157,9 @@ class Passage(Shown, Tabular):
 
     def __str__(self) -> str:
         if self.is_certain:
-            mean, sd = (in_unit(f"{value:.4g}", self.time_unit) for value in (self.mean, self.sd))
+            mean, sd = (self._in_words(value, ".4g") for value in (self.mean, self.sd))
             return f"time until {self.target}: mean {mean}, sd {sd}"
-        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean inf"
+        return f"time until {self.target}: not certain, reached with probability {self.probability:.4g}; mean infinite"
 
     @property
     def _drawn_at(self) -> Floats:

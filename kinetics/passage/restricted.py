@@ -16,6 +16,8 @@ from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
 from kinetics.solving.search import MAX_STATES
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain
 from kinetics.support.arrays import Counts, Floats, rising_times, whole_number
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 
@@ -80,6 +82,7 @@ def restricted_passage(
             f"{steps * chain.step_seconds:.3g} s; at most {MAX_STEPS} steps and max_seconds = {max_seconds:g} are "
             f"allowed: choose an earlier horizon, start from fewer copies, or sample"
         )
+    forecast(steps * chain.step_seconds, f"{rough(steps)} steps over {len(space)} states")
     first, weights = poisson_window(chain.rate * end, TOLERANCE)
     absorbed, alive, rounding = _absorption(chain, start, first + weights.size)
     tails = np.ones(first + weights.size + 1)  # P(N > n) for n = 0, 1, ...: certain before the window, 0 after it

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.passage.backward import LimitedValue
@@ -118,10 +118,12 @@ class Stationary(ChainStationary, Tabular):
         copies = self.space.states[:, self.space.network.index(species)]
         return totals(copies, self.probabilities, 0)
 
-    def probability(self, state: ArrayLike) -> float:
-        """Probability of one state; 0 for a state that cannot be reached."""
-        row = int(self.space.index_of(self.space.network.state(state)))
-        return float(self.probabilities[row]) if row >= 0 else 0.0
+    def probability(self, state: Counts) -> float:
+        """Probability of these counts: of one state where all S are given, else summed over the unnamed species.
+
+        0 for states that cannot be reached. ValueError: an unknown species
+        """
+        return float(self.probabilities[self.space.rows_with(state)].sum())
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per species and number of copies: its probability."""

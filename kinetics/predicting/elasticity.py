@@ -79,6 +79,8 @@ class Elasticities(Shown):
             if self.is_exact
             else "averages over the posterior, from a regression on draws of the rates"
         )
+        if np.isnan(self.share).all():
+            return f"elasticities are {how}; no shares: the rates come without evidence, or vary nothing"
         return f"elasticities are {how}; the largest share is the rate most worth more runs"
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling import SamplingMethod
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Ints, integers
 
 if TYPE_CHECKING:
@@ -75,9 +76,16 @@ class ObservedSampling(SamplingMethod):
         """The model made ready, of whose counts `source` takes the sums."""
         return self.method.sampler(self.model)
 
-    def source(self, network: Network, initial: Counts, seed: int = 0) -> RunSource:  # noqa: ARG002
+    def source(
+        self,
+        network: Network,  # noqa: ARG002
+        initial: Counts,
+        seed: int = 0,
+        max_events: int = MAX_EVENTS,
+    ) -> RunSource:
         """The observables of the model's runs from `initial` (S,); `network` is that of the observables."""
-        return replace(self.method.source(self.model, initial, seed), weights=self.observables.weights)
+        source = self.method.source(self.model, initial, seed, max_events)
+        return replace(source, weights=self.observables.weights)
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
         """That of the method that makes the runs."""

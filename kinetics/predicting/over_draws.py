@@ -14,7 +14,10 @@ from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
+from kinetics.sampling.forecast import forecast_runs
+from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.streamed import unbroken
+from kinetics.sampling.watch import MAX_EVENTS, Watch
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 
 if TYPE_CHECKING:
@@ -86,6 +89,7 @@ def runs_over_draws(
     seed: int,
     threads: int | None,
     report: Callable[[str], None],
+    max_events: int = MAX_EVENTS,
 ) -> RunsOverDraws:
     """At least `runs` runs, `RUNS_PER_DRAW` under each draw of the rates, and at least `draws` draws.
 
@@ -93,24 +97,32 @@ def runs_over_draws(
 
     Only the means of the first `draws` draws are kept, so memory does not grow with the runs. The error of the mean
     falls with the root of the number of runs, because more runs are more draws. After Ctrl-C the draws made so far
-    count.
+    count. After a truncated run, see `simulate`, there are fewer times.
     """
     grid = rising_times(times)
     whole_number("runs", runs, 1)
     n_draws = max(whole_number("draws", draws, 2), -(-runs // RUNS_PER_DRAW))
     asked = n_draws * RUNS_PER_DRAW
     n_species = len(shown.species)
+    forecast_runs(posterior.expected, method, initial, grid, asked, threads)
     tally = Tally(shown, grid, kept_pairs(n_species, False))
     batch = max(1, BATCH_BYTES // (8 * RUNS_PER_DRAW * grid.size * n_species))
-    parameters, means, noise = [], [], []
+    parameters: list[Floats] = []
+    means: list[Floats] = []
+    noise: list[Floats] = []
     # Sums of the draws' means and of their squares, from the first mean, so that little is lost to rounding.
     origin: Floats | None = None
     (total, squares), done = np.zeros((2, grid.size, n_species)), 0
+    watch = Watch(grid, Outlook(posterior.expected), max_events)
     try:
-        for part in _batches(posterior, initial, grid, n_draws, draws, batch, method, seed, threads, weights):
+        for part in _batches(posterior, initial, watch, n_draws, draws, batch, method, seed, threads, weights):
             with unbroken():
-                tally.add(np.concatenate([counts for _, counts in part]))
-                for drawn, counts in part:
+                n = watch.n_times
+                origin = None if origin is None else origin[:n]
+                total, squares, means, noise = total[:n], squares[:n], [m[:n] for m in means], [v[:n] for v in noise]
+                tally.add(np.concatenate([counts[:, :n] for _, counts in part]))
+                for drawn, made in part:
+                    counts = made[:, :n]
                     mean = counts.mean(axis=0)
                     origin = mean if origin is None else origin
                     total += mean - origin
@@ -128,15 +140,15 @@ def runs_over_draws(
     kept = None
     if len(means) > 1:
         kept = DrawMeans(posterior, np.array(parameters), np.array(means), np.array(noise))
-    return RunsOverDraws(
-        tally.statistics(asked, method.name_for(posterior.expected, initial)), np.sqrt(variance / done), kept, done
-    )
+    statistics = tally.statistics(asked, method.name_for(posterior.expected, initial))
+    statistics = replace(statistics, truncated=watch.truncation(statistics.runs))
+    return RunsOverDraws(statistics, np.sqrt(variance / done), kept, done)
 
 
 def _batches(
     posterior: RatesPosterior,
     initial: Counts,
-    grid: Floats,
+    watch: Watch,
     n_draws: int,
     block: int,
     batch: int,
@@ -151,11 +163,12 @@ def _batches(
         sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
         made = simulate_draws(
-            posterior.expected, posterior.constants(table), initial, grid, RUNS_PER_DRAW, seed,
+            posterior.expected, posterior.constants(table), initial, watch.grid, RUNS_PER_DRAW, seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,
             threads=len(os.sched_getaffinity(0)) if threads is None else threads,
             weights=weights,
+            watch=watch,
         )  # fmt: skip
         waiting = []
         for pair in zip(table, made, strict=True):

@@ -13,6 +13,7 @@ from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import BookRates, Rates
 from kinetics.support.arrays import Counts, whole_number
+from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -89,7 +90,10 @@ def predict_passage(
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
     models = (posterior.expected.with_rates(constants) for constants in posterior.constants(table))
-    means = [first_passage(each, initial, species, copies).mean for each in models]
+    means = []
+    for number, each in enumerate(models):
+        stage(f"{number} of {draws} draws of the rates", number / draws)
+        means.append(first_passage(each, initial, species, copies).mean)
     # No interpolation between a finite mean and an infinite one.
     low, median, high = np.quantile(means, (LIMITS[0], 0.5, LIMITS[1]), method="inverted_cdf").tolist()
     notes = (

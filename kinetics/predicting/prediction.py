@@ -14,12 +14,15 @@ from kinetics.network import Network, Tank
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
-from kinetics.runs import EnsembleStatistics
+from kinetics.runs import EnsembleStatistics, Truncation
 from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling.forecast import forecast_runs
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
-from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
+from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +44,7 @@ class Prediction(Shown, Tabular):
         those of the posterior prediction (rates drawn, then a run: intrinsic noise and the uncertainty of the rates),
         and one that does not those at the posterior mean of each rate constant
     low, high : 95 % interval of the mean from the uncertainty of the rates; None where these have no evidence
-    standard_error : Monte-Carlo error of the mean, that of drawing rates included; 0 for a method that does not sample
+    standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
@@ -49,6 +52,7 @@ class Prediction(Shown, Tabular):
     result : the statistics of the runs, or the Distribution, from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None where there is none
     reached : the accuracy, and how it was reached; None where none was asked for
+    truncated : why there are fewer times than were asked for; None where there are not
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -74,6 +78,7 @@ class Prediction(Shown, Tabular):
     is_complete: bool = True
     drawn: DrawMeans | None = None
     reached: Reached | None = None
+    truncated: Truncation | None = None
 
     @property
     def runs(self) -> int | None:
@@ -86,7 +91,7 @@ class Prediction(Shown, Tabular):
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
-            precision = f"largest Monte-Carlo error of a mean {self.standard_error.max():.2g}"
+            precision = precision_of(self.standard_error)
         if self.reached is not None:
             precision = self.reached.headline
         return f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
@@ -95,7 +100,7 @@ class Prediction(Shown, Tabular):
         """Mean, sd and interval at some of the times, and how well they are known."""
 
         def cell(t: int, s: int) -> str:
-            text = f"{self.mean[t, s]:.4g} ± {self.sd[t, s]:.3g}"
+            text = with_spread(self.mean[t, s], self.sd[t, s])
             if self.low is not None and self.high is not None:
                 text += f" [{self.low[t, s]:.4g}, {self.high[t, s]:.4g}]"
             return text
@@ -148,6 +153,7 @@ def predict(
     tank: Tank | None = None,
     accuracy: AskedAccuracy | str | float | None = None,
     budget: float | None = None,
+    max_events: int = MAX_EVENTS,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
@@ -162,6 +168,8 @@ def predict(
     accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
         it is chosen, see `reaching.reach`, and mean and sd are those at the posterior mean of each rate constant
     budget : CPU time allowed for it, s; 1200 by default
+    max_events : the most events of a sampled run; figures end before the first run that would come to more, or whose
+        counts or propensities go beyond all numbers, see `simulate`
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
         beside a method or runs, one that no method can reach, or that would cost more than the budget
 
@@ -207,7 +215,7 @@ def predict(
         weights = None if observables is None else observables.weights
         at_least = least if solved is None and answer is None else 1
         spread = runs_over_draws(
-            posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report
+            posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report, max_events
         )
         is_complete = spread.statistics.is_complete
         if not is_complete:
@@ -224,14 +232,18 @@ def predict(
         result = spread.statistics
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
+        forecast_runs(model, sampling, initial, some_times(times), least, threads)
         sampling = sampling if observables is None else observables.sampling(sampling, model)
         result = simulate_statistics(
             shown, sampling, initial, times, least, seed, threads,
-            covariances=False, progress=lambda done: report(f"{done} of {least} runs"),
+            covariances=False, progress=lambda done: report(f"{done} of {least} runs"), max_events=max_events,
         )  # fmt: skip
         is_complete = result.is_complete
         if not is_complete:
             notes.append(f"interrupted: {result.runs} of {least} runs were made")
+    truncated = result.truncated if isinstance(result, EnsembleStatistics) else None
+    if truncated is not None:
+        notes.append(str(truncated))
     if posterior is not None and (solved is not None or answer is not None):
         notes.append("mean, sd and band are those at the posterior mean of each rate constant")
     if not isinstance(result, EnsembleStatistics):
@@ -242,6 +254,9 @@ def predict(
         standard_error, error = result.standard_error(), 0.0
     mean = result.mean()
     drawn = None if spread is None else spread.drawn
+    if drawn is not None and drawn.means.shape[1] < len(mean):
+        notes.append(f"no interval: {spread and spread.statistics.truncated}")
+        drawn = None
     low, high = (None, None) if drawn is None else drawn.limits(mean)
     if drawn is not None and drawn.is_hidden:
         notes.append(
@@ -263,6 +278,7 @@ def predict(
         is_complete,
         drawn,
         None if answer is None else answer.reached,
+        truncated,
     )
 
 

@@ -20,6 +20,7 @@ from kinetics.ranking.yield_and_first_time import (
 )
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import Floats, read_only
+from kinetics.support.cli.progress import stage
 
 Measure = Literal["yield", "first"]
 MEASURES: tuple[Measure, ...] = ("yield", "first")
@@ -127,6 +128,7 @@ def ranked_book(
     found = yield_and_first_time(_question(derivation, rates, cubes, horizon), runs, own_seed, max_states)
     table = np.empty((len(drawn), 2))
     for number, (row, some) in enumerate(zip(table, drawn, strict=True)):
+        stage(f"{book.name}: {number} of {len(drawn)} draws of the rates")
         question = _question(derivation, some, cubes, horizon)
         one = yield_and_first_time(question, RUNS_PER_DRAW, own_seed, max_states, runs + number * RUNS_PER_DRAW, found)
         row[:] = one.yield_.value, one.first.value

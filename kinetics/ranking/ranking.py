@@ -22,6 +22,7 @@ from kinetics.ranking.ranked_book import (
 from kinetics.ranking.yield_and_first_time import MAX_STATES, Figure
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import whole_number
+from kinetics.support.cli.progress import stage
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
@@ -277,8 +278,10 @@ def rank(
     finished: list[RankedBook] = []
     try:
         for number, one in enumerate(derivations, 1):
+            text = f"{one.book.name}, {number} of {len(derivations)}"
             if progress is not None:
-                progress(f"{one.book.name}, {number} of {len(derivations)}")
+                progress(text)
+            stage(text, (number - 1) / len(derivations))
             finished.append(ranked_book(one, rates, drawn, cubes, horizon, runs, seed, max_states))
     except KeyboardInterrupt:
         if not finished:

@@ -15,6 +15,7 @@ from kinetics.network.laws.expression import quoted
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.passage.restricted import restricted_passage
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.solving import Transient
 from kinetics.support.arrays import Floats, Ints, whole_number
@@ -174,6 +175,7 @@ def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[
     network, noting = question.network, _noting(question)
     size = NetworkSize.of(network)
     is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
+    forecast_runs(network, path_method(network), question.initial, np.array([end]), n)
     times, targets = (_from_paths if is_dear else _noted)(question, noting, n, seed, first_run)
     is_reached = ~np.isnan(times)
     first = np.where(is_reached, times, end)

@@ -91,7 +91,7 @@ class ClassRates(Settings):
     def load(cls, path: str | Path) -> ClassRates:
         """Read a TOML file with a table `classes`."""
         source = Path(path)
-        if not source.is_file():
+        if not source.exists():
             raise ValueError(f"class rates file {source} does not exist; give the path of a TOML file")
         return validated(cls, read_toml(source), source)
 

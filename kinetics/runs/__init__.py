@@ -2,5 +2,17 @@
 
 from kinetics.runs.paths import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ensemble, JumpPath
 from kinetics.runs.statistics import EnsembleStatistics
+from kinetics.runs.truncation import TruncatedRunsError, Truncation
 
-__all__ = ["BY_SEVERAL", "BY_UNKNOWN", "BY_WALL", "NO_BREAK", "RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"]
+__all__ = [
+    "BY_SEVERAL",
+    "BY_UNKNOWN",
+    "BY_WALL",
+    "NO_BREAK",
+    "RESTART",
+    "Ensemble",
+    "EnsembleStatistics",
+    "JumpPath",
+    "TruncatedRunsError",
+    "Truncation",
+]

@@ -51,7 +51,7 @@ class TableRun(NamedTuple):
     notes: Mapping[str, Any] = MappingProxyType({})
 
 
-def table_run(name: str, path: JumpPath, resolution: float = 0.0) -> TableRun:
+def table_run(name: str, path: JumpPath) -> TableRun:
     """A jump path, ready for `event_tables`."""
     return TableRun(
         name,
@@ -63,7 +63,7 @@ def table_run(name: str, path: JumpPath, resolution: float = 0.0) -> TableRun:
         path.end,
         path.open_channels,
         None if path.tank is None else path.tank.size,
-        resolution,
+        path.resolution,
     )
 
 

@@ -14,10 +14,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
+from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, over_time
+from kinetics.support.shown import (
+    MOST_TIMES,
+    ResultTable,
+    Shown,
+    Tabular,
+    means_over_time,
+    on_axes,
+    over_time,
+    precision_of,
+)
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -43,6 +53,8 @@ class JumpPath(Shown, Tabular):
     tank : where it happened; None where that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
         events and restarts. None where nobody watched for it
+    resolution : time between two looks, tu, where an event is written down at the look that first shows it; 0 where
+        every event has its own time
     ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
 
     >>> from kinetics import JumpPath, Network
@@ -60,6 +72,7 @@ class JumpPath(Shown, Tabular):
     open_channels: NDArray[np.bool_] = None  # type: ignore[assignment]  # an array once constructed
     tank: Tank | None = None
     partners: Ints | None = None
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
@@ -67,6 +80,7 @@ class JumpPath(Shown, Tabular):
         object.__setattr__(self, "times", rising_times(self.times, strictly=False))
         object.__setattr__(self, "channels", integers("channels", self.channels, self.times.shape, RESTART))
         object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
+        object.__setattr__(self, "resolution", float(reals("resolution", self.resolution, (), minimum=0)))
         if self.channels.size and self.channels.max() >= n_channels:
             raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
         if self.times.size and self.times[-1] > self.end:
@@ -222,6 +236,7 @@ class Ensemble(Shown, Tabular):
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
     method : that made the runs; "" where that is not known
+    truncated : why there are fewer times than were asked for; None where there are not
     ValueError: counts of another shape or kind, or negative ones
 
     >>> import numpy as np
@@ -236,6 +251,7 @@ class Ensemble(Shown, Tabular):
     times: Floats
     counts: Ints
     method: str = ""
+    truncated: Truncation | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", rising_times(self.times))
@@ -271,7 +287,7 @@ class Ensemble(Shown, Tabular):
         if not kept.any():
             last = f"{self.times[0]:g} to {self.times[-1]:g}" if self.times.size else "none"
             raise ValueError(f"no time from {begin:g} to {end:g}; there are times from {last}")
-        return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method)
+        return Ensemble(self.network, self.times[kept], self.counts[:, kept], self.method, self.truncated)
 
     def __contains__(self, name: object) -> bool:
         """Whether it has a species of this name."""
@@ -289,8 +305,9 @@ class Ensemble(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        error = self.standard_error().max(initial=0.0)
-        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
+        if self.truncated is not None:
+            note += f"; {self.truncated}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
@@ -311,7 +328,7 @@ class Ensemble(Shown, Tabular):
         return self.sd() ** 2
 
     def standard_error(self) -> Floats:
-        """Standard error (T, S) of the mean."""
+        """Standard error (T, S) of the mean; nan for a single run."""
         return self.sd() / np.sqrt(self.runs)
 
     def covariance(self) -> Floats:

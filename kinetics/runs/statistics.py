@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.native import twins
 from kinetics.network import Network
+from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes
+from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ class EnsembleStatistics(Shown, Tabular):
     sums, products : exact integers: sums of the counts (T, S), and of the products of each pair of species (T, P)
     pairs : (2, P) the species of the pairs
     method : that made the runs; "" where that is not known
+    truncated : why there are fewer times than were asked for; None where there are not
 
     >>> from kinetics import Network, simulate_statistics
     >>> source = Network.from_text("0 -> A, 5")
@@ -70,6 +72,7 @@ class EnsembleStatistics(Shown, Tabular):
     products: Exact
     pairs: NDArray[np.intp]
     method: str = ""
+    truncated: Truncation | None = None
 
     @property
     def is_complete(self) -> bool:
@@ -85,8 +88,9 @@ class EnsembleStatistics(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean and standard deviation of a run, at some of the times."""
-        error = self.standard_error().max(initial=0.0)
-        note = f"mean ± sd of a run; largest Monte-Carlo error of a mean {error:.2g}"
+        note = f"mean ± sd of a run; {precision_of(self.standard_error())}"
+        if self.truncated is not None:
+            note += f"; {self.truncated}"
         network = self.network
         return means_over_time(
             self.headline, self.times, network.time_unit, network.species, self.mean(), self.sd(), note
@@ -105,7 +109,7 @@ class EnsembleStatistics(Shown, Tabular):
         return np.sqrt(self.variance())
 
     def standard_error(self) -> Floats:
-        """Standard error (T, S) of the mean."""
+        """Standard error (T, S) of the mean; nan for a single run."""
         return self.sd() / np.sqrt(self.runs)
 
     def covariance(self) -> Floats:
@@ -180,7 +184,8 @@ class EnsembleStatistics(Shown, Tabular):
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)
-        return tally.statistics(self.asked + other.asked, self.method if self.method == other.method else "")
+        merged = tally.statistics(self.asked + other.asked, self.method if self.method == other.method else "")
+        return replace(merged, truncated=self.truncated or other.truncated)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
@@ -277,9 +282,10 @@ class Tally:
         self.products: Exact = np.zeros((shape[0], pairs.shape[1]), dtype=object)
 
     def add(self, counts: Ints) -> None:
-        """Add the counts (runs, T, S) of more runs."""
+        """Add the counts (runs, T, S) of more runs; where these have fewer times, the others are dropped."""
         if not len(counts):
             return
+        self.cut(counts.shape[1])
         counts = np.ascontiguousarray(counts)
         twins.extend_range(counts, self.low, self.high)
         self._widen()
@@ -292,6 +298,12 @@ class Tally:
         self.products += products + a * sums[:, second] + b * sums[:, first] + runs * a * b
         self.sums += sums + runs * base
         self.runs += runs
+
+    def cut(self, n_times: int) -> None:
+        """Keep the first times alone."""
+        if n_times < self.times.size:
+            for name in ("times", "low", "high", "shift", "origin", "histogram", "sums", "products"):
+                setattr(self, name, np.ascontiguousarray(getattr(self, name)[:n_times]))
 
     def _deviations(self, counts: Ints, reference: Ints) -> tuple[Exact, Exact]:
         """Exact sums of the deviations (T, S) and of their products (T, P)."""

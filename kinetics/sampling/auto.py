@@ -17,6 +17,7 @@ from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.leap_length import FEWEST_COPIES
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Counts, Floats, Ints
 
 
@@ -87,14 +88,14 @@ class ChoosingSampler:
         self.chosen: dict[bytes, Sampler] = {}
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        return self._from(initial).ensemble(initial, grid, key, first_run, out)
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
+        self._from(initial).ensemble(initial, grid, key, first_run, out, watch)
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
-        return self._from(initial).path(initial, end, key, run)
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
+        return self._from(initial).path(initial, end, key, run, watch)
 
     def _from(self, initial: Ints) -> Sampler:
         if initial.max(initial=0) < FEWEST_COPIES:

@@ -15,7 +15,9 @@ from kinetics.network import Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import order_refusal
-from kinetics.sampling.run_source import RunSource, Sampler, check_outcome
+from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.run_source import RunSource, Sampler
+from kinetics.sampling.watch import MAX_EVENTS, Watch
 from kinetics.support.arrays import Counts, Floats, rising_times, some_times, whole_number
 
 
@@ -111,9 +113,15 @@ class SamplingMethod(ABC):
         """
         return lambda constants: self.sampler(network.with_rates(constants))
 
-    def source(self, network: Network, initial: Counts, seed: int = 0) -> RunSource:
+    def source(self, network: Network, initial: Counts, seed: int = 0, max_events: int = MAX_EVENTS) -> RunSource:
         """The runs from `initial` under a seed, of which `simulate` gives some; a ValueError as there."""
-        return RunSource(self.sampler(network), network.state(initial), stream_key(seed))
+        return RunSource(
+            self.sampler(network),
+            network.state(initial),
+            stream_key(seed),
+            outlook=Outlook(network),
+            max_events=whole_number("max_events", max_events, 1),
+        )
 
     def simulate(
         self,
@@ -124,33 +132,56 @@ class SamplingMethod(ABC):
         seed: int = 0,
         threads: int | None = None,
         first_run: int = 0,
+        max_events: int = MAX_EVENTS,
     ) -> Ensemble:
         """Counts of `runs` independent runs at `times` (T,), tu.
 
         threads : at most this many; by default one a processor core
         first_run : number of the first run; with one seed, runs of different numbers are independent
+        max_events : the most events of a run; one that would come to more is truncated, and the ensemble ends at the
+            last time before that, see `Ensemble.truncated`
         The same seed gives the same runs for any number of threads and any grid of times.
         """
         grid = some_times(times)
         check_numbers(runs, threads, first_run)
-        counts = self.source(network, initial, seed).counts(grid, runs, first_run, threads)
-        return Ensemble(network, grid, counts, self.name_for(network, initial))
+        source = self.source(network, initial, seed, max_events)
+        watch = source.watch(grid, first_run)
+        counts = source.counts(grid, runs, first_run, threads, watch)
+        name = self.name_for(network, initial)
+        return Ensemble(network, grid[: counts.shape[1]], counts, name, watch.truncation(runs))
 
-    def sample_path(self, network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
-        """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed."""
-        return next(self.sample_paths(network, initial, end, seed, run))
+    def sample_path(
+        self,
+        network: Network,
+        initial: Counts,
+        end: float,
+        seed: int = 0,
+        run: int = 0,
+        max_events: int = MAX_EVENTS,
+    ) -> JumpPath:
+        """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed.
+
+        ValueError: a run that has, or would come to, more than `max_events` events
+        """
+        return next(self.sample_paths(network, initial, end, seed, run, max_events))
 
     def sample_paths(
-        self, network: Network, initial: Counts, end: float, seed: int = 0, first_run: int = 0
+        self,
+        network: Network,
+        initial: Counts,
+        end: float,
+        seed: int = 0,
+        first_run: int = 0,
+        max_events: int = MAX_EVENTS,
     ) -> Iterator[JumpPath]:
         """The same of runs first_run, first_run + 1, ..., without end; the network is made ready once."""
         horizon = float(rising_times([end])[0])
         start = network.state(initial)
         key = stream_key(seed)
-        sampler = self.sampler(network)
+        sampler, outlook = self.sampler(network), Outlook(network)
         for run in count(whole_number("run", first_run, 0)):
-            outcome, times, channels = sampler.path(start, horizon, key, run)
-            check_outcome(outcome, run)
+            watch = Watch(np.array([horizon]), outlook, max_events, run, is_path=True)
+            times, channels = sampler.path(start, horizon, key, run, watch)
             yield JumpPath(network, start, times, channels, horizon)
 
 

@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.kernels.outcomes import UNFINISHED
+from kinetics.kernels.ensemble_work import ensemble_work
+from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
@@ -18,6 +19,7 @@ from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.dependency_graph import updating_sampler
 from kinetics.sampling.merging import Merging
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch, in_turn
 from kinetics.support.arrays import Floats, Ints
 
 BUFFER = 4096  # events a sampled path grows by
@@ -91,26 +93,40 @@ class RecomputingSampler:
         return other
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        return twins.direct(self.model, self.changes, initial, grid, key, first_run, out)
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
+        work = ensemble_work(initial.size)
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
+        def go_on(limits: Ints, most: int) -> int:
+            return twins.direct(self.model, self.changes, work, initial, grid, key, first_run, limits, out, most)
+
+        in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
+
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
         from kinetics.kernels import members, streams
 
         stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)
         members.start_naming(key, run, naming)
-        counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(1)
+        counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
         pieces = []
-        outcome = UNFINISHED
-        while outcome == UNFINISHED:
-            times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
+        made, look = 0, watch.first_look
+        while True:
+            room = min(BUFFER, look - made)
+            times, channels = np.empty(room), np.empty(room, dtype=np.int64)
             outcome, n_events = twins.events(self.model, self.changes, counts, clock, end, stream, times, channels)
             members.name_events(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
+            made += n_events
+            watch.hear()
+            if outcome == UNFINISHED and made == look:
+                look = watch.look(run, made, float(clock[0]), counts[:-1])
+            elif outcome not in (UNFINISHED, REACHED_END):
+                watch.stop(run, outcome, float(clock[0]), counts[:-1], made)
+            if outcome != UNFINISHED or not look:
+                break
         all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
-        return outcome, all_times, all_channels
+        return all_times, all_channels

@@ -7,16 +7,19 @@ first_run + d * runs + i of its stream, so all runs are independent, and draws m
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.kernels.ensemble_work import LOOK, ensemble_work
 from kinetics.network import Network
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, stream_key
 from kinetics.sampling.direct import RecomputingSampler
 from kinetics.sampling.mass_action import mass_action
-from kinetics.sampling.run_source import check_outcome
+from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.watch import MAX_EVENTS, Watch, in_turn
 from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times, some_times
 from kinetics.support.memory import check_memory
 
@@ -36,11 +39,13 @@ def simulate_draws(
     first_run: int = 0,
     threads: int = 1,
     weights: ArrayLike | None = None,
+    watch: Watch | None = None,
 ) -> Iterator[Ints]:
     """Counts (runs, T, S) at `times` (T,), tu, under each of `constants` (D, R), 1/tu, draw after draw.
 
     method : how the runs are made; Auto() by default
     weights : (S, V) whole weights, for the sums of counts (runs, T, V) instead
+    watch : for runs some of which may be truncated, after which there are fewer times; else that is a ValueError
 
     Only one draw a thread, and a few more, is in memory at a time. The same seed gives the same runs for any number of
     threads. Beyond its runs a draw costs some 20 us where the method is the direct one or in lockstep.
@@ -55,6 +60,7 @@ def simulate_draws(
     table, start = _checked(network, constants, initial, runs, first_run)
     check_numbers(runs, threads, first_run)
     grid = some_times(times).copy()  # which may be written: kernels are compiled for one kind of array
+    seen = watch or Watch(grid, Outlook(network.with_rates(table[0])), first_run=first_run)
     sums = None if weights is None else integers("weights", weights, (start.size, None), minimum=0)
     piece = runs if sums is None else min(runs, max(1, PIECE_BYTES // (8 * grid.size * start.size)))
     check_memory(
@@ -69,9 +75,12 @@ def simulate_draws(
         parts = []
         for begin in range(0, runs, piece):
             out = np.empty((min(piece, runs - begin), grid.size, start.size), dtype=np.int64)
-            check_outcome(*sampler.ensemble(start, grid, key, first_run + d * runs + begin, out))
+            sampler.ensemble(start, grid, key, first_run + d * runs + begin, out, seen)
             parts.append(out if sums is None else out @ sums)
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if watch is None or not seen.n_times:
+            seen.check()
+        found = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return found if seen.n_times == grid.size else found[:, : seen.n_times]
 
     if threads == 1:
         yield from map(draw, range(len(table)))
@@ -80,7 +89,13 @@ def simulate_draws(
 
     with ThreadPoolExecutor(threads) as pool:
         for begin in range(0, len(table), BATCH * threads):
-            yield from list(pool.map(draw, range(begin, min(begin + BATCH * threads, len(table)))))
+            try:
+                made = list(pool.map(draw, range(begin, min(begin + BATCH * threads, len(table)))))
+            except BaseException:
+                seen.is_stopped.set()
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+            yield from made
 
 
 def exposures_of_draws(
@@ -120,11 +135,20 @@ def exposures_of_draws(
     units = mass_action(with_units)
     for d, row in enumerate(table):
         model, members = ready.merging.model(row), ready.merging.named(row)
-        seen, watched = np.empty(shape, dtype=np.int64), np.empty(shape)
+        seen, watched = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         first = first_run + d * runs
-        check_outcome(
-            *exposures.ensemble(model, members, units, ready.changes, start, horizon, key, first, seen, watched)
-        )
+        work = exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
+        work.runs.notes[LOOK] = MAX_EVENTS
+        watch = Watch(np.array([horizon]), Outlook(network.with_rates(row)), first_run=first, is_path=True)
+
+        def go_on(_: Ints, most: int, these: Any = (model, members, work, first, seen, watched)) -> int:
+            model, members, work, first, *results = these
+            outcome: int = exposures.ensemble(
+                model, members, units, ready.changes, work, start, horizon, key, first, *results, most
+            )
+            return outcome
+
+        in_turn(watch, first, work.runs.notes, work.runs.clock, work.runs.counts[:-1], go_on)
         yield seen, watched
 
 

@@ -14,6 +14,7 @@ from kinetics.network.laws.graph import Code
 from kinetics.network.laws.program import Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.stepwise import StepwiseSampler
+from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -34,14 +35,14 @@ class GeneralSampler(StepwiseSampler):
         self.model, self.deepest = self._model()
         super().__init__(lambda _: self._begin(), self._advance, np.arange(len(network.channels)))
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
         if self.events:
             raise ValueError(
                 f"a path records firings of channels, and nothing that sets counts; event {self.events[0].name!r} "
                 f"does: ask for counts at times with simulate(...)"
             )
-        return super().path(initial, end, key, run)
+        return super().path(initial, end, key, run, watch)
 
     def _begin(self) -> general.GeneralWork:
         from kinetics.kernels import general

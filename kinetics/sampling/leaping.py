@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels.ensemble_work import EVENTS, RUN
 from kinetics.kernels.leap_limits import LARGEST_COUNT
+from kinetics.kernels.outcomes import REACHED_END
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
@@ -17,14 +20,14 @@ from kinetics.sampling.leap_length import OPEN_EVENTS
 from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.merging import Merging
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch, in_turn
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from kinetics.kernels import leap_plan
 
 MARGIN = 1.5  # times the events of the direct method that cost as much as a leap, a leap should hold
+MANY = 10.0  # events for each that was drawn, with which a run is not one of single events
 CAUTION = 2.0  # counts may fall after the start, by which `auto` chooses
 
 
@@ -100,20 +103,35 @@ class LeapingSampler:
         )
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
-        from kinetics.kernels import leaping
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
+        from kinetics.kernels import leap_plan, leaping
 
-        found: tuple[int, int] = leaping.ensemble(self.model, self._checked(initial), grid, key, first_run, out)
-        return found
+        start, work = self._checked(initial), leap_plan.work_for(len(self.model.coefficients), initial.size)
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
-        from kinetics.kernels import leaping
+        def go_on(limits: Ints, most: int) -> int:
+            outcome: int = leaping.ensemble(self.model, work, start, grid, key, first_run, limits, out, most)
+            return outcome
 
-        found: tuple[int, Floats, Ints] = leaping.path(self.model, self._checked(initial), end, key, run)
-        return found
+        in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
+
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
+        from kinetics.kernels import leap_plan, leaping
+
+        work = leap_plan.work_for(len(self.model.coefficients), initial.size)
+        leaping.begin_run(work, self._checked(initial), key, run, watch.first_look)
+        grid, out, pieces = np.array([end]), np.empty((1, initial.size), dtype=np.int64), []
+
+        def go_on(_: Ints, most: int) -> int:
+            outcome, (times, channels, number) = leaping.go_on(self.model, work, grid, out, True, most)
+            pieces.append((times[:number].copy(), channels[:number].copy()))
+            return REACHED_END if work.notes[RUN] else int(outcome)
+
+        in_turn(watch, run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
+        times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+        return times, channels
 
     def _checked(self, initial: Ints) -> Ints:
         most = initial.max(initial=0)
@@ -123,3 +141,25 @@ class LeapingSampler:
                 f"counts exactly up to 2**53 = {LARGEST_COUNT}: start from fewer, or use 'ssa'"
             )
         return initial
+
+
+class _Leaps:
+    """Whether rate equations say what a run will cost: if its events are drawn singly; None within a leap."""
+
+    def __init__(self, work: leap_plan.LeapWork, watch: Watch) -> None:
+        self.work, self.watch = work, watch
+        self.time, self.drawn = 0.0, 0  # at the last look
+
+    def __call__(self) -> bool | None:
+        from kinetics.kernels.leap_plan import CELL, NO_CELL
+
+        if self.work.notes[CELL] != NO_CELL:
+            return None
+        before, begun = self.time, self.drawn
+        self.time, self.drawn = float(self.work.clock[0]), int(self.work.notes[EVENTS])
+        if self.drawn < begun:  # another run
+            before, begun = 0.0, 0
+        if self.watch.outlook is None:
+            return False
+        total = self.watch.outlook.rates(self.work.counts[None, :-1].astype(float), self.time).sum()
+        return not total * (self.time - before) > MANY * (self.drawn - begun)

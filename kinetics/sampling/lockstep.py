@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from time import perf_counter
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.native import twins
+from kinetics.native.lanes import LANES, Lanes
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import Direct, RecomputingSampler
 from kinetics.sampling.merging import Merging
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 LARGEST_CHANGE = 2**40  # of a count by one event
@@ -84,11 +87,41 @@ class LockstepSampler:
         return other
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
         # Lanes count in doubles.
         is_exact = initial.max() < LARGEST_COUNT and np.abs(self.changes).max(initial=0) < LARGEST_CHANGE
         if len(out) < FEWEST_RUNS or not is_exact:
-            return self.one_by_one.ensemble(initial, grid, key, first_run, out)
-        return twins.lockstep(self.model, self.changes, initial, grid, key, first_run, out)
+            self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
+            return
+        lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
+        here = lanes.arrays
+        n_active, first_look = 1, watch.first_look
+        while n_active:
+            until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)
+            most = min(max(1, watch.most_events // LANES), int(until - here["notes"][2]))
+            began = perf_counter()
+            twins.lockstep(
+                self.model, self.changes, lanes, initial, grid, key, first_run, watch.limits(first_run), out, is_odd,
+                most,
+            )  # fmt: skip
+            n_active = int(here["notes"][0])
+            unfinished = here["run"][:n_active].min(initial=len(out))
+            watch.complete[first_run] = int(np.flatnonzero(is_odd).min(initial=unfinished))
+            watch.pause(began)
+            due = np.flatnonzero(here["looks"][:n_active] <= here["notes"][2])
+            if due.size:
+                self._look(here, due, first_run, watch)
+        for i in np.flatnonzero(is_odd).tolist():
+            self.one_by_one.ensemble(initial, grid, key, first_run + i, out[i : i + 1], watch)
+
+    def _look(self, here: dict[str, Any], due: Ints, first_run: int, watch: Watch) -> None:
+        """Look at the runs of some lanes, and end those that are truncated."""
+        n_species, events = self.changes.shape[1], here["notes"][2] - here["begun"][due]
+        counts = here["counts"][:n_species, due].T.astype(np.int64)
+        again = watch.looks(first_run + here["run"][due], events, here["t"][due], counts)
+        here["looks"][due] = here["begun"][due] + again
+        cut = due[again == 0]
+        here["looks"][cut], here["upcoming"][cut] = np.iinfo(np.int64).max, -np.inf
+        here["seen"][cut] = watch.grid.size

@@ -9,6 +9,7 @@ from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.exact_methods import EXACT_METHODS
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts
 
 SAMPLING_METHODS: tuple[type[SamplingMethod], ...] = (*EXACT_METHODS, Auto)
@@ -23,12 +24,16 @@ def simulate(
     runs: int = 1000,
     seed: int = 0,
     threads: int | None = None,
+    max_events: int = MAX_EVENTS,
 ) -> Ensemble:
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
     method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
     initial : counts (S,) at time 0, or by name, as in {"A": 100}
-    ValueError: no such method, one that does not take the network, missing rates, or more counts than memory holds
+    max_events : the most events of a run. One that would come to more, or whose counts or propensities go beyond all
+        numbers, is truncated: the ensemble then ends at the last time before that, and `truncated` says why
+    ValueError: a run truncated before the first time, no such method, one that does not take the network, missing
+        rates, or more counts than memory holds
     TypeError: neither a name nor a sampling method
 
     The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
@@ -42,21 +47,25 @@ def simulate(
     >>> bool((runs["B"] + runs["AB"] == 10).all())
     True
     """
-    return sampling_method(method).simulate(network, initial, times, runs=runs, seed=seed, threads=threads)
+    made = sampling_method(method)
+    return made.simulate(network, initial, times, runs=runs, seed=seed, threads=threads, max_events=max_events)
 
 
-def sample_path(network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0) -> JumpPath:
+def sample_path(
+    network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0, max_events: int = MAX_EVENTS
+) -> JumpPath:
     """Every event of one exact run from `initial` until `end`, tu.
 
     The method is that of `path_method`: the direct method under mass action, `General` under other rate laws. (seed,
-    run) name the run. ValueError: missing rates, no method that takes the network, or one with events
+    run) name the run. ValueError: missing rates, no method that takes the network, or one with events; a run that
+    would come to more than `max_events` events
 
     >>> from kinetics import Network, sample_path
     >>> decay = Network.from_text("A -> 0, 0.1")
     >>> sample_path(decay, {"A": 5}, end=1e6, seed=1).states[:, 0].tolist()
     [5, 4, 3, 2, 1, 0]
     """
-    return path_method(network).sample_path(network, initial, end, seed=seed, run=run)
+    return path_method(network).sample_path(network, initial, end, seed=seed, run=run, max_events=max_events)
 
 
 def path_method(network: Network) -> SamplingMethod:

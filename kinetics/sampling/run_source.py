@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,7 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.kernels import outcomes
+from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.watch import MAX_EVENTS, Watch
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.memory import check_memory
 
@@ -22,20 +22,28 @@ BLOCK_BYTES = 2**24  # of counts that are there at a time; larger ones cost more
 FEWEST_RUNS = 16  # of a block, however large a run is
 
 
-class StalledClockError(ValueError):
-    """Waits became so short that adding one no longer changed the time."""
+class InterruptedRuns(KeyboardInterrupt):
+    """Ctrl-C while runs were made: `finished` are the counts (n, T, S) of the first of them."""
+
+    def __init__(self, finished: Ints) -> None:
+        super().__init__()
+        self.finished = finished
 
 
 class Sampler(Protocol):
-    """A network made ready for a method. Run number n has the same events however it is asked for."""
+    """A network made ready for a method. Run number n has the same events however it is asked for.
+
+    Its kernels return after a fraction of a second, and `watch.pause` is called before they go on. A run that cannot
+    go on, or not within the events allowed, is told to `watch.stop`; other runs are made as ever.
+    """
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, see `kernels.outcomes`, and the number of the last run begun."""
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +54,16 @@ class RunSource:
     start : (S,) counts at time 0
     key : (4,) from which the random stream of every run is derived, see `base.stream_key`
     weights : (S, V) whole weights, for V sums of counts instead of all counts; None for these
+    outlook : what is to come of a run; None where nobody knows
+    max_events : the most events of a run
     """
 
     sampler: Sampler
     start: Ints
     key: NDArray[np.uint64]
     weights: Ints | None = None
+    outlook: Outlook | None = None
+    max_events: int = MAX_EVENTS
 
     def __post_init__(self) -> None:
         if self.start.ndim != 1:
@@ -66,66 +78,102 @@ class RunSource:
         """The same from other counts (S,)."""
         return replace(self, start=start)
 
-    def counts(self, grid: Floats, runs: int, first_run: int = 0, threads: int | None = None) -> Ints:
+    def watch(self, grid: Floats, first_run: int = 0) -> Watch:
+        """Over the runs from number `first_run` on, for several calls of `counts` or for `blocks`."""
+        return Watch(grid, self.outlook, self.max_events, first_run)
+
+    def counts(
+        self, grid: Floats, runs: int, first_run: int = 0, threads: int | None = None, watch: Watch | None = None
+    ) -> Ints:
         """Counts (runs, T, S), or sums (runs, T, V), at `grid` (T,) of the runs from number `first_run` on.
 
         threads : at most this many; by default one a processor core
-        ValueError: more counts than memory holds, or a run that could not reach its end
+        watch : for runs some of which may be truncated, after which there are fewer times
+        ValueError: more counts than memory holds; a truncated run, without a watch or before the first time
+        InterruptedRuns: Ctrl-C
         """
+        if watch is None:
+            found = self.counts(grid, runs, first_run, threads, watch := self.watch(grid, first_run))
+            watch.check()
+            return found
         n_species = self.start.size
         if self.weights is None:
             what = f"all counts of {runs} runs of {n_species} species at {grid.size} times"
             advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
             check_memory(what, 8.0 * runs * grid.size * n_species, advice)
-            return self._made(grid, runs, first_run, threads)
+            return self._made(grid, runs, first_run, threads, watch)
         block = max(1, WEIGHED_BYTES // (8 * grid.size * n_species))
-        parts = [
-            self._made(grid, min(block, runs - begin), first_run + begin, threads) @ self.weights
-            for begin in range(0, runs, block)
-        ]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        parts = []
+        for begin in range(0, runs, block):
+            try:
+                made = self._made(grid, min(block, runs - begin), first_run + begin, threads, watch)
+            except InterruptedRuns as interrupted:
+                parts.append(interrupted.finished @ self.weights)
+                raise InterruptedRuns(_joined(parts)) from None
+            parts.append(made @ self.weights)
+        return _joined(parts)
 
-    def blocks(self, grid: Floats, begin: int, end: int, threads: int | None = None) -> Iterator[Ints]:
-        """The same of the runs from number `begin` to before `end`, a block at a time."""
+    def blocks(
+        self, grid: Floats, begin: int, end: int, threads: int | None = None, watch: Watch | None = None
+    ) -> Iterator[Ints]:
+        """The same of the runs from number `begin` to before `end`, a block at a time.
+
+        At Ctrl-C the runs of a block that are finished come before the KeyboardInterrupt.
+        """
         block = max(FEWEST_RUNS, BLOCK_BYTES // (8 * grid.size * self.width))
         for at in range(begin, end, block):
-            yield self.counts(grid, min(block, end - at), at, threads)
+            try:
+                made = self.counts(grid, min(block, end - at), at, threads, watch)
+            except InterruptedRuns as interrupted:
+                if len(interrupted.finished):
+                    yield interrupted.finished
+                raise
+            yield made
 
-    def _made(self, grid: Floats, runs: int, first_run: int, threads: int | None) -> Ints:
+    def _made(self, grid: Floats, runs: int, first_run: int, threads: int | None, watch: Watch) -> Ints:
         workers = len(os.sched_getaffinity(0)) if threads is None else threads
         out = np.empty((runs, grid.size, self.start.size), dtype=np.int64)
         writable = grid.copy()  # kernels are compiled for one kind of array
-        is_stopped = threading.Event()
 
-        def piece(begin: int, end: int) -> tuple[int, int]:
-            if is_stopped.is_set():
+        def piece(begin: int, end: int) -> None:
+            if watch.is_stopped.is_set():
                 raise KeyboardInterrupt
-            return self.sampler.ensemble(self.start, writable, self.key, first_run + begin, out[begin:end])
+            self.sampler.ensemble(self.start, writable, self.key, first_run + begin, out[begin:end], watch)
+            watch.complete[first_run + begin] = end - begin
 
         cuts = [*range(0, runs, max(1, min(runs // workers, PIECE))), runs]
-        if workers == 1 or len(cuts) == 2:
-            ends = [piece(begin, end) for begin, end in pairwise(cuts)]
-        else:
-            from concurrent.futures import ThreadPoolExecutor
+        try:
+            if workers == 1 or len(cuts) == 2:
+                for begin, end in pairwise(cuts):
+                    piece(begin, end)
+            else:
+                from concurrent.futures import ThreadPoolExecutor
 
-            with ThreadPoolExecutor(workers) as pool:
-                try:
-                    ends = list(pool.map(piece, cuts[:-1], cuts[1:]))
-                except BaseException:
-                    is_stopped.set()
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    raise
-        for outcome, run in ends:
-            check_outcome(outcome, run)
-        return out
+                with ThreadPoolExecutor(workers) as pool:
+                    try:
+                        list(pool.map(piece, cuts[:-1], cuts[1:]))
+                    except BaseException:
+                        watch.is_stopped.set()
+                        pool.shutdown(wait=False, cancel_futures=True)
+                        raise
+        except KeyboardInterrupt:
+            raise InterruptedRuns(out[: _leading(cuts, first_run, watch), : watch.n_times]) from None
+        if not watch.n_times:
+            watch.check()
+        return out if watch.n_times == grid.size else np.ascontiguousarray(out[:, : watch.n_times])
 
 
-def check_outcome(outcome: int, run: int) -> None:
-    """Raise where a run could not reach its end."""
-    if outcome == outcomes.STALLED_CLOCK:
-        raise StalledClockError(
-            f"run {run}: events came so quickly that the clock stood still; the rate constants are too large for "
-            f"the times asked for, or counts grow without limit"
-        )
-    if outcome == outcomes.OVERFLOW:
-        raise ValueError(f"run {run}: a count went beyond 2**63 - 1, or a propensity beyond 1e308")
+def _leading(cuts: list[int], first_run: int, watch: Watch) -> int:
+    """How many of the first runs are done, of pieces some of which are not: an order that no run's length decides."""
+    done = 0
+    for begin, end in pairwise(cuts):
+        done = begin + watch.complete.get(first_run + begin, 0)
+        if done < end:
+            break
+    return done if watch.n_times else 0
+
+
+def _joined(parts: list[Ints]) -> Ints:
+    """Blocks of runs as one, at the times that all have passed."""
+    n_times = parts[-1].shape[1]
+    return parts[0] if len(parts) == 1 else np.concatenate([part[:, :n_times] for part in parts])

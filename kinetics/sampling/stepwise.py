@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.kernels import outcomes
+from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
@@ -26,42 +28,63 @@ class StepwiseSampler:
         self.begin, self.advance, self.order = begin, advance, order
 
     def ensemble(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints
-    ) -> tuple[int, int]:
-        """Fill `out` (runs, T, S); the outcome, and the number of the last run begun."""
+        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
+    ) -> None:
+        """Fill `out` (runs, T, S) as far as the watch needs it."""
         for i in range(len(out)):
-            outcome, _ = self._run(initial, grid, key, first_run + i, out[i], keep_events=False)
-            if outcome != outcomes.REACHED_END:
-                return outcome, first_run + i
-        return outcomes.REACHED_END, first_run + len(out) - 1
+            self._run(initial, grid, key, first_run + i, out[i], watch, keep_events=False)
+            watch.complete[first_run] = i + 1
+            watch.hear()
 
-    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int) -> tuple[int, Floats, Ints]:
-        """The outcome, and times and channels of all events until `end`."""
+    def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events until `end`."""
         out = np.empty((1, initial.size), dtype=np.int64)
-        outcome, pieces = self._run(initial, np.array([end]), key, run, out, keep_events=True)
+        pieces = self._run(initial, np.array([end]), key, run, out, watch, keep_events=True)
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
-        return outcome, times, self.order[channels]
+        return times, self.order[channels]
 
     def _run(
-        self, initial: Ints, grid: Floats, key: NDArray[np.uint64], run: int, out: Ints, keep_events: bool
-    ) -> tuple[int, list[tuple[Floats, Ints]]]:
+        self,
+        initial: Ints,
+        grid: Floats,
+        key: NDArray[np.uint64],
+        run: int,
+        out: Ints,
+        watch: Watch,
+        keep_events: bool,
+    ) -> list[tuple[Floats, Ints]]:
         from kinetics.kernels import streams
 
         stream = np.empty(4, dtype=np.uint64)
         streams.start_stream(key, run, stream)
-        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(1), np.zeros(2, dtype=np.int64)
+        counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
         pieces = []
-        n_draws, outcome = FEWEST_DRAWS, outcomes.UNFINISHED
+        n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
         waits = uniforms = np.empty(0)
-        while outcome == outcomes.UNFINISHED:
-            if waits.size < n_draws:
-                waits, uniforms = np.empty(n_draws), np.empty(n_draws)
-            n_kept = n_draws if keep_events else 0
+        while seen[0] < (needed := watch.needed(run)):
+            n = min(n_draws, look - drawn)
+            if waits.size != n:
+                waits, uniforms = np.empty(n), np.empty(n)
+            n_kept = n if keep_events else 0
             times, channels = np.empty(n_kept), np.empty(n_kept, dtype=np.int64)
             streams.draw(stream, waits, uniforms)
+            began = perf_counter()
+            if needed < grid.size:
+                grid, out = grid[:needed], out[:needed]
             outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
             pieces.append((times[: seen[1]], channels[: seen[1]]))
-            n_draws = min(4 * n_draws, MOST_DRAWS)
-        return outcome, pieces
+            drawn += n
+            if outcome == outcomes.REACHED_END:
+                break
+            if outcome != outcomes.UNFINISHED:
+                watch.stop(run, outcome, float(clock[0]), counts[:-1], drawn)
+                break
+            watch.pause(began)
+            if drawn == look:
+                look = watch.look(run, drawn, float(clock[0]), counts[:-1])
+                if not look:
+                    break
+            n_draws = min(4 * n_draws, MOST_DRAWS, watch.most_events)
+        return pieces

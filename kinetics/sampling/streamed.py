@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -14,6 +15,7 @@ from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.base import SamplingMethod, check_numbers
 from kinetics.sampling.methods import sampling_method
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, some_times
 
 
@@ -29,16 +31,18 @@ def simulate_statistics(
     first_run: int = 0,
     covariances: bool | None = None,
     progress: Callable[[int], None] | None = None,
+    max_events: int = MAX_EVENTS,
 ) -> EnsembleStatistics:
     """Statistics of the runs that `simulate` would give; runs are made in blocks and not kept.
 
     first_run : number of the first run, as in the method's own `simulate`
     covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
     progress : called with the number of runs done, after each block
+    max_events : the most events of a run, see `simulate`
     ValueError: as in `simulate`, memory apart
 
-    The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the blocks that were
-    finished, if any; see `is_complete`.
+    The same seed gives the same statistics, to the last bit. After Ctrl-C they are those of the first runs,
+    up to one that was not finished, if any; see `is_complete`.
 
     >>> import numpy as np
     >>> from kinetics import Network, simulate, simulate_statistics
@@ -51,9 +55,10 @@ def simulate_statistics(
     check_numbers(runs, threads, first_run)
     n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
-    source = sampler.source(network, initial, seed)
+    source = sampler.source(network, initial, seed, max_events)
+    watch = source.watch(grid, first_run)
     try:
-        for part in source.blocks(grid, first_run, first_run + runs, threads):
+        for part in source.blocks(grid, first_run, first_run + runs, threads, watch):
             with unbroken():
                 tally.add(part)
             if progress is not None:
@@ -61,7 +66,9 @@ def simulate_statistics(
     except KeyboardInterrupt:
         if not tally.runs:
             raise
-    return tally.statistics(runs, sampler.name_for(network, initial))
+    tally.cut(watch.n_times)
+    made = tally.statistics(runs, sampler.name_for(network, initial))
+    return replace(made, truncated=watch.truncation(made.runs))
 
 
 @contextmanager

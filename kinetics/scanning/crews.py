@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -14,7 +13,7 @@ from multiprocessing.synchronize import Event
 from typing import Any
 
 from kinetics.support.extras import extra
-from kinetics.support.workers import GUARD, end_while_loading, end_with_parent
+from kinetics.support.workers import GUARD, end_while_loading, end_with_parent, leave_signals_to_parent
 
 ANSWER_WITHIN = 10  # s, for a scheduler
 
@@ -68,7 +67,7 @@ def _processes(workers: int) -> Iterator[Executor]:
         pool.shutdown()
     except BaseException as error:
         for child in set(multiprocessing.active_children()) - before:
-            child.terminate()
+            child.kill()
         pool.shutdown(wait=True, cancel_futures=True)
         if not isinstance(error, BrokenProcessPool):
             raise
@@ -81,10 +80,10 @@ def _processes(workers: int) -> Iterator[Executor]:
 
 
 def _begin(began: Event) -> None:
-    """Leave Ctrl-C to the process that asks, and end with it; arithmetic of one worker takes one core."""
+    """Leave Ctrl-C and SIGTERM to the process that asks, and end with it; arithmetic of one worker takes one core."""
     began.set()
+    leave_signals_to_parent()
     end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 

@@ -20,6 +20,7 @@ from kinetics.scanning.result import RESERVED, Scan, grid_points
 from kinetics.scanning.scanned import ScannedModel
 from kinetics.scanning.values import check_size
 from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.cli.progress import forecast, span
 from kinetics.support.tables import counted
 
 LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
@@ -91,6 +92,8 @@ def scan(
             progress(f"{done} of {counted(len(points), 'point')}")
 
     def cost(seconds: Sequence[float], left: int) -> None:
+        if left:
+            forecast(max(seconds) * left, f"{counted(left, 'point')} like those tried", workers)
         if tell is not None and left:
             tell(_cost(seconds, left, len(points), workers))
 
@@ -165,11 +168,4 @@ def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str
 def _span(seconds: Sequence[float], many: int) -> str:
     """From the least to the most, times so many; one figure where they are much the same."""
     low, high = min(seconds) * many, max(seconds) * many
-    return _seconds(high) if high <= 1.5 * low else f"{_seconds(low)} to {_seconds(high)}"
-
-
-def _seconds(seconds: float) -> str:
-    """A length of time for people."""
-    if seconds < 120:
-        return f"{seconds:.2g} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+    return span(high) if high <= 1.5 * low else f"{span(low)} to {span(high)}"

@@ -14,7 +14,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
-from kinetics.support.tables import counted, of_unit
+from kinetics.support.tables import counted, figure, of_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,7 +187,7 @@ def _shown(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
 def _limits(value: float, low: float, high: float) -> str:
     """Limits as an interval, or as what they add where they agree in all digits that are shown."""
     wide = max(high - value, value - low)
-    return f"± {wide:.1g}" if wide <= 1e-5 * abs(value) else f"[{low:.6g}, {high:.6g}]"
+    return f"± {wide:.1g}" if wide <= 1e-5 * abs(value) else f"[{figure(low, '.6g')}, {figure(high, '.6g')}]"
 
 
 def _fields() -> list[str]:

@@ -14,8 +14,9 @@ from kinetics.chain.observing import earned_in, state_names
 from kinetics.chain.predicates import StateNames
 from kinetics.chain.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.formats import NetworkModel
-from kinetics.runs import JumpPath
+from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Auto
+from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.scanning.answer import SAMPLED, ScanAnswer
 from kinetics.support.arrays import Floats
@@ -50,6 +51,9 @@ def sampled_answers(
     asked = [query for _, query in questions if query not in found]
     at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
     on_paths = [query for query in asked if query not in at_times]
+    if asked:
+        end = max(_end(query) or 0.0 for query in asked)
+        forecast_runs(model.network, Auto(many=False), model.initial, np.array([end]), runs)
     if at_times:
         found |= _timed(at_times, lambda some: _at_times(model, some, runs, seed))
     if on_paths:
@@ -77,7 +81,10 @@ def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, se
     """Values (runs,) of each reward at its time."""
     times = np.array(sorted({float(query.at or 0.0) for query in queries}))
     method = Auto().choose(model.network, model.initial)
-    counts = method.simulate(model.network, model.initial, times, runs, seed, threads=1).counts
+    made = method.simulate(model.network, model.initial, times, runs, seed, threads=1)
+    if made.truncated is not None:
+        raise TruncatedRunsError(made.truncated)
+    counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
     return [
         earned_in(model.network, model.observables, query.name, counts[:, t])
@@ -170,7 +177,7 @@ def _end(query: Query) -> float | None:
 def _answer(query: Query, values: Floats, method: str, seconds: float) -> ScanAnswer:
     """Value, standard error and limits of a sample (runs,)."""
     runs, mean = len(values), float(values.mean())
-    error = float(values.std(ddof=1) / np.sqrt(runs))
+    error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
     if isinstance(query, RewardQuery):
         half = student_quantile(runs - 1, LEVEL) * error if error > 0 else np.nan
         low, high = mean - half, mean + half

@@ -79,8 +79,8 @@ class Collocation(ListingMethod):
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
-                f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
-                f"sample with the direct method"
+                f"max_seconds = {self.max_seconds:g} (predict --budget, in minutes); raise it, ask for earlier times, "
+                f"start from fewer copies, or sample with the direct method"
             )
         check_memory(f"the factors of {n} states", plan.n_bytes, "start from fewer copies")
         entries = best_entries(transitions, space)

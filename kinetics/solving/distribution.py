@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinetics.network import Network
 from kinetics.solving.states import StateSpace
-from kinetics.support.arrays import Floats, read_only
+from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
@@ -119,15 +118,24 @@ class Distribution(Shown, Tabular):
             row[:] = np.bincount(copies, weights, minlength=row.size)
         return table
 
-    def probability(self, state: ArrayLike) -> Floats:
-        """Probability (T,) of one state; 0 for a state that is not in the space."""
-        row = int(self.space.index_of(self.network.state(state)))
-        return self.probabilities[:, row] if row >= 0 else np.zeros(self.times.size)
+    def probability(self, state: Counts) -> Floats:
+        """Probability (T,) of these counts: of one state where all S are given, else summed over the unnamed species.
 
-    def probability_bounds(self, state: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the probability (T,) of one state."""
-        value = self.probability(state)
-        return np.maximum(value - self.error, 0.0), np.minimum(value + self.error, 1.0)
+        0 for states that are not in the space. ValueError: an unknown species
+
+        >>> from kinetics import Network, solve
+        >>> found = solve(Network.from_text("A <-> B, 1, 1"), "exact", {"A": 1, "B": 1}, [100.0])
+        >>> found.probability({"A": 1}).round(6).tolist(), found.probability([1, 0]).round(6).tolist()
+        ([0.5], [0.0])
+        """
+        return self.probabilities[:, self.space.rows_with(state)].sum(axis=1)
+
+    def probability_bounds(self, state: Counts) -> tuple[Floats, Floats]:
+        """Lower and upper limits of the probability (T,) of these counts, as `probability` reads them."""
+        rows = self.space.rows_with(state)
+        value = self.probabilities[:, rows].sum(axis=1)
+        slack = self.error + SLACK * max(rows.size - 1, 0)  # a sum of n positive terms rounds n - 1 times
+        return np.maximum(value - slack, 0.0), np.minimum(value + slack, 1.0)
 
     def quantile(self, q: float) -> Floats:
         """Quantiles (T, S): the smallest counts with a probability of at least q at or below them."""

@@ -18,6 +18,7 @@ from kinetics.solving.search import MAX_STATES, Search, TooManyStatesError
 from kinetics.solving.states import StateSpace
 from kinetics.solving.uniformisation import MAX_STEPS, DiscreteChain, Mixtures, mixtures
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import stage
 from kinetics.support.memory import check_memory
 
 ADVICE = "Ask for earlier times, a larger tolerance or fewer copies, sample instead, or raise max_states"
@@ -183,6 +184,7 @@ class _Front:
         seconds = (steps + BUILDING) * chain.step_seconds + WINDOW_SECONDS
         self.steps += steps
         self.seconds += seconds
+        stage(f"projection: {self.time:.4g} of {self.grid[-1]:g} on {chain.size} states", self.time / self.grid[-1])
         fall = max((rate - chain.rate) / (self.time - before), 0.0) if self.time > before else 0.0
         lasting = min(left, chain.rate / fall) if fall > 0 else left
         total = self.steps + max((chain.rate - 0.5 * fall * lasting) * lasting - steps, 0.0)
@@ -194,7 +196,8 @@ class _Front:
             raise ValueError(
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
-                f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised); ask for "
+                f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised; predict "
+                f"--budget, in minutes); ask for "
                 f"earlier times, lower the fastest rates, use the method 'exact' if it reaches few states, or sample"
             )
 

@@ -23,7 +23,7 @@ from kinetics.solving.search import (
     keys_of,
 )
 from kinetics.solving.transitions import RATE_ERROR, Transitions
-from kinetics.support.arrays import Floats, Ints, read_only, whole_number
+from kinetics.support.arrays import Floats, Ints, integers, read_only, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -94,6 +94,20 @@ class StateSpace:
         table = self._table
         rows = twins.find(flat, keys_of(flat, table.multipliers), self.states, table.keys, table.slots)
         return rows.reshape(asked.shape[:-1])
+
+    def rows_with(self, counts: Mapping[str, int] | ArrayLike) -> NDArray[np.intp]:
+        """Rows (n,) of the states with these counts: `{"A": 2}` leaves all other species open, S counts name one state.
+
+        >>> from kinetics import Network, reachable
+        >>> reachable(Network.from_text("A <-> B, 2, 3"), {"A": 2}).rows_with({"B": 1}).tolist()
+        [1]
+        """
+        if not isinstance(counts, Mapping):
+            row = self.index_of(self.network.state(counts))
+            return np.flatnonzero(row >= 0) + row  # none, or this one
+        columns = [self.network.index(name) for name in counts]
+        asked = integers("state", list(counts.values()), (None,), minimum=0)
+        return np.flatnonzero((self.states[:, columns] == asked).all(axis=1))
 
     def transitions(self) -> Transitions:
         """All transitions, one entry per state and channel; channels that change nothing are left out."""

@@ -16,7 +16,9 @@ from kinetics.solving.states import StateSpace
 from kinetics.solving.transitions import Transitions
 from kinetics.solving.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.progress import forecast
 from kinetics.support.memory import check_memory
+from kinetics.support.tables import rough
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -78,9 +80,10 @@ class Transient(ListingMethod):
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take {steps:.3g} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
-                f"max_seconds = {self.max_seconds:g}; raise it, ask for earlier times, start from fewer copies, or "
-                f"sample with the direct method"
+                f"max_seconds = {self.max_seconds:g} (predict --budget, in minutes); raise it, ask for earlier times, "
+                f"start from fewer copies, or sample with the direct method"
             )
+        forecast(seconds, f"{rough(steps)} steps over {n} states")
         found, _, error = mixtures(chain, start, grid, self.tolerance)
         return ProbabilityTable(found, error, transitions.is_certified)
 

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
-Counts = Mapping[str, int] | ArrayLike  # species -> copies, the others 0; or copies (S,) of all species in order
+# Species -> copies, where the others are 0 in a start and open in a condition; or copies (S,) of all species in order.
+Counts = Mapping[str, int] | ArrayLike
 
 
 def integers(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: int | None = None) -> Ints:

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from kinetics.support.limits import BREAKS, check_names, check_visible, text_in
 from kinetics.support.output import write_whole
 
 # tomllib takes quadratic time and memory on long dotted keys: 64 KB of them take 15 s and 4 GB.
@@ -28,7 +29,7 @@ def find(name_or_path: str | Path, folder: Path, kind: str) -> Path:
     text = str(name_or_path)
     path = Path(text)
     if is_path(path):
-        if not path.is_file():
+        if not path.exists():
             raise ValueError(f"{kind} file {text} does not exist; give the path of a TOML file")
         return path
     shipped = sorted(p.stem for p in folder.glob("*.toml"))
@@ -39,20 +40,30 @@ def find(name_or_path: str | Path, folder: Path, kind: str) -> Path:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse a TOML file of at most 64 KB whose lines have at most 4 KB."""
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise ValueError(f"{path} has {size} bytes; a configuration file may have at most {MAX_BYTES}")
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text: {error}") from None
+    text = text_in(path, MAX_BYTES)
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > MAX_LINE:
             raise ValueError(f"{path}, line {number}: {len(line)} characters; a line may have at most {MAX_LINE}")
     try:
-        return tomllib.loads(text)
+        found = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is not valid TOML: {error}") from None
+    _check_visible(path, found)
+    return found
+
+
+def _check_visible(path: Path, found: Any) -> None:
+    """A ValueError for keys and texts with characters that cannot be seen; texts may have several lines."""
+    waiting = [found]
+    while waiting:  # tables may be thousands deep
+        part = waiting.pop()
+        if isinstance(part, str):
+            check_visible(f"{path} has a text", BREAKS.sub(" ", part))
+        elif isinstance(part, dict):
+            check_names(path, part)
+            waiting += part.values()
+        elif isinstance(part, list):
+            waiting += part
 
 
 def write_toml(data: dict[str, Any], target: Path) -> None:

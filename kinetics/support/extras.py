@@ -1,4 +1,4 @@
-"""Packages that come with an extra: imported where they are used, with a message that says which extra brings them."""
+"""Packages that come with an extra: imported where they are used, with a message that says how to install them."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-# package that may be lacking -> the extra that brings it
+# package that may be lacking -> what pip installs it by, as the extras of pyproject.toml have it
 EXTRAS = {
-    "pybullet": "mech",
-    "pandas": "data",
-    "pyarrow": "data",
-    "xarray": "data",
-    "arviz": "inference",
-    "matplotlib": "plot",
-    "distributed": "dist",
-    "imageio_ffmpeg": "movie",
-    "plotly": "movie",
-    "libsbml": "sbml",
-    "antimony": "antimony",
-    "bionetgen": "bngl",
+    "pybullet": "pybullet>=3.2.6",
+    "pandas": "pandas>=2.2",
+    "pyarrow": "pyarrow>=18",
+    "xarray": "xarray>=2025.1",
+    "arviz": "arviz>=0.23,<1",
+    "matplotlib": "matplotlib>=3.9",
+    "distributed": "distributed>=2026.8",
+    "imageio_ffmpeg": "imageio-ffmpeg>=0.6",
+    "plotly": "plotly>=6.0",
+    "libsbml": "python-libsbml>=5.20",
+    "antimony": "antimony>=3.0",
+    "bionetgen": "bionetgen>=0.8.7",
 }
 # what goes without such a package
 INSTEAD = {"pybullet": 'or let the scene name an engine that needs nothing more: engine = "own" under [numerics]'}
@@ -27,7 +27,7 @@ INSTEAD = {"pybullet": 'or let the scene name an engine that needs nothing more:
 
 def how_to_install(name: str) -> str:
     """What a user without this package does."""
-    install = f"this needs {name}; install it by: pip install 'wellmixed[{EXTRAS[name]}]'"
+    install = f"this needs {name}; install it by: pip install '{EXTRAS[name]}'"
     return f"{install}, {INSTEAD[name]}" if name in INSTEAD else install
 
 
@@ -40,7 +40,7 @@ def require(name: str) -> str:
 
 
 def extra(name: str) -> Any:
-    """The package of this name; a ModuleNotFoundError that says which extra brings it."""
+    """The package of this name; a ModuleNotFoundError that says how to install it."""
     try:
         return import_module(name)
     except ModuleNotFoundError as error:

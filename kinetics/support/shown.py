@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinetics.support.extras import extra
 from kinetics.support.output import write_whole
-from kinetics.support.tables import of_unit, text_table
+from kinetics.support.tables import of_unit, text_table, with_spread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +107,13 @@ def means_over_time(
     headline: str, times: Floats, unit: str, names: Sequence[str], mean: Floats, sd: Floats, note: str
 ) -> ResultTable:
     """The same with means and standard deviations (T, S) in its columns."""
-    return over_time(headline, times, unit, names, lambda t, s: f"{mean[t, s]:.4g} ± {sd[t, s]:.3g}", [note])
+    return over_time(headline, times, unit, names, lambda t, s: with_spread(mean[t, s], sd[t, s]), [note])
+
+
+def precision_of(standard_error: Floats) -> str:
+    """How well the means of runs are known, from their standard errors (T, S): nan for a single run."""
+    largest = standard_error.max(initial=0.0)
+    return "a single run has no spread" if np.isnan(largest) else f"largest standard error of a mean {largest:.2g}"
 
 
 def on_axes(draw: Callable[..., Any]) -> Callable[..., Any]:

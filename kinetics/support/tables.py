@@ -16,6 +16,26 @@ def in_unit(value: str, unit: str) -> str:
     return f"{value} {unit}" if unit else value
 
 
+def figure(value: float, form: str = ".4g") -> str:
+    """A number for people: a dash where it is not known (nan), a word where it is infinite.
+
+    >>> figure(2 / 3), figure(float("nan")), figure(float("inf"))
+    ('0.6667', '-', 'infinite')
+    """
+    if math.isinf(value):
+        return "infinite" if value > 0 else "-infinite"
+    return "-" if math.isnan(value) else f"{value:{form}}"
+
+
+def with_spread(mean: float, spread: float, form: str = ".3g") -> str:
+    """A mean and its spread; the mean alone where there is none, as of a single run.
+
+    >>> with_spread(60, 2.5), with_spread(60, float("nan"))
+    ('60 ± 2.5', '60')
+    """
+    return figure(mean) if math.isnan(spread) else f"{figure(mean)} ± {figure(spread, form)}"
+
+
 def of_unit(what: str, unit: str) -> str:
     """A title with the unit of what is below or beside it, where there is one.
 
@@ -53,25 +73,39 @@ def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def rounded(rows: Rows) -> list[dict[str, str]]:
-    """Four digits for every number that is not whole, nothing where there is none."""
+    """Four digits for every number that is not whole, nothing where there is no finite value."""
     return [{key: _cell(value) for key, value in row.items()} for row in rows]
 
 
 def columns(rows: Rows) -> str:
-    """Aligned columns under their names, rounded."""
-    return text_table(tuple(rows[0]), [tuple(row.values()) for row in rounded(rows)])
+    """Aligned columns under their names, rounded; what is infinite is said."""
+    return text_table(
+        tuple(rows[0]), [["infinite" if value == math.inf else _cell(value) for value in row.values()] for row in rows]
+    )
 
 
 def csv_text(rows: Rows) -> str:
-    """One line a row, as the values are."""
+    """One line a row, as the values are; a cell is empty where there is no finite value, as in JSON it is null."""
     text = io.StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
-    table.writerows(rows)
+    table.writerows({key: value if _is_there(value) else "" for key, value in row.items()} for row in rows)
     return text.getvalue()
 
 
+def _is_there(value: Any) -> bool:
+    return value is not None and not (isinstance(value, float) and not math.isfinite(value))
+
+
 def _cell(value: Any) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
+    if not _is_there(value):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def rough(number: float) -> str:
+    """A large number as people say it: 20, 4000, 1e6, 2.5e12."""
+    if number < 1e5:
+        return f"{float(f'{number:.2g}'):.0f}" if number >= 10 else f"{number:.2g}"
+    mantissa, exponent = f"{number:.1e}".split("e")
+    return f"{mantissa.removesuffix('.0')}e{int(exponent)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 
 GUARD = 'put what starts workers in a script under `if __name__ == "__main__":`, for workers load the script as well'
@@ -20,6 +21,15 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def leave_signals_to_parent() -> None:
+    """Ignore Ctrl-C and SIGTERM in this worker: where all processes of a command get one, the parent ends its workers.
+
+    Otherwise it might first take a worker that has died of the signal for one that failed.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def end_while_loading() -> None:

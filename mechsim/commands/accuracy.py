@@ -66,8 +66,8 @@ def mechanics(
     budget: float,
     presets_file: str | None,
     runs_folder: str,
-    csv_file: str | None,
-    plot_file: str | None,
+    csv_files: tuple[str, ...],
+    plot_files: tuple[str, ...],
     workers: Executor,
     progress: bool | None,
     seed: int,
@@ -97,11 +97,11 @@ def mechanics(
         progress=progress,
         tell=lambda text: click.echo(text, err=as_json),
     )
-    if csv_file is not None:
+    for csv_file in csv_files:
         import pandas as pd
 
         write_whole(csv_file, pd.DataFrame(measured.rows()).to_csv(index=False, float_format="%.6g"))
-    if plot_file is not None:
+    for plot_file in plot_files:
         from kinetics.support.plots import save
         from mechsim.accuracy.plot import draw
 

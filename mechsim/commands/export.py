@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.options import echo_json, json_option
+from kinetics.support.extras import require
 
 
 @click.command()
@@ -30,6 +31,8 @@ def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, a
     """
     from mechsim.runs.store import RunStore
 
+    for package in ("pandas", "pyarrow") if "parquet" in formats else ("pandas",):
+        require(package)
     written = RunStore.found(folder).export(out, formats, rules)
     if as_json:
         echo_json({"folder": folder, "written": [str(path) for path in written]})

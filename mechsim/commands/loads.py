@@ -17,9 +17,16 @@ from kinetics.support.cli.options import echo_json, json_option, picture_of
     type=click.FloatRange(min=0, min_open=True),
     help="Threshold at which rates of breaks are wanted; may be repeated.  [default: that of the runs]",
 )
-@click.option("--plot", metavar="FILE", callback=picture_of, help="Draw the tails of loads by struck species.")
+@click.option(
+    "--plot",
+    "plot_files",
+    metavar="FILE",
+    multiple=True,
+    callback=picture_of,
+    help="Draw the tails of loads by struck species; may be repeated.",
+)
 @json_option
-def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot: str | None, as_json: bool) -> None:
+def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tuple[str, ...], as_json: bool) -> None:
     """Measure rates of hits and of breaks from the logs of RUNS, folders of runs or KEY.run files.
 
     A run has a log if its scene's effect breaking has log_above. The table gives the rate of hits above several loads,
@@ -45,10 +52,10 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot: str | None
             "breaking has log_above"
         )
     found = gauge(logged, thresholds)
-    if plot is not None:
+    for plot_file in plot_files:
         from kinetics.support.plots import save
 
-        save(plot, lambda ax: plot_tails(ax, found))
+        save(plot_file, lambda ax: plot_tails(ax, found))
     if as_json:
         echo_json(found.as_dict() | {"left_out": len(records) - len(logged)})
     else:

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 PARTIAL = 4  # exit code: some runs were stopped by the guard or given up, or are missing
 PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tenth
 
-progress_option = click.option("--progress/--quiet", default=None, help="Show progress.  [default: only on a terminal]")
+progress_option = click.option(
+    "--progress/--quiet", default=None, help="Show progress.  [default: on a terminal, and now and then elsewhere]"
+)
 _timeout_option = click.option(
     "--timeout",
     metavar="SECONDS",

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
+from kinetics.support.cli.progress import progress_line
+from kinetics.support.extras import require
 from mechsim.commands.options import progress_option, runs_option
 
 if TYPE_CHECKING:
     from mechsim.inspection.pictures.tank import Paint
 
 FILMS = (".mp4", ".gif")
+WANTS = {".mp4": "imageio_ffmpeg", ".html": "plotly"}  # others matplotlib alone
 MOST = {".html": 60, ".mp4": 300, ".gif": 120}  # frames, where --frames does not say; pictures: 5
 
 
@@ -22,6 +25,7 @@ def out_of(ctx: click.Context, param: click.Parameter, value: str) -> str:
     kinds = (*PICTURES, *FILMS, ".html")
     if Path(value).suffix.lower() not in kinds:
         raise click.BadParameter(f"{value} must end in {', '.join(kinds)}", ctx, param)
+    require(WANTS.get(Path(value).suffix.lower(), "matplotlib"))
     return str(in_a_folder(ctx, param, value))
 
 
@@ -66,8 +70,6 @@ def render(
 
     RUN is a .run file, or the beginning of a key in the runs folder. The run must have been made with --poses.
     """
-    from tqdm import tqdm
-
     from mechsim.inspection.poses import Poses, record_at
 
     poses = Poses.of(record_at(run, runs_folder))
@@ -78,9 +80,9 @@ def render(
         from mechsim.inspection.pictures import movie
 
         save = movie.save_mp4 if kind == ".mp4" else movie.save_gif
-        hidden = None if progress is None else not progress
-        with tqdm(total=len(shown), disable=hidden, unit="frame", dynamic_ncols=True) as bar:
-            save(movie.images(poses, shown, paint, lambda done: bar.update(done - bar.n)), out, fps)
+        with progress_line(progress) as line:
+            n = len(shown)
+            save(movie.images(poses, shown, paint, lambda done: line(f"{done} of {n} frames", done / n)), out, fps)
     elif kind == ".html":
         from mechsim.inspection.pictures.interactive import save_html
 

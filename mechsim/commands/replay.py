@@ -20,9 +20,16 @@ DIFFERENT = 4  # exit code: not the same happened
     help="Number of last steps to look at.",
 )
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
-@click.option("--picture", metavar="FILE", callback=picture_of, help="Draw the tank at the end.")
+@click.option(
+    "--picture",
+    "pictures",
+    metavar="FILE",
+    multiple=True,
+    callback=picture_of,
+    help="Draw the tank at the end; may be repeated.",
+)
 @json_option
-def replay(file: str, last: int, poses: str | None, picture: str | None, as_json: bool) -> None:
+def replay(file: str, last: int, poses: str | None, pictures: tuple[str, ...], as_json: bool) -> None:
     """Replay the run in FILE (KEY.run of a runs folder) and look at its last steps.
 
     A stored run, also one that the guard stopped, holds all inputs that decide what happens, so it can be made again.
@@ -37,7 +44,7 @@ def replay(file: str, last: int, poses: str | None, picture: str | None, as_json
     again = make_again(file, last)
     if poses is not None:
         again.save(poses)
-    if picture is not None:
+    for picture in pictures:
         from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 

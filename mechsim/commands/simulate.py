@@ -49,16 +49,20 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--picture",
+    "pictures",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Draw the tank at the end of the first run, whose poses are then recorded.",
+    help="Draw the tank at the end of the first run, whose poses are then recorded; may be repeated.",
 )
 @click.option(
     "--growth",
-    "growth_file",
+    "growth_files",
     metavar="FILE",
+    multiple=True,
     callback=picture_of,
-    help="Draw how the largest structure of the first run grew, each stage with the time at which it formed.",
+    help="Draw how the largest structure of the first run grew, each stage with the time at which it formed; may be "
+    "repeated.",
 )
 @click.option(
     "--preset",
@@ -80,11 +84,11 @@ def simulate(
     restart: bool,
     without: tuple[str, ...],
     poses: float | None,
-    picture: str | None,
-    growth_file: str | None,
+    pictures: tuple[str, ...],
+    growth_files: tuple[str, ...],
     preset: str | None,
     as_bill: bool,
-    plot_file: str | None,
+    plot_files: tuple[str, ...],
     runs_folder: str,
     workers: Executor,
     part: ShardWork | None,
@@ -121,7 +125,7 @@ def simulate(
     derivation = book_of(described.rules)[1]
     start = _composition(derivation, cubes, None if cubes is not None and is_filled("initial") else initial)
     # A picture needs poses of its run: those at the start and the end, where no others are asked for.
-    often = [duration if picture and run == 0 and poses is None else poses for run in range(runs)]
+    often = [duration if pictures and run == 0 and poses is None else poses for run in range(runs)]
     specs = [RunSpec(described, start, duration, seed, run, restart, often[run]) for run in range(runs)]
     if known is not None:
         expected = known.expected(specs[0].n_cubes, duration * runs)
@@ -142,17 +146,17 @@ def simulate(
             click.echo(str(bill))
         return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
-    if picture and outcome.records:
+    for picture in pictures if outcome.records else ():
         from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(outcome.records[0], ax))
-    if growth_file and outcome.records:
+    for growth_file in growth_files if outcome.records else ():
         from mechsim.inspection.pictures.tank import growth
 
         growth(outcome.records[0]).save(growth_file)
     sound = [record for record in outcome.records if record.completed]
-    if plot_file and sound:
+    for plot_file in plot_files if sound else ():
         from kinetics.support.plots import save
         from mechsim.inspection.summary import plot_counts
 

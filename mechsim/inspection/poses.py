@@ -9,6 +9,7 @@ from typing import NoReturn
 import numpy as np
 
 from kinetics.assembly.faces import scheme_of
+from kinetics.support.limits import RUN_BYTES, bytes_in
 from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.store import DamagedRunError, decode
 
@@ -97,11 +98,11 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
         if len(found) != 1:
             raise ValueError(
                 f"{run} is no file, and {folder} holds {len(found) or 'no'} runs whose key begins with it; give the "
-                "path of a .run file, or a key that simulate --json prints, and its folder by --runs-folder"
+                "path of a .run file, or a key that `wellmixed simulate --json` prints, beside its folder"
             )
         path = found[0]
     try:
-        manifest, arrays = decode(path.read_bytes(), path)
+        manifest, arrays = decode(bytes_in(path, RUN_BYTES), path)
     except DamagedRunError as error:
         raise ValueError(f"{path} is damaged: {error}; make the run again") from error
     spec = RunSpec.of_inputs(manifest["inputs"], path)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.support.limits import RUN_BYTES, bytes_in
 from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
 from mechsim.runs.record import RunRecord, RunSpec, execute
@@ -93,7 +94,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
     if last < 1:
         raise ValueError(f"last = {last}; expected 1 step or more")
     try:
-        manifest, _ = decode(Path(file).read_bytes(), Path(file))
+        manifest, _ = decode(bytes_in(Path(file), RUN_BYTES), Path(file))
     except DamagedRunError as error:
         raise ValueError(f"{file} is not a sound run file: {error}") from error
     spec = RunSpec.of_inputs(manifest["inputs"], file)

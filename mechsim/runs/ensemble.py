@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from kinetics.support.cli.progress import is_heard, is_terminal, progress_line
 from kinetics.support.workers import end_while_loading
 from mechsim.runs.executors import Executor, Processes, RunAttempt, Session
 from mechsim.runs.executors.base import LOOK_EVERY, Execute
@@ -73,7 +75,7 @@ def run_all(
     """Make the runs that are missing from the store, and read the others.
 
     workers : number of processes on this machine, one per run; or another executor, as Dask("tcp://10.0.0.5:8786")
-    progress : whether to show a bar on standard error; None: only on a terminal
+    progress : whether to show a line on standard error; None: only on a terminal
     execute : function that makes the record of one run; it is called in the worker, so it must be importable by name
 
     A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
@@ -120,17 +122,10 @@ class _Driver:
 
     def run(self, session: Session, progress: bool | None) -> None:
         """Work until nothing waits and nothing runs."""
-        from tqdm import tqdm
-
-        with tqdm(
-            desc=f"{len(self.records)}/{len(self.specs)} runs",
-            total=sum(spec.duration for spec in self.specs.values()),
-            initial=self._simulated(session),
-            disable=None if progress is None else not progress,
-            dynamic_ncols=True,
-            bar_format="{desc}|{bar}| {n:.0f}/{total:.0f} tu [{elapsed}, {remaining} left, {rate_fmt}]",
-            unit="tu",
-        ) as bar:
+        total = sum(spec.duration for spec in self.specs.values())
+        # A script that is no command of ours has asked for no lines of ours, unless somebody looks on.
+        shown = is_terminal(sys.stderr) if progress is None and not is_heard() else progress
+        with progress_line(shown) as line:
             try:
                 while self.waiting or session.attempts:
                     self._start(session)
@@ -139,8 +134,9 @@ class _Driver:
                     for attempt in [attempt for attempt in session.attempts if attempt.ended]:
                         self._finish(attempt)
                         session.attempts.remove(attempt)
-                    bar.set_description(f"{len(self.records)}/{len(self.specs)} runs", refresh=False)
-                    bar.update(self._simulated(session) - bar.n)
+                    done = self._simulated(session)
+                    text = f"{len(self.records)}/{len(self.specs)} runs, {done:.0f}/{total:.0f} tu"
+                    line(text, done / total if total else None)
             finally:
                 session.close()
                 for attempt in session.attempts:

@@ -112,7 +112,7 @@ class RunStore:
     def found(cls, folder: str | Path) -> RunStore:
         """Open a folder that already holds runs, without creating anything. ValueError: it holds none."""
         if not (Path(folder) / "format").is_file():
-            raise ValueError(f"{folder} holds no runs; expected a folder that --runs-folder has named")
+            raise ValueError(f"{folder} holds no runs; expected one that `wellmixed simulate` has filled")
         return cls(folder)
 
     def path(self, spec: RunSpec) -> Path:

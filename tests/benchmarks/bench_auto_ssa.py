@@ -16,6 +16,7 @@ import numpy as np
 
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, polymer, ring, tanks_in_a_row
 
@@ -75,7 +76,8 @@ def row(name: str, workload: Workload, many: bool) -> float:
 def go(sampler: Sampler, start: np.ndarray, end: float, runs: int, seed: int) -> None:
     """Final states of some runs."""
     out = np.empty((runs, 1, start.size), dtype=np.int64)
-    sampler.ensemble(np.asarray(start), np.array([end]), stream_key(seed), 0, out)
+    watch = Watch(np.array([end]), max_events=10**15)
+    sampler.ensemble(np.asarray(start), watch.grid, stream_key(seed), 0, out, watch)
 
 
 if __name__ == "__main__":

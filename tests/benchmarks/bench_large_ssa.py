@@ -18,6 +18,7 @@ import numpy as np
 from kinetics.network import Network
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.run_source import Sampler
+from kinetics.sampling.watch import Watch
 from tests.benchmarks.published_networks import receptor
 from tests.benchmarks.ssa_peers import installed
 from tests.benchmarks.ssa_timing import print_race, race
@@ -82,7 +83,8 @@ def compare(network: Network, start: np.ndarray, end: float, ours: Sequence[str]
 def final_state(sampler: Sampler, start: np.ndarray, end: float, seed: int) -> np.ndarray:
     """Of one run; the tables are there."""
     out = np.empty((1, 1, start.size), dtype=np.int64)
-    sampler.ensemble(start, np.array([end]), stream_key(seed), 0, out)
+    watch = Watch(np.array([end]), max_events=10**15)
+    sampler.ensemble(start, watch.grid, stream_key(seed), 0, out, watch)
     return out
 
 

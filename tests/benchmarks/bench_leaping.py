@@ -19,6 +19,7 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.sampling.base import stream_key
+from kinetics.sampling.watch import Watch
 from tests.benchmarks.ssa_peers import PEERS, installed, versions
 from tests.benchmarks.ssa_timing import race
 from tests.benchmarks.ssa_workloads import Workload, paper_line, ring
@@ -119,7 +120,8 @@ def _text(text: str, initial: dict[str, int], end: float) -> Workload:
 def final(sampler, start: np.ndarray, end: float, seed: int) -> np.ndarray:
     """Counts (S,) at the end of one run."""
     out = np.empty((1, 1, start.size), dtype=np.int64)
-    sampler.ensemble(np.asarray(start), np.array([end]), stream_key(seed), 0, out)
+    watch = Watch(np.array([end]), max_events=10**15)
+    sampler.ensemble(np.asarray(start), watch.grid, stream_key(seed), 0, out, watch)
     return out[0, 0]
 
 

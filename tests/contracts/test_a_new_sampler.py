@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK
+from kinetics.kernels.outcomes import OVERFLOW, STALLED_CLOCK
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.mass_action import mass_action
 
@@ -36,41 +36,46 @@ class FirstReactionSampler:
     def __init__(self, network):
         self.network, self.model = network, mass_action(network)
 
-    def ensemble(self, initial, grid, key, first_run, out):
+    def ensemble(self, initial, grid, key, first_run, out, watch):
         for i in range(len(out)):
-            outcome, times, channels = self.path(initial, grid[-1], key, first_run + i)
-            if outcome != REACHED_END:
-                return outcome, first_run + i
+            times, channels = self.path(initial, grid[-1], key, first_run + i, watch)
             steps = np.vstack([initial, self.network.stoichiometry[channels]])
             out[i] = np.cumsum(steps, axis=0)[np.searchsorted(times, grid, side="right")]
-        return REACHED_END, first_run + len(out) - 1
 
-    def path(self, initial, end, key, run):
+    def path(self, initial, end, key, run, watch):
         rng = np.random.default_rng([*key.tolist(), run])
         species, taken, needed = np.moveaxis(self.model.factors, 2, 0)
-        state, t, times, channels, outcome = np.append(initial, 1), 0.0, [], [], REACHED_END
+        state, t, still, times, channels = np.append(initial, 1), 0.0, 0, [], []
+        look = watch.first_look
         while self.network.channels:
             copies = state[species]
             with np.errstate(divide="ignore", over="ignore"):
                 rates = RATES * self.model.coefficients * ((copies - taken) * (copies >= needed)).prod(1, dtype=float)
                 waits = rng.exponential(size=rates.size) / rates
+            watch.hear()
+            if len(times) == look:
+                look = watch.look(run, look, t, state[:-1])
+                if not look:
+                    break
             if not rates.sum() < np.inf:
-                outcome = OVERFLOW
+                watch.stop(run, OVERFLOW, t, state[:-1])
                 break
             r = int(waits.argmin())
-            if t + waits[r] == t:
-                outcome = STALLED_CLOCK
+            still = still + 1 if t + waits[r] == t else 0
+            if still == 1000:
+                watch.stop(run, STALLED_CLOCK, t, state[:-1])
                 break
             t += waits[r]
             if t > end:
                 break
-            state[:-1] += self.network.stoichiometry[r]
-            if state.min() < 0:
-                outcome = OVERFLOW
+            after = state[:-1] + self.network.stoichiometry[r]
+            if after.min() < 0:
+                watch.stop(run, OVERFLOW, t, state[:-1])
                 break
+            state[:-1] = after
             times.append(t)
             channels.append(r)
-        return outcome, np.array(times), np.array(channels, dtype=np.int64)
+        return np.array(times), np.array(channels, dtype=np.int64)
 '''
 
 

@@ -1,25 +1,33 @@
 """The long run of the fuzzer: `python -m tests.helpers.fuzz_campaign` goes on in blocks until it has made all.
 
 What came of them is kept in results/fuzzing.json after every block: by kind, those that failed, and those that failed
-once and do no more; other generators of inputs begin anew. The exit
-code is 1 where an input was neither read nor refused.
+once and do no more; other generators of inputs begin anew. Hostile BNGL and Antimony files follow, and if BioNetGen and
+Antimony are installed, they run what is made of these (results/canaries.json). The exit code is 1 where an input was
+neither read nor refused, or a hostile file could create, change or read another.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib.util
 import json
+import os
+import shutil
 import sys
+import tempfile
 import time
 from collections import Counter
 from pathlib import Path
 
+from tests.helpers import canaries
+from tests.helpers.canary_runs import ran
 from tests.helpers.fuzzing import IN_ONE_PROCESS, campaign
 from tests.helpers.limited import ROOT
 
 STORED = ROOT / "results/fuzzing.json"
-SEED, LONG = 1, 100_000
+CANARIES = ROOT / "results/canaries.json"
+SEED, LONG, HOSTILE = 1, 100_000, 20_000
 GENERATORS = ("tests/helpers/fuzzed_inputs.py", "tests/helpers/fuzzed_archives.py")
 
 
@@ -58,13 +66,35 @@ def run(path: Path, seed: int, inputs: int) -> dict:
     return told
 
 
+def hostile(path: Path, seed: int, inputs: int) -> dict:
+    """Judge hostile files, and run the programs on what they are turned into."""
+    has_bionetgen = "BNGPATH" in os.environ or importlib.util.find_spec("bionetgen")
+    has_programs = shutil.which("perl") and has_bionetgen and importlib.util.find_spec("antimony")
+    with tempfile.TemporaryDirectory() as folder:
+        counts, failures, given = canaries.campaign(Path(folder), seed, 0, inputs)
+        failures += ran(Path(folder), given) if has_programs else []
+    found = {f"{kind} {outcome}": n for (kind, outcome), n in sorted(counts.items())}
+    told = {
+        "seed": seed,
+        "inputs": inputs,
+        "counts": found,
+        "run": len(given) if has_programs else 0,
+        "failures": failures,
+    }
+    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    sys.stdout.write(f"{inputs} hostile files, {told['run']} run; {len(failures)} failures\n")
+    return told
+
+
 def main() -> int:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description="Read random inputs of every grammar, within limits, block by block.")
     parser.add_argument("--inputs", type=int, default=LONG, help=f"Go on until so many were made ({LONG}).")
+    parser.add_argument("--hostile", type=int, default=HOSTILE, help=f"How many hostile files ({HOSTILE}).")
     parser.add_argument("--seed", type=int, default=SEED, help="Draw them by this seed.")
     asked = parser.parse_args()
-    return int(bool(run(STORED, asked.seed, asked.inputs)["failures"]))
+    found = [run(STORED, asked.seed, asked.inputs), hostile(CANARIES, asked.seed, asked.hostile)]
+    return int(any(told["failures"] for told in found))
 
 
 if __name__ == "__main__":

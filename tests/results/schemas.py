@@ -38,6 +38,7 @@ CALLS = (
     ["predict", "pair.rxn", "--times", 60, "--method", "exact"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "1e-10%"],  # a tenth of it is beyond all
+    ["predict", "growth.rxn", "--times", 1, "--times", 60, "--runs", 20],  # truncated
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--within", "A <= 20"],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],
@@ -59,8 +60,9 @@ def written_down(tests: list[str]) -> Iterator[tuple[str, Any]]:
         (Path(folder) / "pair.rxn").write_text(PAIR, encoding="utf-8")
         if pytest.main(["-q", "-n", "0", *tests]):
             raise SystemExit("a test failed; mend it first")
+        (Path(folder) / "growth.rxn").write_text("A -> 2 A, 1\nA = 10\n", encoding="utf-8")
         for call in CALLS:  # after the tests, whose conftest.py watches what is printed
-            if run_here(*call, "--json", cwd=folder).code > 1:  # 1: a check found errors
+            if run_here(*call, "--json", cwd=folder).code not in (0, 1, 4):  # 1: a check found errors; 4: fewer figures
                 raise SystemExit(f"{call[0]} failed")
         yield from told(Path(os.environ[RECORD]))
 

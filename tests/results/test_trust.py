@@ -4,7 +4,7 @@ import pytest
 
 from tests.helpers.fraction_campaign import SEED, run
 from tests.mutation.__main__ import FLOOR, rooms, stored
-from tests.results.trust_page import FAULTS, FUZZED, README, told, written
+from tests.results.trust_page import CANARIES, FAULTS, FUZZED, README, told, written
 
 
 def test_the_block_is_what_is_kept():
@@ -28,6 +28,9 @@ def test_no_input_does_harm():
     for kind in {name.split()[0] for name in kept["counts"]}:
         read, refused = (kept["counts"].get(f"{kind} {outcome}", 0) for outcome in ("read", "refused"))
         assert min(read, refused) > (read + refused) / 16
+    hostile = told(CANARIES)
+    assert hostile["failures"] == []
+    assert sum(hostile["counts"].values()) == hostile["inputs"] >= 20_000
 
 
 @pytest.mark.parametrize("room", rooms().values(), ids=lambda room: room.name)

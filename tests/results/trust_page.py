@@ -11,8 +11,8 @@ import re
 from typing import Any
 
 from tests.helpers.fraction_campaign import STORED as FRACTIONS
+from tests.helpers.fuzz_campaign import CANARIES, generators
 from tests.helpers.fuzz_campaign import STORED as FUZZED
-from tests.helpers.fuzz_campaign import generators
 from tests.mutation.__main__ import ROOT, code_of, rooms, stored
 from tests.mutation.known import STORED as KNOWN
 
@@ -40,13 +40,15 @@ def faults() -> str:
 
 
 def fuzzed() -> str:
-    """Random inputs and those that did harm."""
-    found = told(FUZZED)
+    """Random inputs and those that did harm; hostile files and those that could."""
+    found, hostile = told(FUZZED), told(CANARIES)
     kinds = ", ".join(sorted({name.split()[0] for name in found["counts"]}))
     older = "" if found["generators"] == generators() else ", made by an older generator"
     return (
         f"{found['inputs']:,} random inputs ({kinds}) read or refused in 10 s and 300 MB, but for "
-        f"{len(found['failures'])}; {len(found['mended'])} more did harm once and do none now{older}"
+        f"{len(found['failures'])}; {len(found['mended'])} more did harm once and do none now{older}. "
+        f"{hostile['inputs']:,} hostile .bngl and .ant files, of which {len(hostile['failures'])} could create, change "
+        f"or read a file; {hostile['run']:,} were run by BioNetGen or Antimony"
     )
 
 

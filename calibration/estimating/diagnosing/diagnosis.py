@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from calibration.estimating.coarse_looks import CoarseLooks
 from calibration.estimating.diagnosing import DIAGNOSTICS
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
@@ -14,11 +15,13 @@ from calibration.estimating.rate_fit import RateFit
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Ints
+from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown, on_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+LOOK_CLOSER = "look at shorter intervals before you judge"
 LEVEL = 0.01  # chance of one or more false alarms among all tests
 
 
@@ -28,6 +31,7 @@ class Diagnosis(Shown):
 
     tests : the diagnostics, in order
     results : theirs, in the same order, channel by channel
+    looks : what looks at intervals do to the runs; where they are coarse, that may be all that a failed test sees
 
     >>> from calibration import diagnose
     >>> from kinetics import Network, sample_path
@@ -39,6 +43,7 @@ class Diagnosis(Shown):
 
     tests: tuple[Diagnostic, ...]
     results: tuple[DiagnosticResult, ...]
+    looks: CoarseLooks = field(default_factory=lambda: CoarseLooks(()))
 
     @property
     def headline(self) -> str:
@@ -81,7 +86,8 @@ class Diagnosis(Shown):
         if not self.failed:
             least = tested[0]
             return f"No sign against the model in {tests}; the smallest p is {least.p_value:.2g} ({least.title})."
-        return f"The model is doubtful: {len(self.failed)} of {tests}, fail ({', '.join(self.doubtful)})."
+        what = "The looks are too coarse to tell" if self.looks.channels else "The model is doubtful"
+        return f"{what}: {len(self.failed)} of {tests}, fail ({', '.join(self.doubtful)})."
 
     def verdicts(self) -> list[dict[str, Any]]:
         """One row a diagnostic: its question, the smallest p, a verdict in words, its measured size and power."""
@@ -93,7 +99,8 @@ class Diagnosis(Shown):
             if failed:
                 worst = failed[0]
                 others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
-                words = f"doubtful ({worst.title}{others}): {worst.seen}; {worst.remedy}"
+                what = "perhaps coarse looks alone" if self.looks.channels else "doubtful"
+                words = f"{what} ({worst.title}{others}): {worst.seen}; {worst.remedy}"
             elif tested:
                 words = f"nothing seen in {len(tested)} tests; least likely {tested[0].title}: {tested[0].seen}"
             else:
@@ -172,4 +179,11 @@ def diagnose(
     (15, ())
     """
     diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
-    return Diagnosis(tuple(tests), tuple(result for test in tests for result in test.results(diagnosed)))
+    looks = CoarseLooks(diagnosed.runs)
+    results: list[DiagnosticResult] = []
+    for number, test in enumerate(tests):
+        stage(f"diagnosis: {test.name}, {number} of {len(tests)} tests done")
+        results += test.results(diagnosed)
+    if looks.channels:  # which show themselves in every test: no other model is to be tried before they are finer
+        results = [replace(result, remedy=LOOK_CLOSER) for result in results]
+    return Diagnosis(tuple(tests), tuple(results), looks)

@@ -68,17 +68,25 @@ INLINE int64_t chosen_channel(const Room *room, double target, double total)
     return chosen;
 }
 
+/* An event has left the clock at t: clock.stands_still. */
+static int stands_still(double *clock, double t)
+{
+    clock[1] = clock[2] == t ? clock[1] + 1.0 : 1.0;
+    clock[2] = t;
+    return clock[1] >= MOST_STILL ? STALLED_CLOCK : UNFINISHED;
+}
+
 /* Draw when the next event comes: inf where none does. */
-INLINE int next_time(double t, double total, uint64_t *s, double *later)
+INLINE int next_time(double t, double total, uint64_t *s, double *later, double *clock)
 {
     const double wait = exponential(next_word(s, s + 1, s + 2, s + 3));
     if (!(total < INFINITY))
         return OVERFLOW_;
     *later = total > 0.0 ? t + wait / total : INFINITY;
-    return *later == t ? STALLED_CLOCK : UNFINISHED;
+    return *later == t ? stands_still(clock, t) : UNFINISHED;
 }
 
-/* Change the counts by a channel; whether they are all within 63 bits. */
+/* Change the counts by a channel; whether they are all within 63 bits, without which nothing is changed. */
 INLINE int fire(const Model *model, const Room *room, int64_t channel)
 {
     const int64_t *change = model->changes + model->n_species * channel;
@@ -88,6 +96,8 @@ INLINE int fire(const Model *model, const Room *room, int64_t channel)
         room->copies[i] = (double)room->counts[i];
         is_right &= room->counts[i] >= 0;
     }
+    for (int64_t i = 0; !is_right && i < model->n_species; i++)
+        room->counts[i] = (int64_t)((uint64_t)room->counts[i] - (uint64_t)change[i]);
     return is_right;
 }
 
@@ -100,26 +110,43 @@ static void begin(const Model *model, const int64_t *counts, const Room *room)
     room->copies[model->n_species] = 1.0;
 }
 
-static int one_run(const Model *model, const Room *room, const double *grid, int64_t n_times, uint64_t *s, int64_t *out)
+/* Where a run stands. */
+typedef struct {
+    double clock[3];
+    int64_t passed, n_events;
+    uint64_t stream[4];
+} Standing;
+
+/* Go on with a run until it has passed so many times of the grid, or has had so many events. */
+static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
+                 int64_t *out)
 {
     const int64_t n_species = model->n_species;
-    double t = 0.0;
-    int64_t passed = 0;
-    for (;;) {
+    uint64_t *s = at->stream;
+    double t = at->clock[0];
+    int64_t passed = at->passed, n_events = at->n_events;
+    int outcome = passed < n_times ? UNFINISHED : REACHED_END;
+    while (outcome == UNFINISHED && n_events < last) {
         const double total = total_propensity(model, room);
         double later;
-        const int outcome = next_time(t, total, s, &later);
+        outcome = next_time(t, total, s, &later, at->clock);
         if (outcome != UNFINISHED)
-            return outcome;
+            break;
         for (; passed < n_times && grid[passed] < later; passed++)
             memcpy(out + passed * n_species, room->counts, (size_t)n_species * sizeof *out);
-        if (passed == n_times)
-            return REACHED_END;
+        if (passed == n_times) {
+            outcome = REACHED_END;
+            break;
+        }
         t = later;
         const double share = uniform(next_word(s, s + 1, s + 2, s + 3));
         if (!fire(model, room, chosen_channel(room, share * total, total)))
-            return OVERFLOW_;
+            outcome = OVERFLOW_;
+        else
+            n_events++;
     }
+    at->clock[0] = t, at->passed = passed, at->n_events = n_events;
+    return outcome;
 }
 
 static double *make_room(const Model *model, const int64_t *counts, Room *room)
@@ -137,23 +164,46 @@ static double *make_room(const Model *model, const int64_t *counts, Room *room)
     return memory;
 }
 
-EnsembleEnd direct(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
-              int64_t first_run, int64_t runs, int64_t *out)
+enum { RUN, PASSED, EVENTS, LOOK }; /* as in direct.py */
+#define BEFORE (-1)
+
+/* `direct.ensemble`: the outcome, -1 without memory. The grid has n_times times. */
+int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream, int64_t *notes, const int64_t *initial,
+           const double *grid, int64_t n_times, const uint64_t *key, int64_t first_run, const int64_t *limits,
+           int64_t runs, int64_t *out, int64_t most)
 {
-    EnsembleEnd ending = {REACHED_END, first_run + runs - 1};
     Room room;
-    double *memory = make_room(model, initial, &room);
-    if (!memory)
-        return (EnsembleEnd){-1, first_run};
-    for (int64_t i = 0; i < runs && ending.outcome == REACHED_END; i++) {
-        uint64_t stream[4];
-        start_stream(key, first_run + i, stream);
-        begin(model, initial, &room);
-        ending.outcome = one_run(model, &room, grid, n_times, stream, out + i * n_times * model->n_species);
-        ending.run = first_run + i;
+    Standing at;
+    double *memory = make_room(model, counts, &room);
+    int outcome = memory ? REACHED_END : -1;
+    memcpy(at.stream, stream, sizeof at.stream);
+    memcpy(at.clock, clock, sizeof at.clock);
+    at.passed = notes[PASSED], at.n_events = notes[EVENTS];
+    while (outcome == REACHED_END && notes[RUN] < runs) {
+        if (at.n_events == BEFORE) {
+            start_stream(key, first_run + notes[RUN], at.stream);
+            begin(model, initial, &room);
+            memset(at.clock, 0, sizeof at.clock);
+            at.passed = at.n_events = 0;
+            notes[LOOK] = limits[3];
+        }
+        const int64_t made = at.n_events, last = notes[LOOK] < made + most ? notes[LOOK] : made + most;
+        const int64_t needed = notes[RUN] < limits[2] ? limits[0] : limits[1];
+        outcome = go_on(model, &room, grid, needed, last, &at, out + notes[RUN] * n_times * model->n_species);
+        most -= at.n_events - made;
+        if (outcome == REACHED_END) {
+            most--;
+            notes[RUN]++;
+            at.n_events = BEFORE;
+        }
     }
+    if (memory)
+        memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);
+    memcpy(stream, at.stream, sizeof at.stream);
+    memcpy(clock, at.clock, sizeof at.clock);
+    notes[PASSED] = at.passed, notes[EVENTS] = at.n_events;
     free(memory);
-    return ending;
+    return outcome;
 }
 
 /* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
@@ -161,13 +211,13 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
            int64_t *fired, int64_t most, int64_t *n_events)
 {
     Room room;
-    double t = *clock, *memory = make_room(model, counts, &room);
+    double t = clock[0], *memory = make_room(model, counts, &room);
     int outcome = memory ? UNFINISHED : -1;
     *n_events = 0;
     while (outcome == UNFINISHED && *n_events < most) {
         const double total = total_propensity(model, &room);
         double later;
-        outcome = next_time(t, total, stream, &later);
+        outcome = next_time(t, total, stream, &later, clock);
         if (outcome != UNFINISHED)
             break;
         t = later;
@@ -187,7 +237,7 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
     }
     if (memory)
         memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);
-    *clock = t;
+    clock[0] = t;
     free(memory);
     return outcome;
 }

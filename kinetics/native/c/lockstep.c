@@ -9,9 +9,11 @@
 #define LANES 64
 #define GATHERED 8            /* up to so many species, all are updated whichever channel fired */
 #define LARGEST_EXACT 0x1p52  /* lanes count in doubles */
+#define LEAST_TOTAL 1e-290    /* below, a wait may itself be infinite */
 
 typedef double Lanes[LANES];
 
+/* Where the runs stand between calls: laid out as `lanes.FIELDS` has it, for lockstep.LockstepWork. */
 typedef struct {
     const Model *model;
     Lanes *counts;   /* (S + 1 + sums,) */
@@ -21,7 +23,9 @@ typedef struct {
     int64_t *starts, *species_of; /* of the species that each channel changes */
     Lanes total, part, target, t, upcoming;
     uint64_t words[4][LANES];
-    int64_t run[LANES], seen[LANES], chosen[LANES];
+    int64_t run[LANES], seen[LANES], needed[LANES], begun[LANES], looks[LANES], still[LANES], stood[LANES];
+    int64_t chosen[LANES];
+    int64_t active, runs, steps; /* lanes in use, runs begun, events of each lane since the first call */
 } Work;
 
 INLINE void sum_terms(Work *work, int64_t active)
@@ -93,7 +97,8 @@ INLINE void sum_propensities(Work *work, int64_t active)
     }
 }
 
-/* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid. */
+/* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid.
+ * `part` keeps the times before. */
 INLINE int64_t move_clocks(Work *work, int64_t active)
 {
     uint64_t(*words)[LANES] = work->words;
@@ -104,6 +109,7 @@ INLINE int64_t move_clocks(Work *work, int64_t active)
         words[0][lane] = s0, words[1][lane] = s1, words[2][lane] = s2, words[3][lane] = s3;
         work->target[lane] = uniform(second) * work->total[lane];
         double later = work->t[lane] + exponential(first) / work->total[lane];
+        work->part[lane] = work->t[lane];
         later = later > work->t[lane] ? later : INFINITY; /* a clock that stands still, or a total beyond double */
         n_crossed += later > work->upcoming[lane];
         work->t[lane] = later;
@@ -173,15 +179,18 @@ CLONES static void finish_step(Work *work, int64_t active)
     fire(work, active);
 }
 
-static void begin_lane(Work *work, int64_t lane, int64_t i, const int64_t *initial, const double *grid,
-                       const uint64_t *key, int64_t first_run)
+static void begin_lane(Work *work, int64_t lane, const int64_t *initial, const double *grid, const uint64_t *key,
+                       int64_t first_run, const int64_t *limits)
 {
+    const int64_t i = work->runs++;
     for (int j = 0; j < 4; j++)
         work->words[j][lane] = stream_word(key[j], first_run + i);
     for (int64_t s = 0; s < work->model->n_species; s++)
         work->counts[s][lane] = (double)initial[s];
-    work->t[lane] = 0.0, work->upcoming[lane] = grid[0];
-    work->run[lane] = i, work->seen[lane] = 0;
+    work->run[lane] = i, work->seen[lane] = 0, work->needed[lane] = i < limits[2] ? limits[0] : limits[1];
+    work->t[lane] = 0.0, work->upcoming[lane] = work->needed[lane] > 0 ? grid[0] : -INFINITY;
+    work->begun[lane] = work->steps, work->looks[lane] = work->steps + limits[3];
+    work->still[lane] = 0, work->stood[lane] = -1;
 }
 
 static int64_t closed_ranks(Work *work, int64_t active)
@@ -197,40 +206,46 @@ static int64_t closed_ranks(Work *work, int64_t active)
             work->words[j][kept] = work->words[j][lane];
         work->t[kept] = work->t[lane], work->upcoming[kept] = work->upcoming[lane];
         work->run[kept] = work->run[lane], work->seen[kept] = work->seen[lane];
+        work->needed[kept] = work->needed[lane], work->begun[kept] = work->begun[lane];
+        work->looks[kept] = work->looks[lane];
+        work->still[kept] = work->still[lane], work->stood[kept] = work->stood[lane];
         kept++;
     }
     return kept;
 }
 
-static void make_tables(Work *work)
+/* Whether a lane cannot go on: its clock has stalled, or its total or a count are beyond what it holds. A lane whose
+ * clock stands still comes with an infinite time, and takes that before it. */
+static int is_stuck(Work *work, int64_t lane)
 {
-    const Model *model = work->model;
-    int64_t n = 0;
-    for (int64_t r = 0; r < model->n_channels; r++) {
-        work->starts[r] = n;
-        for (int64_t s = 0; s < model->n_species; s++) {
-            const int64_t change = model->changes[r * model->n_species + s];
-            work->change[s * (model->n_channels + 1) + r] = (double)change;
-            if (change)
-                work->species_of[n++] = s;
-        }
-    }
-    work->starts[model->n_channels] = work->starts[model->n_channels + 1] = n;
-    for (int64_t row = 0; row < model->n_species + 1 + model->n_sums; row++)
-        for (int64_t lane = 0; lane < LANES; lane++)
-            work->counts[row][lane] = 1.0;
+    const double total = work->total[lane];
+    if (work->t[lane] < INFINITY || total == 0.0 || work->seen[lane] >= work->needed[lane])
+        return 0;
+    work->t[lane] = work->part[lane];
+    work->still[lane] = work->stood[lane] == work->steps - 1 ? work->still[lane] + 1 : 1;
+    work->stood[lane] = work->steps;
+    return !(total > LEAST_TOTAL && total < INFINITY) || work->still[lane] >= (int64_t)MOST_STILL;
 }
 
-static void make_runs(Work *work, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
-                      int64_t first_run, int64_t runs, int64_t *out, char *is_odd)
+/* `lockstep.lockstep`. The grid has n_times times. */
+void lockstep(const Model *model, Work *work, const int64_t *initial, const double *grid, int64_t n_times,
+              const uint64_t *key, int64_t first_run, const int64_t *limits, int64_t runs, int64_t *out, char *is_odd,
+              int64_t most)
 {
-    const int64_t n_species = work->model->n_species;
-    int64_t active = runs < LANES ? runs : LANES, begun = 0, steps = 0;
-    for (; begun < active; begun++)
-        begin_lane(work, begun, begun, initial, grid, key, first_run);
-    while (active > 0) {
+    const int64_t n_species = model->n_species, last = work->steps + most;
+    int64_t active = work->active;
+    work->model = model;
+    if (work->runs == 0)
+        for (active = 0; active < LANES && active < runs; active++)
+            begin_lane(work, active, initial, grid, key, first_run, limits);
+    for (int64_t lane = 0; lane < active; lane++) {
+        work->needed[lane] = work->run[lane] < limits[2] ? limits[0] : limits[1];
+        if (work->seen[lane] >= work->needed[lane])
+            work->upcoming[lane] = -INFINITY; /* its run is over */
+    }
+    while (active > 0 && work->steps < last) {
         int64_t n_crossed = step(work, active), n_ended = 0;
-        if (++steps % 1024 == 0) /* with changes below 2**40, no count can pass 2**53 in between */
+        if (++work->steps % 1024 == 0) /* with changes below 2**40, no count can pass 2**53 in between */
             for (int64_t s = 0; s < n_species; s++)
                 for (int64_t lane = 0; lane < active; lane++)
                     if (work->counts[s][lane] > LARGEST_EXACT) {
@@ -238,21 +253,23 @@ static void make_runs(Work *work, const int64_t *initial, const double *grid, in
                         n_crossed++;
                     }
         for (int64_t lane = 0; n_crossed > 0 && lane < active; lane++) {
-            if (!(work->t[lane] > work->upcoming[lane]))
+            const int stuck = is_stuck(work, lane);
+            if (!stuck && !(work->t[lane] > work->upcoming[lane]))
                 continue;
             int64_t k = work->seen[lane];
-            for (; k < n_times && grid[k] < work->t[lane]; k++)
+            for (; !stuck && k < work->needed[lane] && grid[k] < work->t[lane]; k++)
                 for (int64_t s = 0; s < n_species; s++)
                     out[(work->run[lane] * n_times + k) * n_species + s] = (int64_t)work->counts[s][lane];
             work->seen[lane] = k;
-            if (k < n_times) {
+            if (!stuck && k < work->needed[lane]) {
                 work->upcoming[lane] = grid[k];
                 continue;
             }
-            is_odd[work->run[lane]] = work->t[lane] == INFINITY && work->total[lane] != 0.0;
+            if (stuck)
+                is_odd[work->run[lane]] = 1;
             work->target[lane] = work->total[lane] = INFINITY;
-            if (begun < runs) {
-                begin_lane(work, lane, begun++, initial, grid, key, first_run);
+            if (work->runs < runs) {
+                begin_lane(work, lane, initial, grid, key, first_run, limits);
             } else {
                 work->run[lane] = -1;
                 n_ended++;
@@ -262,36 +279,5 @@ static void make_runs(Work *work, const int64_t *initial, const double *grid, in
         if (n_ended > 0)
             active = closed_ranks(work, active);
     }
-}
-
-EnsembleEnd lockstep(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
-                int64_t first_run, int64_t runs, int64_t *out)
-{
-    const int64_t n_rows = model->n_species + 1 + model->n_sums, n_slots = model->n_channels + 1;
-    EnsembleEnd ending = {REACHED_END, first_run + runs - 1};
-    Work *work = malloc(sizeof *work);
-    Lanes *lanes = malloc((size_t)(n_rows + model->n_channels + model->n_blocks) * sizeof *lanes);
-    double *change = calloc((size_t)(model->n_species * n_slots), sizeof *change);
-    int64_t *places = malloc((size_t)(n_slots + 1 + model->n_channels * model->n_species) * sizeof *places);
-    char *is_odd = calloc((size_t)runs, 1);
-    if (work && lanes && change && places && is_odd) {
-        work->model = model;
-        work->counts = lanes;
-        work->within = lanes + n_rows;
-        work->upto = work->within + model->n_channels;
-        work->change = change;
-        work->starts = places;
-        work->species_of = places + n_slots + 1;
-        make_tables(work);
-        make_runs(work, initial, grid, n_times, key, first_run, runs, out, is_odd);
-        for (int64_t i = 0; i < runs && ending.outcome == REACHED_END; i++)
-            if (is_odd[i])
-                ending = direct(model, initial, grid, n_times, key, first_run + i, 1, out + i * n_times * model->n_species);
-        if (ending.outcome == REACHED_END)
-            ending.run = first_run + runs - 1;
-    } else {
-        ending.outcome = -1;
-    }
-    free(work), free(lanes), free(change), free(places), free(is_odd);
-    return ending;
+    work->active = active;
 }

@@ -15,18 +15,6 @@ typedef struct {
     int any_general;
 } Model;
 
-typedef struct {
-    int outcome;
-    int64_t run; /* the last one begun */
-} EnsembleEnd;
-
-/* Runs first_run, first_run + 1, ... one by one: the counts (runs, T, S) at the times of a grid. A negative outcome
- * says that there was no memory. */
-EnsembleEnd direct(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
-              int64_t first_run, int64_t runs, int64_t *out);
-
-/* The same runs, 64 side by side. */
-EnsembleEnd lockstep(const Model *model, const int64_t *initial, const double *grid, int64_t n_times, const uint64_t *key,
-                int64_t first_run, int64_t runs, int64_t *out);
+#define MOST_STILL 1000.0 /* events in a row that do not move the clock: as in clock.py */
 
 #endif

@@ -21,8 +21,9 @@ TIME, PI = "t", "pi"
 LONGEST = 100_000  # characters of a formula
 SHOWN, MOST_SHOWN = 80, 200  # characters of it in a message
 NUMBER = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+WORD = re.compile(r"[^\W\d]\w*")
 TOKEN = re.compile(
-    rf"\s*(?:(?P<number>{NUMBER})|(?P<word>[^\W\d]\w*)|(?P<quoted>'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\")"
+    rf"\s*(?:(?P<number>{NUMBER})|(?P<word>{WORD.pattern})|(?P<quoted>'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\")"
     r"|(?P<sign>\*\*|//|<=|>=|==|!=|=>|&&|\|\||[-+*/%<>()=,&|!^]))"
 )
 TWO = {

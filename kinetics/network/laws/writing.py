@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from kinetics.network.laws.graph import Code, Node
-from kinetics.network.laws.reading import BEFORE, CALLS, COMPARING, FUNCTIONS, PI, RESERVED, TIME, TWO
+from kinetics.network.laws.reading import BEFORE, CALLS, COMPARING, FUNCTIONS, PI, RESERVED, TIME, TWO, WORD
 
 LONGEST_IN_FULL = 2_000  # characters of a text in which nothing has a name
 ATOM, CALLED = 10, {code: name for name, code in CALLS.items() if name != "pow"}
@@ -18,7 +18,8 @@ FLIPPED = {Code.LESS: ">", Code.LESS_EQUAL: ">="}
 
 def quoted(name: str) -> str:
     """A species' name as an expression writes it."""
-    is_plain = name.isidentifier() and name not in (*RESERVED, *FUNCTIONS) and not keyword.iskeyword(name)
+    is_word = name.isidentifier() and WORD.fullmatch(name)  # the grammar's words have fewer letters than Python's
+    is_plain = is_word and name not in (*RESERVED, *FUNCTIONS) and not keyword.iskeyword(name)
     return name if is_plain else repr(name)
 
 

@@ -12,10 +12,13 @@ import click
 
 from kinetics.support.extras import EXTRAS, how_to_install
 
+CHECKED = 1  # a check found errors, or a question has no answer at some points: a result
 MISTAKE = 2  # of the user: options, files, their contents, a package that is missing
 OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
+STOPPED = 4  # some runs were stopped by the guard or given up: a result
 FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
-INTERRUPTED = 130
+INTERRUPTED = 130  # by Ctrl-C or SIGTERM
+BROKEN_PIPE = 141  # whoever read standard output has seen enough, as `| head`; 128 + SIGPIPE, as shells count
 
 # Of the paths that a user gives; any other number is the system's.
 WRONG_PATH = {
@@ -53,12 +56,12 @@ def judged(error: Exception) -> tuple[int, str]:
 
 
 def keep(what: str) -> None:
-    """Say what is kept where Ctrl-C ends the command that runs."""
+    """Say what is kept where Ctrl-C or SIGTERM ends the command that runs."""
     click.get_current_context().meta[KEPT] = what
 
 
 def interrupted(ctx: click.Context) -> str:
-    """What to say after Ctrl-C."""
+    """What to say after Ctrl-C or SIGTERM."""
     nothing = "nothing of it is kept, and the same command begins anew; a file that it had written is whole"
     return f"Interrupted: {ctx.meta.get(KEPT, nothing)}."
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
+from itertools import islice
 
 import click
 
@@ -27,9 +28,33 @@ class LazyCommand(click.Command):
     def make_context(self, info_name, args, parent=None, **extra):
         """Hand over to the real command, with what a file of options says of it."""
         real = self.load()
+        if not extra.get("resilient_parsing"):  # a shell that completes
+            refuse_second_values(real, args, info_name, parent)
         if parent is not None and parent.default_map:
             extra["default_map"] = defaults_of(parent, real, self.name or "")
         return real.make_context(info_name, args, parent=parent, **extra)
+
+
+def refuse_second_values(
+    command: click.Command, args: list[str], name: str | None, parent: click.Context | None
+) -> None:
+    """UsageError where an option that takes one value comes twice with different ones: click would keep the last."""
+    options = {spelled: p for p in command.params if isinstance(p, click.Option) for spelled in p.opts}
+    given: dict[str | None, list[str]] = {}
+    words = iter(args)
+    for word in words:
+        if word == "--":
+            break
+        spelled, equals, value = word.partition("=")
+        option = options.get(spelled)
+        if option is None or option.is_flag or option.count:
+            continue
+        values = [value] * bool(equals)
+        values += islice(words, option.nargs - len(values))
+        if not option.multiple and given.setdefault(option.name, values) != values:
+            first, second = " ".join(given[option.name]), " ".join(values)
+            told = f"{spelled} came twice, with {first} and with {second}; it takes one value, so leave one out"
+            raise click.UsageError(told, click.Context(command, info_name=name, parent=parent))
 
 
 def below(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:

@@ -8,14 +8,16 @@ import re
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import click
 import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
+from kinetics.support.extras import require
 from kinetics.support.output import check_target
 
 DURATION = 2000.0  # tu, the paper's
@@ -45,6 +47,15 @@ def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> st
     return int(value) if value is not None and value.strip().isdigit() else value
 
 
+budget_option = click.option(
+    "--budget",
+    metavar="MINUTES",
+    type=click.FloatRange(min=0, min_open=True),
+    default=BUDGET,
+    show_default=True,
+    help="CPU time allowed; work that is forecast to take more is refused before it starts.",
+)
+
 within_option = click.option(
     "--within",
     metavar="CONDITION|N",
@@ -56,27 +67,57 @@ within_option = click.option(
 PICTURES = (".png", ".pdf", ".svg")
 
 
-def in_a_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+Named = TypeVar("Named", str | None, tuple[str, ...])  # the file of an option, or the files of one that is repeated
+
+
+def in_a_folder(ctx: click.Context, param: click.Parameter, value: Named) -> Named:
     """Refuse, before any work is done, a file that could not be written."""
-    if value is not None and not Path(value).absolute().parent.is_dir():
-        raise click.BadParameter(f"the folder of {value} does not exist; make it first", ctx, param)
-    if value is not None:
-        check_target(value)
+    for file in _files(value):
+        if not Path(file).absolute().parent.is_dir():
+            raise click.BadParameter(f"the folder of {file} does not exist; make it first", ctx, param)
+        check_target(file)
     return value
 
 
-def picture_of(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+def picture_of(ctx: click.Context, param: click.Parameter, value: Named) -> Named:
     """Refuse, before any work is done, a picture that could not be drawn."""
-    if value is not None and Path(value).suffix.lower() not in PICTURES:
-        raise click.BadParameter(f"{value} must end in {', '.join(PICTURES)}", ctx, param)
+    for file in _files(value):
+        if Path(file).suffix.lower() not in PICTURES:
+            raise click.BadParameter(f"{file} must end in {', '.join(PICTURES)}", ctx, param)
+        require("matplotlib")
     return in_a_folder(ctx, param, value)
 
 
+def table_of(*packages: str) -> Callable[[click.Context, click.Parameter, Named], Named]:
+    """Refuse, before any work is done, a table that could not be written; these packages write it."""
+
+    def checked(ctx: click.Context, param: click.Parameter, value: Named) -> Named:
+        for package in packages if value else ():
+            require(package)
+        return in_a_folder(ctx, param, value)
+
+    return checked
+
+
+def _files(value: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    return value if isinstance(value, tuple) else () if value is None else (value,)
+
+
 csv_option = click.option(
-    "--csv", "csv_file", metavar="FILE", callback=in_a_folder, help="Write a table to this CSV file."
+    "--csv",
+    "csv_files",
+    metavar="FILE",
+    multiple=True,
+    callback=table_of("pandas"),
+    help="Write a table to this CSV file; may be repeated.",
 )
 plot_option = click.option(
-    "--plot", "plot_file", metavar="FILE", callback=picture_of, help="Write a figure to this PNG, PDF or SVG file."
+    "--plot",
+    "plot_files",
+    metavar="FILE",
+    multiple=True,
+    callback=picture_of,
+    help="Write a figure to this PNG, PDF or SVG file; may be repeated.",
 )
 
 

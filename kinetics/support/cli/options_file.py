@@ -7,7 +7,8 @@
     [rules.grow]
     cubes = 100
 
-A table is a command, a name an option without its dashes; flags are `true`, options that may be repeated are lists.
+A table is a command, a name an option without its dashes; flags are `true`, options that may be repeated are lists, or
+one value.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def options_in(ctx: click.Context, path: str) -> None:
     """Make the tables of a file the defaults of the commands below this context."""
     from kinetics.support.config import read_toml
 
-    if not Path(path).is_file():
+    if not Path(path).exists():
         raise click.UsageError(f"--config {path}: there is no such file", ctx)
     ctx.meta[FILE] = path
     ctx.default_map = read_toml(Path(path))
@@ -62,15 +63,20 @@ def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[s
         if expected:
             message = f"--config {ctx.meta[FILE]}: {key} = {value!r} in [{name}]; expected {expected}"
             raise click.UsageError(message, ctx)
-    return {str(options[key].name): value for key, value in table.items()}
+    return {
+        str(options[key].name): [value] if options[key].multiple and not isinstance(value, list) else value
+        for key, value in table.items()
+    }
 
 
 def _form(option: click.Option, value: Any) -> str:
     """What form an option's value should have had; "" where it has that."""
     if option.is_flag:
         return "" if isinstance(value, bool) else "true or false"
-    if option.multiple or option.nargs != 1:
+    if option.nargs != 1:
         return "" if isinstance(value, list) else "a list"
+    if option.multiple:
+        return "one value or a list" if isinstance(value, bool | dict) else ""
     return "one number or text" if isinstance(value, bool | list | dict) else ""
 
 

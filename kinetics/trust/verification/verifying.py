@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network
 from kinetics.solving import SolvingMethod
 from kinetics.support.arrays import Counts, whole_number
+from kinetics.support.cli.progress import stage
 from kinetics.trust.verification.base import SamplerFinding
 from kinetics.trust.verification.checks import SAMPLER_CHECKS
 from kinetics.trust.verification.mutants import MUTANTS, Mutant, rate_mutant
@@ -83,6 +84,7 @@ def verify_against(
     sights = sight_of_rates(reference, n, of_rates[0]) if of_rates else ()
     outcomes: list[MutantOutcome] = []
     for mutant in (*MUTANTS, *_rates_off(reference, method, seed, sights)) if with_power else ():
+        stage(f"{method.name}: runs with a mistake, {mutant.name}")
         changed = mutant.applied(sample)
         if changed is not None:
             seen = {f.check: None for f in judge(changed, false_alarm) if f.failed}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import multiprocessing
 import os
-import signal
 import threading
 import time
 import traceback
@@ -14,6 +13,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from platform import node
 
+from kinetics.support.workers import leave_signals_to_parent
 from mechsim.runs.executors.base import Execute
 from mechsim.runs.record import RunSpec
 from mechsim.runs.store import RunStore
@@ -28,7 +28,7 @@ def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection, 
         the next run would not fare better
     folder : working directory, for a rule book that is named by a relative path
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_signals_to_parent()
     os.dup2(2, 1)  # standard output is the command's own; engines print too
     _end_with_driver()
 

@@ -24,6 +24,8 @@ def test_half_widths_are_those_of_the_exact_limits():
     for width in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match=r"expected a finite share above 0"):
             events_for(width)
+    with pytest.raises(ValueError, match=r"width = 1e-09; expected 2e-06 or more, which takes 1e\+12 events"):
+        events_for(1e-9)
 
 
 @pytest.mark.parametrize("needed", [1.0, 7.3, 20.0])
@@ -36,6 +38,13 @@ def test_runs_are_nearly_the_cheapest(needed):
     for tank in np.flatnonzero(runs):  # none is superfluous
         fewer = runs - np.eye(3, dtype=int)[tank]
         assert not ((fewer @ EVENTS) >= needed).all()
+
+
+def test_any_precision_takes_no_more_work():
+    """What rounding up made superfluous is left out at once, not run by run: 1e11 runs take as long as 10."""
+    runs = allocate(EVENTS, COSTS, 1e12)
+    assert ((runs @ EVENTS) >= 1e12 * (1 - 1e-9)).all()
+    assert runs @ COSTS <= 1.001 * 1e11 * (allocate(EVENTS, COSTS, 10.0) @ COSTS)
 
 
 def test_a_dear_tank_is_not_taken_where_cheap_ones_do():

@@ -281,7 +281,7 @@ CORPUS = Path(__file__).parents[2] / "kinetics/corpus"
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nul_in_a_name", "column 'run' holds a character NUL"),
+        ("nul_in_a_name", "column 'run' has a text with the character U+0000"),
         ("rows_without_end", "10000000 rows of 2 columns; at most 10000000 cells are read"),
     ],
 )
@@ -353,3 +353,34 @@ def test_who_broke_what(read, refused):
     assert blind.partners is None
     assert "unknown partner 'ghost'" in refused(rows.replace("wall", "ghost"), runs)
     assert "as a partner of what is no break" in refused(rows.replace("1,1+1->2,", "1,1+1->2,wall", 1), runs)
+
+
+CHAIN = "ripen: A -> B, 1\ndie: A -> 0, 1\nfade: B -> 0, 1\nmake: 0 -> A, 1"
+
+
+def test_a_species_without_a_column_is_not_counted_as_none(read, refused):
+    """After the start, what has no column was not looked at: a change that it would tell apart is asked for."""
+    network = Network.from_text(CHAIN)
+    alone = "run,time,channel,A\na,0,start,5\na,1,{},4\na,9,end,4\n"
+    assert "A -1 may be ripen or die; name the one" in refused(alone.format(""), network=network)
+    path = read(alone.format("ripen"), network=network)["a"]
+    assert path.states[-1].tolist() == [4, 1]  # and the end, which says nothing of B, agrees
+    assert fired(read(alone.format("").replace("4", "6"), network=network)["a"]) == ["make"]
+    hidden = "run,time,channel,A\na,0,start,5\na,1,,5\na,9,end\n"
+    assert "no count changes; that may be fade, or no event" in refused(hidden, network=network)
+    both = "run,time,channel,A,B\na,0,start,5,0\na,1,,4,0\na,2,,4,0\na,9,end,4,0\n"
+    assert fired(read(both, network=network)["a"]) == ["die"]
+    assert "it ends with A 5, but its rows leave A 4, B 1" in refused(
+        alone.format("ripen").replace("end,4", "end,5"), network=network
+    )
+
+
+@pytest.mark.parametrize(
+    ("resolution", "is_fine"), [("", True), ("0", True), ("4", True), ("4.5", False), ("-1", False)]
+)
+def test_looks_come_within_a_run(read, refused, resolution, is_fine):
+    tables = "run,time,channel\na,1,1+1->2\n", f"run,start,end,monomer,resolution\na,0,4,4,{resolution}\n"
+    if is_fine:
+        assert read(*tables)["a"].resolution == float(resolution or 0)
+    else:
+        assert f"resolution = {resolution}; expected a time from 0 to the run's 4" in refused(*tables)

@@ -5,7 +5,7 @@ import pytest
 from known_systems import line
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics import Chain, Reward
+from kinetics import Chain, Network, Reward
 from kinetics.chain import read_explicit, write_explicit
 
 RATES = np.array([[0, 1.0 / 3.0, 0], [2e-9, 0, 1.0], [0, 0, 0]])
@@ -113,6 +113,38 @@ def test_what_the_files_cannot_hold(tmp_path):
         write_explicit(example(), tmp_path / "m.txt")
     with pytest.raises(ValueError, match="does not exist"):
         read_explicit(tmp_path / "none.tra")
+
+
+@pytest.mark.parametrize("labels", [None, '0="up"\n0: 0\n'])
+def test_init_and_deadlock_are_there_without_a_file_that_lists_them(labels, tmp_path):
+    (tmp_path / "m.tra").write_text("3 2\n0 1 1\n0 2 0\n")
+    if labels:
+        (tmp_path / "m.lab").write_text(labels)
+    chain = read_explicit(tmp_path / "m.tra")
+    assert list(chain.labels) == [*(["up"] if labels else []), "init", "deadlock"]
+    assert_array_equal(chain.states('"init"'), [True, False, False])
+    assert_array_equal(chain.states("deadlock"), [False, True, True])
+
+
+def test_every_chain_has_them_unless_something_else_is_called_so():
+    made = Chain.of(Network.from_text("2 A -> B, 1"), {"A": 5})
+    assert_array_equal(np.flatnonzero(made.states('"init"')), [0])
+    assert_array_equal(made.states('"deadlock"'), made.states("A = 1"))
+    part = Chain.of(line(), {"monomer": 8}, within="trimer = 0")
+    assert not (part.states("deadlock") & np.asarray(part.lost)).any()  # what lies beyond is not known
+    assert_array_equal(Chain([[0, 1.0], [0, 0]], 0, {"deadlock": [True, False]}).states("deadlock"), [True, False])
+    named = Chain([[0, 1.0], [0, 0]], 0, variables=("init",), counts=[[3], [4]])
+    assert_array_equal(named.states("init = 4"), [False, True])
+
+
+def test_names_of_rewards_and_labels_in_its_files_are_identifiers(tmp_path):
+    chain = Chain(RATES, 1, {"A(b)": [True] * 3}, {"max": [1.0] * 3, "B b": [2.0] * 3}, ("A[b]",), [[1], [2], [3]])
+    write_explicit(chain, tmp_path / "m.tra")
+    assert (tmp_path / "m1.srew").read_text().startswith('# Reward structure "n_max"\n')
+    assert (tmp_path / "m2.srew").read_text().startswith('# Reward structure "B_b"\n')
+    back = read_explicit(tmp_path / "m.tra")
+    assert back.variables == ("A_b_",)
+    assert list(back.labels) == ["init", "deadlock", "A_b__"]
 
 
 def test_a_small_file_cannot_claim_many_states(tmp_path):

@@ -43,7 +43,7 @@ def test_rate_laws_in_its_language():
 
 def test_names_that_are_words_of_the_language():
     names = prism_names(["S", "A(b!1)", "A_b_1_", "2x", "ok"])
-    assert names == {"S": "n_S", "A(b!1)": "A_b_1_", "A_b_1_": "A_b_1__", "2x": "n_2x", "ok": "ok"}
+    assert names == {"S": "n_S", "A(b!1)": "A_b_1__", "A_b_1_": "A_b_1_", "2x": "n_2x", "ok": "ok"}
 
 
 @pytest.mark.parametrize(
@@ -76,3 +76,12 @@ def test_storm_reads_it_and_agrees(network, start, species, copies, tmp_path):
     model = stormpy.build_model(program, timed)
     found = stormpy.model_checking(model, timed[0]).get_value(model.initial_states[0])
     assert abs(found - ask(chain, f"P=? [ F<=2 {species} >= {copies} ]").value) < 1e-5  # its precision is 1e-6
+
+
+def test_rewards_have_the_names_that_variables_would_have():
+    """Of sites in brackets, of keywords, and of names that differ in what PRISM cannot have."""
+    network = Network.from_reactions({"on": ({"A(b)": 1, "A[b]": 1}, {"max": 1})}, [0.01])
+    text = prism_text(network, np.array([2, 1, 0]), np.array([2, 1, 1]), {"A-b": {"max": 1.0}, "init": {"A(b)": 2.0}})
+    names = [line.split('"')[1] for line in text.splitlines() if line.startswith("rewards")]
+    assert names == ["A_b_", "A_b__", "n_max", "A_b", "n_init"]
+    assert 'rewards "n_init"\n  true : 2.0 * A_b_;\nendrewards' in text

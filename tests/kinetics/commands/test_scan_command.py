@@ -84,8 +84,8 @@ SLOW = [
 ]
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers):
+@pytest.mark.parametrize(("workers", "number"), [(1, signal.SIGINT), (2, signal.SIGINT), (2, signal.SIGTERM)])
+def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers, number):
     """The signal comes once three points are on disk; a scan that is done by then would be no test, and fails it."""
     (place / "model.rxn").write_text(MODEL.replace("B = 10", "B = 200"), encoding="utf-8")
     command = [sys.executable, "-m", "wellmixed", *SLOW, "--workers", str(workers)]
@@ -95,7 +95,7 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers):
     )
     while process.poll() is None and lines(place) < 3:
         time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     out, err = process.communicate()
     assert process.returncode == 130, err
     made = lines(place)

@@ -156,7 +156,7 @@ end groups
         ("1,1 2 k", "1,1 2 ..*k", "line 9: cannot read .* means nothing at column 1"),
         ("1 both 1,2*2", "1 1,2*2", "line 12: the group '1,2.2' comes twice, or is no name"),
         ("1,1 2 k", "1,1 2 q", "line 9: 'q' is not known here"),
-        ("1,1 2 k", "1,1 2 Sat k", "line 9: Sat takes 2 numbers"),
+        ("1,1 2 k", "1,1 2 Sat k", "line 9: Sat takes 2 to 3 numbers"),
         ("1 both 1,2*2", "1 both 1,2*9", r"line 12: '2\*9' is not one of the species 1 to 2"),
         ("end species", "end things", "line 7: 'end things', but the block 'species' of line 4 has no end yet"),
         ("end species\n", "", "'begin reactions', but the block 'species' of line 4"),

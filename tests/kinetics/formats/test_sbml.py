@@ -221,7 +221,7 @@ DISTRIB = (
     ("text", "message"),
     [
         ("", "is not XML"),
-        (DISTRIB, "uses the package 'distrib' of SBML, which is not read"),
+        (DISTRIB, "requires the package 'distrib' of SBML, which is not read"),
         ("<sbml>", "is not XML"),
         ("<a/>", "line 2: .*XML"),
         ('<?xml version="1.0" encoding="klingon"?><sbml/>', "is not XML"),
@@ -260,6 +260,7 @@ def test_a_rate_law_over_a_long_sum(tmp_path):
 def test_fractions_of_a_copy_ask_for_a_scale(tmp_path):
     made = base()
     made.species("B", concentration=0.4)
+    made.reaction("fade", {"B": 1}, {}, "B")
     with pytest.raises(ValueError, match=r"'B' starts from 0.4, .* --copies-per-unit"):
         made.read(tmp_path)
     assert_array_equal(made.read(tmp_path, 10).initial, [50, 4])
@@ -361,3 +362,46 @@ def test_parameters_keep_their_names(tmp_path):
     assert changed.network.events[0].condition.parameters == {"K": 9.0}
     with pytest.raises(ValueError, match="unknown parameter 'n'"):
         model.with_parameters(n=1)
+
+
+PACKAGES = ("groups", "fbc", "qual", "comp", "multi", "spatial", "distrib", "layout", "render")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_that_is_not_required_is_read_past(package, tmp_path):
+    """With contents that break its rules; a required one is refused by name, unless it says how a model looks."""
+    made = base()
+    text = libsbml.writeSBMLToString(made.document)
+    name = f"http://www.sbml.org/sbml/level3/version1/{package}/version1"
+    junk = '<p:listOfThings p:id="3"><p:nothing/></p:listOfThings>'
+    path = tmp_path / "packed.xml"
+    for required in ("false", "true"):
+        changed = text.replace('level="3"', f'xmlns:p="{name}" p:required="{required}" level="3"', 1)
+        changed = changed.replace("</model>", f"{junk}</model>")
+        assert changed.count("p:") > 5
+        path.write_text(changed, encoding="utf-8")
+        if required == "true" and package not in ("layout", "render"):
+            with pytest.raises(ValueError, match=f"requires the package '{package}' of SBML, which is not read here"):
+                read(path)
+        else:
+            assert read(path).network.fingerprint == made.read(tmp_path).network.fingerprint
+
+
+@pytest.mark.parametrize("encoding", ["shift_jis", "utf-7", "klingon", "hex", "hz"])
+def test_an_encoding_that_is_not_read_is_told_with_the_file(encoding, tmp_path):
+    path = tmp_path / "odd.xml"
+    path.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?><a/>'.encode())
+    with pytest.raises(ValueError, match=r"odd\.xml"):
+        read(path)
+
+
+def test_names_that_mean_something_in_formulas_stay_species(tmp_path):
+    """Phosphate is not the number pi, nor are susceptible and infected infinity."""
+    first = tmp_path / "pi.rxn"
+    first.write_text("bind: Pi + ADP -> ATP, k\nk = 0.01\nPi = 100\nADP = 50\nobservable: Time = Pi + 2 * ATP")
+    model = read(first)
+    write(model, tmp_path / "pi.xml")
+    again = read(tmp_path / "pi.xml")
+    assert again.network.species == ("Pi", "ADP", "ATP")
+    assert_allclose(again.network.propensities([7, 5, 1]), [0.35], rtol=1e-15)
+    assert again.observables == {"Time": {"Pi": 1.0, "ATP": 2.0}}

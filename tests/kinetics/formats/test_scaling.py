@@ -44,6 +44,7 @@ def test_an_amount_that_vanishes_is_told(tmp_path):
     made = Builder()
     made.species("A", 1)
     made.species("B", 1.5e-15)
+    made.reaction("fade", {"B": 1}, {}, "B")
     with pytest.raises(ValueError, match=r"'B' starts from 1\.5e-15"):
         made.read(tmp_path)
     assert "rounded 1.5e-12 copies of B" in made.read(tmp_path, 1e3).notes

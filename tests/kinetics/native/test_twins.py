@@ -10,7 +10,9 @@ from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 from kinetics.breaks import break_model
 from kinetics.kernels import direct, elimination, exploration, lockstep, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work
 from kinetics.native import library, twins
+from kinetics.native.lanes import Lanes
 from kinetics.network import Network
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
@@ -23,6 +25,9 @@ COLLIDING = by_first_coefficient(break_model("collision-wall"), {"alpha": 1.3, "
 BIG = Network.from_reactions({"pair": ({"A": 2}, {"B": 1}), "more": ({}, {"A": 2**38})}, [1e-30, 1e3])
 END = Network.from_reactions({"end": ({"A": 1}, {})}, [1.0])
 SUDDEN = Network.from_reactions({"late": ({}, {"A": 1}), "grow": ({"A": 1}, {"A": 2})}, [1e-3, 1e18])
+# 2,000 waits near t = 1, of which most are below half a unit in its last place.
+SLOW_CLOCK = Network.from_reactions({"late": ({"B": 1}, {"A": 2000}), "fall": ({"A": 1}, {})}, [1.0, 1e13])
+JUMP = Network.from_reactions({"jump": ({"B": 1}, {"A": 2**62, "B": 1})}, [1.0])
 CASES = {
     "line": (line(), [60, 0, 0, 0], 2000.0),
     "broken by partners": (COLLIDING, np.eye(len(COLLIDING.species), dtype=int)[0] * 40, 2000.0),
@@ -35,33 +40,66 @@ CASES = {
     "nothing at all": (END, [0], 1.0),
     "counts beyond doubles": (BIG, [0, 0], 40.0),
     "a clock that stands still": (SUDDEN, [0], 1e9),
+    "a clock that stands still at times": (SLOW_CLOCK, [1, 0], 1.0),
 }
-KERNELS = {"direct": (twins.direct, direct.ensemble), "lockstep": (twins.lockstep, lockstep.lockstep)}
 
 
-def ended(kernel, net, initial, end, runs, model=None):
-    """Outcome, last run begun, and counts."""
+def one_by_one(model, changes, start, grid, out, events_a_call, kernel):
+    """Outcome, and where the runs stand: those that cannot go on are left there."""
+    work, limits = ensemble_work(start.size), np.array([grid.size, grid.size, 0, 10**6])
+    outcomes_met = []
+    while work.notes[RUN] < len(out):
+        outcome = kernel(model, changes, work, start, grid, stream_key(3), 5, limits, out, events_a_call)
+        if outcome not in (outcomes.REACHED_END, outcomes.UNFINISHED):
+            outcomes_met.append((int(work.notes[RUN]), outcome, *work.clock, *work.counts))
+            work.notes[RUN], work.notes[EVENTS] = work.notes[RUN] + 1, BEFORE
+    return outcomes_met
+
+
+def side_by_side(model, changes, start, grid, out, events_a_call, kernel):
+    lanes, limits = Lanes(model, changes), np.array([grid.size, grid.size, 0, 10**6])
+    is_odd = np.zeros(len(out), bool)
+    given = lanes if kernel is twins.lockstep else lockstep.LockstepWork(**lanes.arrays)
+    while True:
+        kernel(model, changes, given, start, grid, stream_key(3), 5, limits, out, is_odd, events_a_call)
+        if not lanes.arrays["notes"][0]:
+            return is_odd
+
+
+KERNELS = {
+    "direct": (one_by_one, twins.direct, direct.ensemble),
+    "lockstep": (side_by_side, twins.lockstep, lockstep.lockstep),
+}
+
+
+def ended(make, kernel, net, initial, end, runs, events_a_call=10**6):
+    """What stopped runs, and counts."""
     merging, start = Merging.of(net), np.asarray(initial, np.int64)
     out = np.full((runs, 7, start.size), -1, np.int64)
     changes, grid = net.stoichiometry[merging.leaders], np.linspace(0.0, end, 7)
-    return *kernel(model or merging.model(), changes, start, grid, stream_key(3), 5, out), out
+    return make(merging.model(), changes, start, grid, out, events_a_call, kernel), out
 
 
 @pytest.mark.parametrize("runs", [1, 20, 150])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", CASES)
 def test_runs_have_the_same_bits(name, kernel, runs):
-    in_c, by_numba = KERNELS[kernel]
-    outcome, run, counts = ended(in_c, *CASES[name], runs)
-    other, last, same = ended(by_numba, *CASES[name], runs)
-    assert (outcome, run) == (other, last)
-    if outcome == outcomes.REACHED_END:
-        assert_array_equal(counts, same)
+    make, in_c, by_numba = KERNELS[kernel]
+    stopped, counts = ended(make, in_c, *CASES[name], runs)
+    other, same = ended(make, by_numba, *CASES[name], runs, events_a_call=777)
+    assert_array_equal(stopped, other)
+    assert_array_equal(counts, same)
+
+
+def test_an_event_that_is_too_much_is_taken_back():
+    for _, kernel in KERNELS["direct"][1:], (0, twins.direct):
+        ((_, outcome, _, _, *counts),) = ended(one_by_one, kernel, JUMP, [1, 0], 1e3, 1)[0]
+        assert (outcome, counts) == (outcomes.OVERFLOW, [1, 2**62, 1])
 
 
 def test_the_cases_reach_every_outcome():
-    found = {ended(direct.ensemble, *case, 1)[0] for case in CASES.values()}
-    assert {outcomes.REACHED_END, outcomes.STALLED_CLOCK} <= found
+    stopped = [ended(one_by_one, direct.ensemble, *case, 1)[0] for case in [*CASES.values(), (JUMP, [1, 0], 1e3)]]
+    assert {each[1] for stops in stopped for each in stops} == {outcomes.STALLED_CLOCK, outcomes.OVERFLOW}
     assert any(Merging.of(net).model().terms.size for net, _, _ in CASES.values())
     assert any(Merging.of(net).model().is_general.any() for net, _, _ in CASES.values())
     assert any(len(net.channels) > 8 * 4 for net, _, _ in CASES.values())
@@ -70,7 +108,7 @@ def test_the_cases_reach_every_outcome():
 def run_by(kernel, net, initial, end, model=None):
     """Outcome, all events of one run, in pieces of 50, and what the kernel writes to."""
     merging = Merging.of(net)
-    counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(1), stream_key(4)
+    counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(3), stream_key(4)
     outcome, found = outcomes.UNFINISHED, []
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)

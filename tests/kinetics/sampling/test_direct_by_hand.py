@@ -13,11 +13,13 @@ from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
 from kinetics.kernels.direct import advance
 from kinetics.kernels.members import NAMING, Members, member_at
-from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
+from kinetics.kernels.outcomes import UNFINISHED
 from kinetics.network import Network
 from kinetics.sampling import exposures_of_draws
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.direct import RecomputingSampler
+from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.watch import Watch
 
 # Where kernels run as plain Python, numpy tells that words wrap around, as they should.
 pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered")
@@ -105,8 +107,7 @@ def by_hand(net, initial, end, run):
 @pytest.mark.parametrize("run", [0, 5])
 def test_a_path_is_that_by_hand(net, initial, end, run):
     times, channels, _ = by_hand(net, initial, end, run)
-    outcome, found, fired = RecomputingSampler(net).path(np.array(initial), end, KEY, run)
-    assert outcome == REACHED_END
+    found, fired = RecomputingSampler(net).path(np.array(initial), end, KEY, run, Watch(np.array([end])))
     assert len(times) > 8
     assert_array_equal(fired, channels)
     assert_allclose(found, times, rtol=1e-12)
@@ -116,7 +117,7 @@ def test_a_path_is_that_by_hand(net, initial, end, run):
 def test_counts_on_a_grid_are_those_by_hand(net, initial, end):
     grid = np.linspace(0.0, end, 7)
     out = np.empty((2, 7, len(initial)), np.int64)
-    assert RecomputingSampler(net).ensemble(np.array(initial), grid, KEY, 3, out) == (REACHED_END, 4)
+    RecomputingSampler(net).ensemble(np.array(initial), grid, KEY, 3, out, Watch(grid))
     for run, counts in zip((3, 4), out, strict=True):
         times, _, states = by_hand(net, initial, end, run)
         assert_array_equal(counts, states[np.searchsorted(times, grid)])
@@ -138,11 +139,12 @@ def test_a_run_of_more_events_than_a_buffer_goes_on():
     net = network("X", {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [50.0, 1.0])
     times, channels, states = by_hand(net, [50], 52.0, 1)
     assert len(times) > 4096
-    _, found, fired = RecomputingSampler(net).path(np.array([50]), 52.0, KEY, 1)
+    found, fired = RecomputingSampler(net).path(np.array([50]), 52.0, KEY, 1, Watch(np.array([52.0])))
     assert_array_equal(fired, channels)
     assert_allclose(found, times, rtol=1e-12)
     out = np.empty((1, 3, 1), np.int64)
-    RecomputingSampler(net).ensemble(np.array([50]), np.array([1.0, 30.0, 52.0]), KEY, 1, out)
+    grid = np.array([1.0, 30.0, 52.0])
+    RecomputingSampler(net).ensemble(np.array([50]), grid, KEY, 1, out, Watch(grid))
     assert_array_equal(out[0], states[np.searchsorted(times, [1.0, 30.0, 52.0])])
     ((events, exposures),) = exposures_of_draws(net, net.known_rates[None], [50], 52.0, 1, 12, first_run=1)
     assert_array_equal(events[0], np.bincount(channels))
@@ -151,15 +153,21 @@ def test_a_run_of_more_events_than_a_buffer_goes_on():
 
 
 def test_a_count_beyond_its_type_stops_the_run_that_it_is_in():
-    """A third birth is one too many; the first run that has it before the end is told."""
+    """A third birth is one too many; the first run that has it before the end is told, as it was before."""
     net = network("X", {"birth": ((0,), (1,))}, [1.0])
     births = [len(by_hand(net, [0], 1.5, run)[0]) for run in range(20)]
     first = next(run for run in range(20) if births[run] < 3 <= births[run + 1])
     full = np.array([2**63 - 3])
     out = np.empty((9, 1, 1), np.int64)
-    assert RecomputingSampler(net).ensemble(full, np.array([1.5]), KEY, first, out) == (OVERFLOW, first + 1)
-    outcome, times, _ = RecomputingSampler(net).path(full, 1.5, KEY, first + 1)
-    assert (outcome, len(times)) == (OVERFLOW, 2)
+    watch = Watch(np.array([1.5]), Outlook(net), first_run=first)
+    RecomputingSampler(net).ensemble(full, watch.grid, KEY, first, out, watch)
+    assert watch.truncation(9).reason == "overflow"
+    assert watch.truncation(9).among == 9
+    assert watch.truncation(9).truncated == sum(n >= 3 for n in births[first : first + 9])
+    watch = Watch(np.array([1.5]))
+    times, _ = RecomputingSampler(net).path(full, 1.5, KEY, first + 1, watch)
+    assert len(times) == 2
+    assert_array_equal(watch.stops[first + 1].counts, full + 2)
     with pytest.raises(ValueError, match=f"run {first + 1}: a count"):
         list(exposures_of_draws(net, [[1.0]], full, 1.5, 9, 12, first_run=first))
 
@@ -171,7 +179,7 @@ def test_what_cannot_happen_does_not_where_the_draw_is_zero():
     word = np.uint64(0x9E3779B97F4A7C15)
     stream = np.array([0, word, 5, word], np.uint64)
     times, fired, counts = np.zeros(1), np.zeros(1, np.int64), np.array([0, 9, 1])
-    found = advance(sampler.model, sampler.changes, counts, np.zeros(1), 50.0, stream, times, fired)
+    found = advance(sampler.model, sampler.changes, counts, np.zeros(3), 50.0, stream, times, fired)
     assert found == (UNFINISHED, 1)
     assert (fired.tolist(), counts.tolist()) == ([1], [1, 8, 1])
     members = Members(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), np.array([0, 1], np.int32), np.zeros(2))

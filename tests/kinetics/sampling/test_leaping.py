@@ -300,8 +300,8 @@ MISTAKES = {
     "open events are in both halves": ("work.open[top, r] -= undecided", "pass", "turnover"),
     "halves share their words": (RIGHT_WORDS, RIGHT_WORDS.replace("RIGHT", "LEFT"), "outbreak"),
     "the box is not checked": ("not (can_leave or is_asked)", "not is_asked", "narrow"),
-    "a leap goes on beyond its box": ("if can_leave and is_outside(work):", "if False:", "narrow"),
-    "leaps that end early end in time": ("return outcome, time,", "return outcome, start + length,", "edge"),
+    "a leap goes on beyond its box": ("leaves = can_leave and is_outside(work)", "leaves = False", "narrow"),
+    "leaps that end early end in time": ("top, over = NO_CELL, time", "top = NO_CELL", "edge"),
 }  # fmt: skip
 
 
@@ -315,8 +315,9 @@ def plain(net, initial, end, runs, open_events, replaced, right="", wrong=""):
     names.update(replaced)
     model = LeapingSampler(net, 0.0).model._replace(open_events=open_events)
     out = np.empty((runs, 1, len(initial)), dtype=np.int64)
-    found = names["ensemble"](model, np.array(initial), np.array([end]), stream_key(8), 0, out)
-    assert found == (REACHED_END, runs - 1)
+    work, limits = leap_plan.work_for(len(net.channels), len(initial)), np.array([1, 1, 0, 10**6])
+    found = names["ensemble"](model, work, np.array(initial), np.array([end]), stream_key(8), 0, limits, out, 10**9)
+    assert found == REACHED_END
     return out[:, 0]
 
 

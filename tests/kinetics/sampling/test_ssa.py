@@ -14,6 +14,7 @@ from scipy.stats import binom, expon, nbinom
 
 from kinetics import sample_path
 from kinetics.kernels import direct, streams
+from kinetics.kernels.ensemble_work import ensemble_work
 from kinetics.sampling import Direct
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
@@ -108,13 +109,14 @@ def test_kernels_equal_their_python(monkeypatch):
     key, initial = stream_key(13), np.array([60, 0, 0, 0])
 
     def everything():
-        stream, clock, counts = np.empty(4, dtype=np.uint64), np.zeros(1), np.append(initial, 1)
+        stream, clock, counts = np.empty(4, dtype=np.uint64), np.zeros(3), np.append(initial, 1)
         times, channels = np.zeros(30), np.zeros(30, dtype=np.int64)
         streams.start_stream(key, 5, stream)
         first = direct.advance(*model, counts, clock, 2000.0, stream, times, channels)
         out = np.zeros((3, 4, 4), dtype=np.int64)
-        last = direct.ensemble(*model, initial, np.array(TIMES), key, 2, out)
-        return (*first, *last, stream, clock, counts, times, channels, out)
+        work, limits = ensemble_work(4), np.array([4, 4, 0, 1000])
+        last = direct.ensemble(*model, work, initial, np.array(TIMES), key, 2, limits, out, 10**6)
+        return (*first, last, *work, stream, clock, counts, times, channels, out)
 
     compiled = everything()
     for name, function in vars(direct).items():

@@ -34,6 +34,7 @@ from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.dependency_graph import updating_sampler
 from kinetics.sampling.direct import RecomputingSampler
 from kinetics.sampling.lockstep import LockstepSampler
+from kinetics.sampling.watch import Watch
 
 METHODS = [method() for method in SAMPLING_METHODS]
 UNRESTRICTED = [method for method in METHODS if not isinstance(method, PartialPropensities)]
@@ -85,10 +86,10 @@ def test_all_kernels_of_the_direct_method_agree_to_the_last_bit(net, initial):
     samplers = [RecomputingSampler(net), LockstepSampler(net), updating_sampler(net)]
     outs = [np.empty((100, grid.size, start.size), dtype=np.int64) for _ in samplers]
     for sampler, out in zip(samplers, outs, strict=True):
-        assert sampler.ensemble(start, grid, key, 5, out) == (outcomes.REACHED_END, 104)
+        sampler.ensemble(start, grid, key, 5, out, Watch(grid))
     assert_array_equal(outs[1], outs[0])
     assert_array_equal(outs[2], outs[0])
-    recomputing, updating = (samplers[i].path(start, 8.0, key, 3) for i in (0, 2))
+    recomputing, updating = (samplers[i].path(start, 8.0, key, 3, Watch(grid)) for i in (0, 2))
     for one, other in zip(recomputing, updating, strict=True):
         assert_array_equal(one, other)
 
@@ -175,7 +176,7 @@ def advance_some(sampler, work, counts, n=500):
     streams.start_stream(stream_key(31), 0, stream)
     streams.draw(stream, waits, uniforms)
     none = np.empty(0), np.empty(0, dtype=np.int64)
-    seen, clock, grid = np.zeros(2, dtype=np.int64), np.zeros(1), np.array([1e300])
+    seen, clock, grid = np.zeros(2, dtype=np.int64), np.zeros(3), np.array([1e300])
     outcome = sampler.advance(work, counts, seen, clock, waits, uniforms, grid, out, *none)
     assert outcome == outcomes.UNFINISHED
 
@@ -260,8 +261,9 @@ def mutant_states(net, module, changes, initial, end, runs):
     sampler.begin = lambda counts: as_records(begin(counts))
     sampler.advance = lambda work, *rest: kernel.advance(model, work, *rest)
     out = np.empty((runs, 1, len(net.species)), dtype=np.int64)
-    outcome, _ = sampler.ensemble(net.state(initial), np.array([end]), stream_key(32), 0, out)
-    assert outcome == outcomes.REACHED_END, "a count fell below 0"
+    watch = Watch(np.array([end]))
+    sampler.ensemble(net.state(initial), watch.grid, stream_key(32), 0, out, watch)
+    assert watch.n_times == 1, "a count fell below 0"
     return out[:, 0]
 
 

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 from known_systems import bare_line, line, network, switch
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import binom
 
 from kinetics.network import Network
-from kinetics.solving import reachable
+from kinetics.passage import stationary
+from kinetics.solving import reachable, solve
 
 
 def slow_states(net, start):
@@ -144,3 +146,34 @@ def test_a_space_that_is_not_closed_is_seen():
     torn = type(space)(space.network, space.states[:2].copy(), space.is_stopped[:2].copy())
     with pytest.raises(ArithmeticError, match="not closed"):
         torn.generator()
+
+
+@pytest.mark.parametrize("method", ["exact", "fsp"])
+def test_the_probability_of_some_counts_leaves_the_others_open(method):
+    """Two independent species: what is not named is summed over, not 0."""
+    pair = Network.from_text("A -> 0, 1\n0 <-> B, 3, 1" if method == "fsp" else "A -> 0, 1\nB <-> C, 3, 1")
+    law = solve(pair, method, {"A": 4, "B": 3}, [0.5, 1.0])
+    here = law.space.states[:, pair.index("A")] == 2
+    assert_array_equal(law.probability({"A": 2}), law.probabilities[:, here].sum(axis=1))
+    assert_allclose(law.probability({"A": 2}), law.marginal("A")[:, 2], rtol=1e-12)
+    assert_allclose(law.probability({"A": 2}), binom(4, np.exp(-law.times)).pmf(2), atol=law.error + 1e-13)
+    one = dict(zip(pair.species, law.space.states[3].tolist(), strict=True))
+    assert_array_equal(law.probability(one), law.probabilities[:, 3])
+    assert_array_equal(law.probability(list(one.values())), law.probabilities[:, 3])
+    low, high = law.probability_bounds({"A": 2})
+    exact = binom(4, np.exp(-law.times)).pmf(2)
+    assert ((low <= exact) & (exact <= high) & (high - low < 1e-8)).all()
+    assert law.probability({"A": 9}).tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match="unknown species 'Q'; the network has A, B"):
+        law.probability({"A": 2, "Q": 0})
+    with pytest.raises(ValueError, match="at least 0"):
+        law.probability({"A": -1})
+
+
+def test_the_stationary_probability_of_some_counts_too():
+    pair = Network.from_text("A <-> X, 2, 3\nB <-> Y, 1, 1")
+    law = stationary(pair, {"A": 2, "B": 3})
+    assert law.probability({"A": 2}) == pytest.approx(0.36, rel=1e-12)
+    assert law.probability({"A": 2, "B": 3}) == pytest.approx(0.36 / 8, rel=1e-12)
+    with pytest.raises(ValueError, match="unknown species 'Q'"):
+        law.probability({"Q": 1})

@@ -55,7 +55,7 @@ def test_a_file_gives_what_the_command_line_leaves_open(run):
         ("runs = 30", "runs = ", "is not valid TOML"),
         ("runs = 30", "runs = [1, 2]", "runs = [1, 2] in [predict]; expected one number or text"),
         ("runs = 30", "runs = true", "runs = True in [predict]; expected one number or text"),
-        ("times = [10, 20]", "times = 10", "times = 10 in [predict]; expected a list"),
+        ("times = [10, 20]", "times = true", "times = True in [predict]; expected one value or a list"),
         ("json = true", "json = 1", "json = 1 in [check]; expected true or false"),
         ("runs = 30", "source = 'line4'", "source in [predict] is no option of predict"),
     ],

@@ -135,4 +135,4 @@ def test_without_dask():
     assert in_python(without + rooms).returncode == 0
     done = in_python(f"{without}from wellmixed import main; main({[*map(str, SIMULATE), '--scheduler', 'a:1']})")
     assert done.returncode == 2
-    assert done.stderr == "Error: this needs distributed; install it by: pip install 'wellmixed[dist]'\n"
+    assert done.stderr == "Error: this needs distributed; install it by: pip install 'distributed>=2026.8'\n"

@@ -1,0 +1,81 @@
+"""How many events a run has still before it, by its rate equations (Kurtz 1970, doi:10.2307/3212147)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinetics.network import Network
+from kinetics.sampling.mass_action import mass_action
+from kinetics.support.arrays import Floats, Ints
+
+MOST_SPECIES = 300  # whose equations are integrated; their Jacobian takes as many evaluations of the propensities
+FEW_STEPS, MOST_STEPS = 150, 2000  # of the integration: as long as it is quick, it goes on for a better answer
+LARGEST = 1e30  # times the events in question: so many are too many by any measure
+ACCURACY = 1e-3
+
+
+class Outlook:
+    """The propensities of a network at real counts, and what they come to."""
+
+    def __init__(self, network: Network) -> None:
+        laws = mass_action(network)
+        self.network = network
+        self.coefficients = laws.coefficients
+        self.species, self.taken = laws.factors[:, :, 0], laws.factors[:, :, 1].astype(float)
+        names = {name: r for r, name in enumerate(network.channels)}
+        self.laws = [(names[name], network.channel_laws[name].program) for name in network.laws]
+
+    def rates(self, counts: Floats, time: float) -> Floats:
+        """Propensities (n, R) at counts (n, S), 1/tu; inf or nan where they are beyond double."""
+        from kinetics.network.laws.program import evaluate
+
+        padded = np.column_stack([counts, np.ones(len(counts))])
+        with np.errstate(all="ignore"):
+            found = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
+            for r, program in self.laws:
+                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
+        return found
+
+    def largest(self, counts: Ints, time: float) -> tuple[str, float]:
+        """The channel with the largest propensity at counts (S,), and that; "" where there is no channel."""
+        if not self.network.channels:
+            return "", 0.0
+        rates = np.nan_to_num(self.rates(counts[None].astype(float), time)[0], nan=np.inf, posinf=np.inf)
+        return self.network.channels[int(rates.argmax())], float(rates.max())
+
+    def events(self, counts: Ints, time: float, end: float, most: float) -> float:
+        """Events from these counts (S,) at `time` until `end`, tu, at least; nan where that cannot be told.
+
+        most : the number that is in question; far beyond it, nobody counts on
+        """
+        if counts.size > MOST_SPECIES or self.network.events:
+            return np.nan
+        from scipy.integrate import BDF
+        from scipy.sparse import csr_array
+
+        table = self.network.sparse_stoichiometry
+        gains = csr_array((table.copies.astype(float), table.columns, table.starts), shape=table.shape).T
+        rate = scale = float(self.rates(counts[None].astype(float), time).sum())
+        if not 0.0 < scale < np.inf:
+            return np.inf if scale > 0.0 else np.nan
+
+        def slope(at: float, x: Floats) -> Floats:  # the clock in events at the rate of the start, so in plain numbers
+            return gains @ (self.rates(np.maximum(x[None], 0.0), time + at / scale)[0] / scale)
+
+        events = 0.0
+        with np.errstate(all="ignore"):
+            try:
+                span = (end - time) * scale
+                solver = BDF(slope, 0.0, counts.astype(float), span, rtol=ACCURACY, atol=ACCURACY)
+                for step in range(MOST_STEPS):
+                    begin, before = solver.t, rate
+                    solver.step()
+                    rate = float(self.rates(np.maximum(solver.y[None], 0.0), time + solver.t / scale).sum())
+                    if solver.status == "failed" or not rate < np.inf:
+                        break
+                    events += 0.5 * (before + rate) / scale * (solver.t - begin)
+                    if solver.status == "finished" or events > (LARGEST if step < FEW_STEPS else 10.0) * most:
+                        return events
+            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                pass
+        return events if events > 10.0 * most else np.nan  # on the way to where the equations cannot be followed
