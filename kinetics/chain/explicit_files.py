@@ -54,6 +54,7 @@ def read_explicit(path: str | Path) -> Chain:
     n, rows, columns, rates = _entries(file)
     if n > rows.size + 1 + MAX_STATES:
         raise ValueError(f"{file}: {n} states, but {rows.size} transitions, which lead to no more than so many of them")
+    check_memory(f"{n} states", 8.0 * 20 * n, "give a smaller chain")
     bad = ~((rates >= 0) & np.isfinite(rates))
     if bad.any():
         raise ValueError(f"{file}: a rate is {rates[bad][0]:g}; expected a finite number of at least 0")
@@ -222,7 +223,6 @@ def _entries(path: Path) -> tuple[int, NDArray[np.int64], NDArray[np.int64], Flo
     for ends in (rows, columns):
         if n < 1 or ends.min(initial=0) < 0 or ends.max(initial=0) >= n:
             raise ValueError(f"{path}: states go from 0 to {n - 1}; {ends.max(initial=0)} or one below 0 came")
-    check_memory(f"{n} states", 8.0 * 20 * n, "give a smaller chain")
     return n, rows, columns, values
 
 
