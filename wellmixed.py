@@ -48,6 +48,7 @@ from kinetics.support.cli.lazy_commands import mount  # noqa: E402
 from kinetics.support.cli.options_file import options_in  # noqa: E402
 from kinetics.support.cli.process import run  # noqa: E402
 from kinetics.support.cli.progress import sign_of_life  # noqa: E402
+from kinetics.support.interrupts import was_interrupted  # noqa: E402
 
 # name -> (module, attribute, the line that `--help` shows)
 COMMANDS = {
@@ -156,6 +157,9 @@ class FrontDoor(click.Group):
             click.echo(interrupted(ctx), err=True)
             ctx.exit(INTERRUPTED)
         except Exception as error:
+            if was_interrupted(error):
+                click.echo(interrupted(ctx), err=True)
+                ctx.exit(INTERRUPTED)
             if ctx.params.get("debug"):
                 raise
             code, said = judged(error)

@@ -200,6 +200,19 @@ def test_ctrl_c_says_what_is_kept(tmp_path, monkeypatch, command, where, said):
     assert done.err.endswith(said)
 
 
+@pytest.mark.parametrize("cause", [KeyboardInterrupt(), None])
+def test_an_error_that_a_library_makes_of_ctrl_c_is_an_interrupt(tmp_path, monkeypatch, cause):
+    """As Numba's is, where it compiles at that moment; the control has no such cause, and is a fault."""
+
+    def compile_it(*_, **__):
+        raise RuntimeError("failed in nopython mode") from cause
+
+    monkeypatch.setattr("kinetics.commands.predict.start", compile_it)
+    done = run_here(*PREDICT, cwd=tmp_path, faults=True)
+    assert done.code == (INTERRUPTED if cause else FAULT)
+    assert (done.err == NOTHING) is bool(cause)
+
+
 # SIGTERM, and signals at awkward moments
 
 COMMAND_OF_ONE_LINE = """

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
 from kinetics.solving import StateSpace, reachable
-from kinetics.solving.search import Search
+from kinetics.solving.search import Search, TooManyStatesError
 from kinetics.support.arrays import Ints, whole_number
 
 
@@ -36,8 +36,12 @@ def nearest_states(
     And which of them (N,) are not followed though `stop` does not hold: those that the last event led to.
     """
     network.known_rates  # noqa: B018
-    enough = whole_number("within", at_least, 1)
-    search = Search(network, network.state(initial)[None, :], whole_number("max_states", max_states, 1), stop)
+    enough, most = whole_number("within", at_least, 1), whole_number("max_states", max_states, 1)
+    if enough > most:
+        raise TooManyStatesError.of(
+            f"within = {enough} states, but at most {most} are listed", "Follow the chain within fewer, or allow more"
+        )
+    search = Search(network, network.state(initial)[None, :], most, stop)
     begin = 0
     while begin < len(search) < enough:
         end = len(search)

@@ -20,6 +20,7 @@ from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.interrupts import was_interrupted
 
 MAX_EVENTS = 10**9  # of a run, where nobody says otherwise
 FIRST_LOOK = 100_000  # events
@@ -208,7 +209,12 @@ def in_turn(
     """
     while True:
         began = perf_counter()
-        outcome = go_on(watch.limits(first_run), watch.most_events)
+        try:
+            outcome = go_on(watch.limits(first_run), watch.most_events)
+        except SystemError as error:
+            if was_interrupted(error):
+                raise KeyboardInterrupt from error
+            raise
         if outcome == outcomes.REACHED_END:
             return
         watch.complete[first_run] = int(notes[RUN])

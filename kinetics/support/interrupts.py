@@ -34,6 +34,14 @@ def pieces(count: int, work: float) -> Iterator[slice]:
     return (slice(begin, min(begin + length, count)) for begin in range(0, count, length))
 
 
+def was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is at the bottom of an error, which a library has made of it: Numba, as it compiles or
+    returns arrays."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 LEFT: list[threading.Event] = []  # of the ends of calls that nobody waits for any more
 
 
