@@ -26,6 +26,12 @@ class Truncation:
     channel, propensity : that with the largest propensity in its last state, 1/time_unit; "" where there is none
     reason : one of `REASONS`; events : that it made or, where they are forecast, would come to
     max_events : the most events of a run
+
+    >>> from kinetics import Network, simulate
+    >>> explosion = Network.from_text("2 A -> 3 A, 1")
+    >>> told = simulate(explosion, "ssa", {"A": 9}, [0.01, 5.0], runs=20, seed=1).truncated
+    >>> told.until, told.beyond, told.channel, told.share
+    (0.01, 5.0, 'r1', 1.0)
     """
 
     time: float
@@ -81,7 +87,16 @@ class Truncation:
 
 
 class TruncatedRunsError(ValueError):
-    """Runs were truncated before a time that is needed."""
+    """Runs were truncated before a time that is needed.
+
+    >>> from kinetics import Network, simulate
+    >>> from kinetics.runs import TruncatedRunsError
+    >>> try:
+    ...     simulate(Network.from_text("2 A -> 3 A, 1"), "ssa", {"A": 9}, [5.0], runs=2, seed=1)
+    ... except TruncatedRunsError as error:
+    ...     print(error.truncation.channel)
+    r1
+    """
 
     def __init__(self, truncation: Truncation) -> None:
         super().__init__(truncation.refusal)

@@ -92,10 +92,13 @@ class RunSource:
         ValueError: more counts than memory holds; a truncated run, without a watch or before the first time
         InterruptedRuns: Ctrl-C
         """
+        watched = self.watch(grid, first_run) if watch is None else watch
+        found = self._counts(grid, runs, first_run, threads, watched)
         if watch is None:
-            found = self.counts(grid, runs, first_run, threads, watch := self.watch(grid, first_run))
-            watch.check()
-            return found
+            watched.check()
+        return found
+
+    def _counts(self, grid: Floats, runs: int, first_run: int, threads: int | None, watch: Watch) -> Ints:
         n_species = self.start.size
         if self.weights is None:
             what = f"all counts of {runs} runs of {n_species} species at {grid.size} times"

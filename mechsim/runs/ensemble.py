@@ -126,6 +126,13 @@ class _Driver:
         # A script that is no command of ours has asked for no lines of ours, unless somebody looks on.
         shown = is_terminal(sys.stderr) if progress is None and not is_heard() else progress
         with progress_line(shown) as line:
+
+            def tell() -> None:
+                done = self._simulated(session)
+                text = f"{len(self.records)}/{len(self.specs)} runs, {done:.0f}/{total:.0f} tu"
+                line(text, done / total if total else None)
+
+            tell()
             try:
                 while self.waiting or session.attempts:
                     self._start(session)
@@ -134,9 +141,7 @@ class _Driver:
                     for attempt in [attempt for attempt in session.attempts if attempt.ended]:
                         self._finish(attempt)
                         session.attempts.remove(attempt)
-                    done = self._simulated(session)
-                    text = f"{len(self.records)}/{len(self.specs)} runs, {done:.0f}/{total:.0f} tu"
-                    line(text, done / total if total else None)
+                    tell()
             finally:
                 session.close()
                 for attempt in session.attempts:

@@ -103,6 +103,19 @@ def heed_sigterm() -> None:
         signal.signal(signal.SIGINT, interrupt_if_asked)
 
 
+def heed_lost_interrupts() -> None:
+    """Interrupt again if Ctrl-C came as Python cleaned up, where it drops every exception (in a `__del__`, say)."""
+    before = sys.unraisablehook
+
+    def again(lost: Any) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt) and _is_main_thread():
+            threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()  # here it would be dropped once more
+        else:
+            before(lost)
+
+    sys.unraisablehook = again
+
+
 def exit_code(code: int) -> int:
     """The exit code of a command that is over, once all that it has printed is out: a lost result is no success."""
     lost = _lost()
@@ -126,6 +139,7 @@ def run(main: click.Command, args: Sequence[str] | None = None, **named: Any) ->
     """Run a command as all that this process does, and end it with the command's exit code."""
     own_streams()
     heed_sigterm()
+    heed_lost_interrupts()
     try:
         code = exit_code(_outcome(main, args, named))
         for number in (signal.SIGINT, signal.SIGTERM):  # from here on they end it at once, without a traceback

@@ -76,9 +76,12 @@ def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
         # No run is used twice: settings are powers of ten, and 40 times one stays below 20 times the next.
         first_run = (MOST_REPEATS + repeat) * runs
         network, initial, times, seed = task
-        return simulate_statistics(
+        made = simulate_statistics(
             network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
         )
+        if not made.is_complete:  # a point of fewer runs is none
+            raise KeyboardInterrupt
+        return made
 
     return make
 

@@ -211,10 +211,10 @@ def test_interrupted_runs_give_a_prediction_that_says_so(monkeypatch):
     monkeypatch.setattr(run_source, "BLOCK_BYTES", 50 * 8 * 4 * 2)
     counts = RunSource.counts
 
-    def interrupted(source, grid, runs, first_run=0, threads=None):
+    def interrupted(source, grid, runs, first_run=0, threads=None, watch=None):
         if first_run >= 100:
             raise KeyboardInterrupt
-        return counts(source, grid, runs, first_run, threads)
+        return counts(source, grid, runs, first_run, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", interrupted)
     made = predict(bare_line(), Rates.load("table3"), START, TIMES, Direct(), runs=400, seed=1)

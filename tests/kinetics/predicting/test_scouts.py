@@ -107,9 +107,9 @@ def following(network, start, events):
 def test_scouts_have_numbers_of_their_own(monkeypatch):
     made, counts = [], RunSource.counts
 
-    def noted(source, grid, runs, first=0, threads=None):
+    def noted(source, grid, runs, first=0, threads=None, watch=None):
         made.append((grid.size, first, runs))
-        return counts(source, grid, runs, first, threads)
+        return counts(source, grid, runs, first, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", noted)
     ahead, _ = following(BURST, {"G": 1, "A": 5}, 1e6)

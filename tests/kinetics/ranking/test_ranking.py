@@ -280,11 +280,11 @@ def test_the_command_reports_probabilities_that_are_barely_above_zero(tmp_path):
     has_target = space.states[:, asked.target] >= 1
     thrice = np.linalg.matrix_power(space.generator().toarray() * 1e-5, 3)
     leading = thrice[0, has_target].sum() / 6
-    shared = ("rules", "rank", "line4", "--join", "0.001", "--horizon", "1e-5", "--cubes", "12", "--json")
-    reached = run_here(*shared, cwd=tmp_path).json["books"][0]["reached"]
+    shared = ("rules", "rank", "line4", "--join", "0.001", "--cubes", "12", "--json", "--horizon")
+    reached = run_here(*shared, "1e-5", cwd=tmp_path).json["books"][0]["reached"]
     assert reached["value"] == pytest.approx(leading, rel=1e-4, abs=0.0)
     assert reached["sd"] == pytest.approx(reached["value"] ** 0.5, rel=1e-9)
-    sampled = run_here(*shared, "--max-states", "0", "--horizon", "1e-300", cwd=tmp_path).json["books"][0]
+    sampled = run_here(*shared, "1e-300", "--max-states", "0", cwd=tmp_path).json["books"][0]
     assert (sampled["reached"]["value"], sampled["first"]["value"]) == (0.0, 1e-300)
 
 

@@ -55,8 +55,8 @@ def test_blocks_that_repeat_their_runs_are_seen(small_blocks):
             return RepeatingSource(**vars(super().source(*arguments)))
 
     class RepeatingSource(RunSource):
-        def counts(self, grid, runs, first_run=0, threads=None):
-            return super().counts(grid, runs, 0, threads)
+        def counts(self, grid, runs, first_run=0, threads=None, watch=None):
+            return super().counts(grid, runs, 0, threads, watch)
 
     assert not streamed_equals_full(Repeating())
 
@@ -158,10 +158,10 @@ def test_ranges_that_need_several_passes_are_exact():
 def test_interrupted_runs_leave_the_statistics_of_those_that_were_made(small_blocks, monkeypatch):
     counts, at = RunSource.counts, 74
 
-    def interrupted(source, grid, runs, first_run=0, threads=None):
+    def interrupted(source, grid, runs, first_run=0, threads=None, watch=None):
         if first_run == at:
             raise KeyboardInterrupt
-        return counts(source, grid, runs, first_run, threads)
+        return counts(source, grid, runs, first_run, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", interrupted)
     told = []

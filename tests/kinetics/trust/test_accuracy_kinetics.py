@@ -135,9 +135,9 @@ def test_rate_equation_in_closed_form():
 def test_no_run_is_used_twice(monkeypatch):
     used, counts = [], RunSource.counts
 
-    def noted(source, grid, runs, first_run=0, threads=None):
+    def noted(source, grid, runs, first_run=0, threads=None, watch=None):
         used.extend(range(first_run, first_run + runs))
-        return counts(source, grid, runs, first_run, threads)
+        return counts(source, grid, runs, first_run, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", noted)
     curve = Curve("ssa", "runs", (10.0, 100.0, 1000.0), sampled(Direct()))
