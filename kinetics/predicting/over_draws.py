@@ -104,7 +104,7 @@ def runs_over_draws(
     n_draws = max(whole_number("draws", draws, 2), -(-runs // RUNS_PER_DRAW))
     asked = n_draws * RUNS_PER_DRAW
     n_species = len(shown.species)
-    forecast_runs(posterior.expected, method, initial, grid, asked, threads)
+    forecast_runs(posterior.expected, method, initial, grid, asked, threads, max_events)
     tally = Tally(shown, grid, kept_pairs(n_species, False))
     batch = max(1, BATCH_BYTES // (8 * RUNS_PER_DRAW * grid.size * n_species))
     parameters: list[Floats] = []

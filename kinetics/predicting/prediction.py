@@ -232,7 +232,7 @@ def predict(
         result = spread.statistics
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
-        forecast_runs(model, sampling, initial, some_times(times), least, threads)
+        forecast_runs(model, sampling, initial, some_times(times), least, threads, max_events)
         sampling = sampling if observables is None else observables.sampling(sampling, model)
         result = simulate_statistics(
             shown, sampling, initial, times, least, seed, threads,

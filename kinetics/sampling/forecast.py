@@ -11,6 +11,7 @@ from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats
 from kinetics.support.cli.progress import forecast, is_heard
 from kinetics.support.tables import rough
@@ -23,10 +24,17 @@ UNMEASURED = 1e3  # ns of an event
 
 
 def forecast_runs(
-    network: Network, method: SamplingMethod, initial: Counts, grid: Floats, runs: int, threads: int | None = 1
+    network: Network,
+    method: SamplingMethod,
+    initial: Counts,
+    grid: Floats,
+    runs: int,
+    threads: int | None = 1,
+    max_events: int = MAX_EVENTS,
 ) -> None:
     """Say what `runs` until the last of `grid` (T,) will take, if a command runs, which says it.
 
+    Nothing is said of runs that would come to more than `max_events`: these are truncated as soon as that is seen.
     Rough: counts that still grow at the end of the walks are taken to grow no more. The cost is counted work, so that
     the forecast does not depend on the clock.
     """
@@ -37,6 +45,8 @@ def forecast_runs(
         source = chosen.source(network, initial)
         events = sum(_walked(network, source, float(grid[-1]), walk) for walk in range(WALKS)) / WALKS
     except ValueError:  # the runs themselves will say what is wrong
+        return
+    if events > max_events:
         return
     cost = chosen.cost(NetworkSize.of(network, source.start))
     each = 1e-9 * (events * (cost if cost < np.inf else UNMEASURED) + chosen.start_cost)

@@ -11,13 +11,16 @@ from known_systems import line, network
 from numpy.testing import assert_allclose, assert_array_equal
 from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
+from kinetics.kernels import direct, exposures
 from kinetics.kernels.direct import advance
+from kinetics.kernels.ensemble_work import EVENTS, LOOK, RUN, ensemble_work
 from kinetics.kernels.members import NAMING, Members, member_at
-from kinetics.kernels.outcomes import UNFINISHED
+from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
 from kinetics.network import Network
 from kinetics.sampling import exposures_of_draws
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.direct import RecomputingSampler
+from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.watch import Watch
 
@@ -150,6 +153,60 @@ def test_a_run_of_more_events_than_a_buffer_goes_on():
     assert_array_equal(events[0], np.bincount(channels))
     waits = np.diff(np.concatenate([[0.0], times, [52.0]]))
     assert_allclose(exposures[0], waits @ net.combinations_of(states), rtol=1e-10)
+
+
+COMING = network("X", {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [50.0, 1.0])
+NOTHING = network("X", {"death": ((1,), (0,))}, [1.0])
+
+
+def kernel_calls(kernel, net, start, grid, limits, out):
+    """A kernel of many runs from number 3 on, as a function of the events it may make, and what it works on."""
+    sampler, work = RecomputingSampler(net), ensemble_work(1)
+    if kernel is direct:
+        return work, lambda most: direct.ensemble(
+            sampler.model, sampler.changes, work, np.array(start), grid, KEY, 3, np.array(limits), out, most
+        )
+    place = exposures.ExposureWork(work, np.empty(4, np.uint64), np.zeros(1))
+    work.notes[LOOK] = limits[3]
+    members, units = sampler.merging.named(None), mass_action(net.with_rates([1.0] * len(net.channels)))
+    return work, lambda most: exposures.ensemble(
+        sampler.model, members, units, sampler.changes, place, np.array(start), grid[-1], KEY, 3, *out, most
+    )
+
+
+@pytest.mark.parametrize("kernel", [direct, exposures], ids=["counts", "exposures"])
+def test_a_kernel_returns_where_it_may_go_no_further(kernel):
+    """After 7 events, and at the event 30 of a run, where it is looked at; then it goes on from there."""
+    grid, counts = np.linspace(0.0, 2.0, 6), np.full((3, 6, 1), -1, np.int64)
+    tables = np.zeros((3, 2), np.int64), np.zeros((3, 2))
+    out = counts if kernel is direct else tables
+    work, go_on = kernel_calls(kernel, COMING, [50], grid, [4, 2, 1, 30], out)
+    assert [(go_on(7), int(work.notes[EVENTS])) for _ in range(6)] == [(1, n) for n in (7, 14, 21, 28, 30, 30)]
+    work.notes[LOOK] = 10**6
+    for _ in range(1000):
+        if go_on(7) == REACHED_END:
+            break
+        if work.notes[EVENTS] == 30:
+            work.notes[LOOK] = 10**6
+    assert work.notes[RUN] == 3
+    for i in range(3):
+        times, channels, states = by_hand(COMING, [50], 2.0, 3 + i)
+        if kernel is direct:
+            seen = 4 if i < 1 else 2
+            assert_array_equal(counts[i, :seen], states[np.searchsorted(times, grid[:seen])])
+            assert_array_equal(counts[i, seen:], -1)
+        else:
+            waits = np.diff(np.concatenate([[0.0], times, [2.0]]))
+            assert_array_equal(tables[0][i], np.bincount(channels, minlength=2))
+            assert_allclose(tables[1][i], waits @ COMING.combinations_of(states), rtol=1e-11)
+
+
+@pytest.mark.parametrize("kernel", [direct, exposures], ids=["counts", "exposures"])
+def test_runs_without_events_are_work_as_well(kernel):
+    out = np.zeros((5, 1, 1), np.int64) if kernel is direct else (np.zeros((5, 1), np.int64), np.zeros((5, 1)))
+    work, go_on = kernel_calls(kernel, NOTHING, [0], np.array([1.0]), [1, 1, 0, 10], out)
+    assert (go_on(3), int(work.notes[RUN])) == (UNFINISHED, 3)
+    assert (go_on(3), int(work.notes[RUN])) == (REACHED_END, 5)
 
 
 def test_a_count_beyond_its_type_stops_the_run_that_it_is_in():
