@@ -44,13 +44,18 @@ def answering_chains(
     [(3, [0]), (6, [1])]
     """
 
+    # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
+    whole = [name for name in (INIT, DEADLOCK) if name not in (*network.species, *observables)]
+
     def chain_until(settled: Settled | None) -> Chain:
         def stops(states: Ints) -> NDArray[np.bool_]:
             found = np.zeros(len(states), dtype=bool)
             if stop is not None:
                 found |= held(stop, network, states)
             if settled is not None:
-                found |= settled.holds(state_names(network, observables, states))
+                names = state_names(network, observables, states)
+                names.labels = dict.fromkeys(whole, np.zeros(len(states), dtype=bool))  # for errors, which list them
+                found |= settled.holds(names)
             return found
 
         chain = Chain.of(
@@ -58,12 +63,10 @@ def answering_chains(
         )
         return observing(chain, network, observables)
 
-    # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
-    whole = {INIT, DEADLOCK} - {*network.species, *observables}
     alike: dict[Settled | None, list[int]] = {}
     for place, query in enumerate(queries):
         settled = query.settled
-        alike.setdefault(None if settled and settled.names & whole else settled, []).append(place)
+        alike.setdefault(None if settled and settled.names.intersection(whole) else settled, []).append(place)
     if len(alike) != 1:
         try:
             chain = chain_until(None)

@@ -26,6 +26,7 @@ from kinetics.solving.search import MAX_STATES
 from kinetics.solving.states import StateSpace, reachable
 from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import progress_line
 
 BUDGET = 1200.0  # s
 FEW_STATES = 1000  # listed before anything else is tried
@@ -251,7 +252,8 @@ class _Reaching:
         began = time.process_time()
         try:
             method = FiniteStateProjection(tolerance, max_seconds=most, trial=TRIAL)
-            found = self.question.of_distribution(method.solve(model, start, grid))
+            with progress_line(shown=False):  # it may be given up, long before it would end
+                found = self.question.of_distribution(method.solve(model, start, grid))
         except ValueError:
             self.projection = self.projection._replace(remark=f"given up: over {most:.2g} s, or too many states")
             return None

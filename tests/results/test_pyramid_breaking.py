@@ -25,6 +25,7 @@ def lost(found):
     return len(lost_cubes(found, Examined(found).targets))
 
 
+@pytest.mark.validate
 def test_what_is_lost_can_be_rebuilt():
     """Every cube of every structure can come home. The control: where a seed does not wait for its arm again, some not.
 

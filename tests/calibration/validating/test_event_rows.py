@@ -73,6 +73,7 @@ def check_size(studies, low, high):
     assert ((certain[:, :2] <= 0.05).mean(axis=0) > max(high, 0.06)).all()  # control: the uncertainty left out
 
 
+@pytest.mark.validate
 def test_size_short():
     """300 studies: 6 standard errors of 1.3 %."""
     check_size(300, 0.0, 0.13)

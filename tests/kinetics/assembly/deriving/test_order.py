@@ -60,6 +60,7 @@ def test_the_stages_of_the_pyramid():
     assert stages_in_words(found).startswith("order: every growth passes through the same structures of 5, 25, 27, 43")
 
 
+@pytest.mark.validate
 def test_the_compiled_pyramid_has_an_order_of_its_own():
     """Its file states it."""
     found = ends("pyramid45_compiled")
