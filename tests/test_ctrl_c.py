@@ -34,7 +34,10 @@ FILES = {
 SOLVED = {"exact": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open"}
 WORK = {f"predict {name}": ["predict", f"{SOLVED[name]}.rxn", "--method", name, "--times", "10000"] for name in SOLVED}
 WORK |= {
-    f"predict {name}": ["predict", f"{'law' if name == 'general' else 'open'}.rxn", "--method", name, "--times", "5e4"]
+    f"predict {name}": [
+        *("predict", f"{'law' if name == 'general' else 'open'}.rxn", "--method", name, "--times", "5e4"),
+        *("--budget", "1e5"),
+    ]
     for name in SAMPLING
 }
 WORK |= {
@@ -54,7 +57,7 @@ WORK |= {
     "grow": ["rules", "grow", "pyramid45", "--cubes", "50000", "--join", "1e-7", "--runs", "1000"],
     "rules compile": ["rules", "compile", "pyramid45", "--out", "book.toml"],
     "rules check": ["rules", "check", "pyramid45", "--json"],
-    "verify": ["verify", "pair.rxn", "--runs", "50000"],
+    "verify": ["verify", "pair.rxn", "--runs", "50000", "--budget", "1e5"],
     "hardcases": ["hardcases"],
     "accuracy": ["accuracy", "kinetics", "pair.rxn", "--csv", "table.csv"],
 }
