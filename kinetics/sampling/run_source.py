@@ -119,7 +119,7 @@ class RunSource:
     def blocks(
         self, grid: Floats, begin: int, end: int, threads: int | None = None, watch: Watch | None = None
     ) -> Iterator[Ints]:
-        """The same of the runs from number `begin` to before `end`, a block at a time.
+        """Counts, as `counts` gives them, of the runs from number `begin` to before `end`, a block at a time.
 
         At Ctrl-C the runs of a block that are finished come before the KeyboardInterrupt.
         """

@@ -25,7 +25,7 @@ from kinetics.support.interrupts import was_interrupted
 MAX_EVENTS = 10**9  # of a run, where nobody says otherwise
 FIRST_LOOK = 100_000  # events
 MARGIN = 2.0  # times the events allowed, that a forecast must come to
-FIRST_RUNS = 20  # whose share of truncated runs is told
+FIRST_RUNS = 20  # whose share of truncated runs is reported
 FIRST_CALL, MOST_CALL, CALL_SECONDS = 10_000, 10**9, 0.1  # events of a call of a kernel, and what it may take
 REASON = {
     outcomes.MOST_EVENTS: "events",
@@ -117,7 +117,10 @@ class Watch:
         return int(self.looks(*one, forecasts)[0])
 
     def looks(self, runs: Ints, events: Ints, times: Floats, counts: Ints, forecasts: bool = True) -> Ints:
-        """The same of n runs with counts (n, S); `forecasts`: whether rate equations may be asked."""
+        """Events at which to look again at each of n runs with counts (n, S); 0 for a truncated run.
+
+        forecasts : whether rate equations may be integrated
+        """
         end = float(self.grid[-1])
         again = np.minimum(2 * events, self.max_events)
         if forecasts and self.outlook is not None:

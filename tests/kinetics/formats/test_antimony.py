@@ -1,5 +1,6 @@
 """Antimony files, beside the same models written by hand."""
 
+import ast
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -101,7 +102,7 @@ def test_programs_see_nothing_of_the_user(tmp_path, monkeypatch):
     (tmp_path / "mine").write_text("secret", encoding="utf-8")
     act = "import os, sys; open('b', 'w').write(repr([sorted(os.environ), os.listdir(), sys.stdin.read()]))"
     program = Program("X", (sys.executable, "-c", act), 10, 2**30, "")
-    names, files, typed = eval(program.translated(tmp_path / "m", {"a": ""}, "b"))
+    names, files, typed = ast.literal_eval(program.translated(tmp_path / "m", {"a": ""}, "b"))
     assert set(names) <= {
         "HOME",
         "LC_ALL",
