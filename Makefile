@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SIDE_BY_SIDE := -n auto --maxprocesses 8 --dist loadfile
 READY := $(VENV)/.ready
-CORE_TESTS := $(addprefix tests/kinetics/,chain derivatives formats network passage predicting rates sampling solving) tests/test_wheel.py \
+CORE_TESTS := $(addprefix tests/kinetics/,formats markov network predicting rates sampling) tests/test_wheel.py \
 	tests/contracts/test_engines.py tests/mechsim/world/test_own_engine.py
 
 # Tests and demo get HOME and PATH alone, so that nothing can lean on what a machine happens to set. Set-up gets all that

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.crossvalidation import crossvalidate
     from calibration.validating.first_times import FirstTimes, compare_first_times
-    from kinetics.breaks import ShapeParameter
+    from kinetics.rates.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
 
 __project__ = "wellmixed"  # by which the command knows that this is ours
@@ -44,7 +44,7 @@ _HOMES = {
     "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
-    "kinetics.breaks": ("ShapeParameter",),
+    "kinetics.rates.breaks": ("ShapeParameter",),
     "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
     "calibration.validating.comparison": ("CrossValidation",),
     "calibration.validating.crossvalidation": ("crossvalidate",),

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.chain import Chain, ChainAnswer, Reward, Sensitivity
-    from kinetics.network import Network, Tank
-    from kinetics.networkfree import Growth, Growths, grow
-    from kinetics.passage import (
+    from kinetics.markov import Chain, ChainAnswer, Reward, Sensitivity
+    from kinetics.markov.passage import (
         Committor,
         Passage,
         RareEvent,
@@ -24,9 +21,23 @@ if TYPE_CHECKING:
         rare_event,
         stationary,
     )
+    from kinetics.markov.transient import (
+        Collocation,
+        Dense,
+        Distribution,
+        FiniteStateProjection,
+        StateSpace,
+        Transient,
+        reachable,
+        solve,
+    )
+    from kinetics.network import Network, Tank
+    from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
-    from kinetics.ranking import Ranking, rank
+    from kinetics.predicting.ranking import Ranking, rank
+    from kinetics.predicting.scanning import Scan, ScanAnswer, ScannedModel, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
+    from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
     from kinetics.sampling import (
         Auto,
@@ -40,41 +51,30 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
-    from kinetics.scanning import Scan, ScanAnswer, ScannedModel, scan
-    from kinetics.solving import (
-        Collocation,
-        Dense,
-        Distribution,
-        FiniteStateProjection,
-        StateSpace,
-        Transient,
-        reachable,
-        solve,
-    )
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
 __project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
-    "kinetics.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.chain": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
+    "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
+    "kinetics.markov": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
     "kinetics.network": ("Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
-    "kinetics.passage": (
+    "kinetics.markov.passage": (
         *("Passage", "RareEvent", "Committor", "Stationary"),
         *("first_passage", "rare_event", "committor", "stationary"),
     ),
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
-    "kinetics.ranking": ("Ranking", "rank"),
+    "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
     "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
     "kinetics.sampling": (
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.scanning": ("Scan", "ScanAnswer", "ScannedModel", "scan"),
-    "kinetics.solving": (
+    "kinetics.predicting.scanning": ("Scan", "ScanAnswer", "ScannedModel", "scan"),
+    "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
     ),

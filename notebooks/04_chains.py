@@ -34,8 +34,8 @@ import pandas as pd
 from scipy.sparse import csr_array, eye_array, kron
 
 from kinetics import Chain, Collocation, Reward, Sensitivity
-from kinetics.chain import ask, read_explicit, write_explicit
-from kinetics.solving.uniformisation import DiscreteChain
+from kinetics.markov import ask, read_explicit, write_explicit
+from kinetics.markov.transient.uniformisation import DiscreteChain
 from kinetics.trust.hardcases.chains import machines
 
 plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS = ("kinetics", "mechsim", "calibration")
 SOURCES = [*sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")), ROOT / "wellmixed.py"]
 # the parts of kinetics that never heard of cubes
-LATTICE_FREE = ("support", "network", "formats", "runs", "sampling", "solving", "passage", "trust")
+LATTICE_FREE = ("support", "network", "formats", "runs", "sampling", "markov", "trust")
 DOTTED = re.compile(rf"({'|'.join(ROOMS)})(\.\w+)+")
 # the one file that imports numba: its cache sees an edit of any kernel
 COMPILER = "kinetics.kernels.compiled"
@@ -193,7 +193,7 @@ def test_arrows():
         ("kinetics.commands.predict", "def f():\n    from calibration import estimate"),
         ("kinetics.network.network", "from kinetics.assembly import RuleBook"),
         ("kinetics.sampling.direct", "from kinetics import assembly"),
-        ("kinetics.solving.states", "from ..assembly import faces"),
+        ("kinetics.markov.transient.states", "from ...assembly import faces"),
         ("mechsim.runs.record", "try:\n    import calibration\nexcept ImportError:\n    pass"),
         ("calibration.reporting.report", "from mechsim.inspection.pictures.tank import draw_tank"),
         ("calibration.reporting.overview", "if TYPE_CHECKING:\n    pass\nelse:\n    import mechsim"),

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("kinetics", "kinetics.assembly", "kinetics.chain", "kinetics.formats", "mechsim", "calibration")
+PACKAGES = ("kinetics", "kinetics.assembly", "kinetics.markov", "kinetics.formats", "mechsim", "calibration")
 # Addresses in the theme's own script: for diagrams and repositories, of which we have none, for a browser from before
 # 2020, and in a licence.
 NEVER_ASKED = {"api.github.com", "unpkg.com", "clipboardjs.com"}

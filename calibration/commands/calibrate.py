@@ -164,7 +164,7 @@ def calibrate(
         from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
         from calibration.pipeline.plan import StudyPlan
         from calibration.pipeline.study_runs import assembly_specs
-        from kinetics.breaks import break_model
+        from kinetics.rates.breaks import break_model
         from mechsim.scene import Scene
 
         if breaks not in (None, "auto"):

@@ -12,7 +12,7 @@ from calibration.estimating.break_fit import admits, break_channels, deviance, f
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
 from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, compare_fits
-from kinetics.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
+from kinetics.rates.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
 from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown

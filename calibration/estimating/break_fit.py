@@ -12,8 +12,8 @@ from calibration.estimating.estimate import Calibration, prior_of
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
-from kinetics.breaks import BreakModel, is_break
 from kinetics.network import Network
+from kinetics.rates.breaks import BreakModel, is_break
 from kinetics.runs import JumpPath
 from kinetics.support.settings import validated
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from calibration.estimating.named_partners import may_have_broken
 from calibration.estimating.rate_model import RateModel
-from kinetics.breaks import WALL, BreakModel, ShapeParameter, pairs
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import WALL, BreakModel, ShapeParameter, pairs
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from calibration.estimating.class_evidence import BookRuns, ClassEvidence, class_evidence
 from calibration.estimating.class_fit import GROUPINGS, ClassFit, Grouping, simplest
-from kinetics.breaks import BREAK_MODELS, BreakModel, break_model
 from kinetics.rates import BreakTerms, ClassRates
+from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
 
 
 @dataclass(frozen=True, eq=False)

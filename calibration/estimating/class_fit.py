@@ -23,7 +23,6 @@ from calibration.estimating.named_partners import of_the_named
 from calibration.estimating.rate_fit import ImpossibleEventError
 from calibration.estimating.shape_posterior import posterior_of
 from calibration.estimating.shape_search import least
-from kinetics.breaks import BreakModel, ShapeParameter
 from kinetics.rates import (
     BreakTerms,
     ClassRate,
@@ -34,6 +33,7 @@ from kinetics.rates import (
     more_general,
     with_prior,
 )
+from kinetics.rates.breaks import BreakModel, ShapeParameter
 from kinetics.support.arrays import Floats
 
 Grouping = Literal["event", "touched", "faces", "sizes"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.breaks import is_break
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+from kinetics.rates.breaks import is_break
 from kinetics.support.arrays import Floats
 
 JOINS, BREAKS = "joins", "breaks"

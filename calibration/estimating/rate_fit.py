@@ -12,7 +12,7 @@ import numpy as np
 from calibration.estimating.exposure import sojourns
 from calibration.estimating.likelihood import Maximum, PathLikelihood
 from calibration.estimating.rate_model import RateModel
-from kinetics.breaks import ShapeParameter
+from kinetics.rates.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.shown import ResultTable, Shown, on_axes

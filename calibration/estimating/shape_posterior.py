@@ -9,8 +9,8 @@ import numpy as np
 
 from calibration.estimating.break_rates import BreakRates
 from calibration.estimating.rate_fit import RateFit
-from kinetics.breaks import ShapeParameter
 from kinetics.rates import ShapePosterior
+from kinetics.rates.breaks import ShapeParameter
 from kinetics.support.arrays import Floats
 
 LogDensity = Callable[[Floats], Floats]  # points (G, K) -> (G,)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from kinetics.breaks import ShapeParameter
+from kinetics.rates.breaks import ShapeParameter
 from kinetics.support.arrays import Floats
 
 IMPOSSIBLE = 1e300  # a cost that a search can compare, where it is infinite

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.planning.forecast import Forecast, whole_bodies
-from kinetics.breaks import is_break
 from kinetics.network import Network
+from kinetics.rates.breaks import is_break
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import stage
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.estimating.exposure import count
-from kinetics.breaks import Expansion
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
+from kinetics.rates.breaks import Expansion
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 from kinetics.support.arrays import Floats, Ints, rising_times

@@ -20,12 +20,12 @@ from calibration.validating.first_times import compare_first_times
 from calibration.validating.groups import FIRST_TIMES, SimulatedGroups
 from calibration.validating.scores import central_band, group_scores, mean_misfit, share_inside
 from calibration.validating.single_runs import judge_single_runs
+from kinetics.markov.transient import Transient
+from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Network
 from kinetics.rates import Rates
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import Direct
-from kinetics.solving import Transient
-from kinetics.solving.search import TooManyStatesError
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.intervals import student_interval
 

@@ -21,8 +21,8 @@ from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.groups import SimulatedGroups, event_groups
 from calibration.validating.predictive import looks, sequential_p
 from calibration.validating.scores import Counts, central_band
-from kinetics.breaks import base_channel
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import base_channel
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import stage

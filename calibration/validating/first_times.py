@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.sampling import Direct, simulate_draws
-from kinetics.solving.search import MAX_STATES, TooManyStatesError
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
@@ -207,8 +207,8 @@ def _passage(
     network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
 ) -> _Passage:
     """The exact distribution, or that of SSA runs where the states are too many."""
-    from kinetics.passage import first_passage
-    from kinetics.passage.elimination import TooLargeError
+    from kinetics.markov.passage import first_passage
+    from kinetics.markov.passage.elimination import TooLargeError
 
     try:
         exact = first_passage(network, initial, species, max_states=max_states)

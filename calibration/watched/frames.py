@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.watched.tables import Table, near
-from kinetics.breaks import base_channel
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import base_channel
 from kinetics.runs.event_tables import BETWEEN, END, RUN_COLUMNS, START
 from kinetics.support.arrays import Ints
 

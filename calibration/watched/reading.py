@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from calibration.watched.frames import Frame, Given, frames_of_rows, frames_of_table
 from calibration.watched.tables import Table, read_table
-from kinetics.breaks import is_break
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import is_break
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.runs.event_tables import END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
 from kinetics.support.arrays import Floats, Ints

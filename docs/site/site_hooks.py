@@ -20,7 +20,7 @@ OUTSIDE = re.compile(r"\]\(((?:\.\./)+)(results/[^)]+\.(?:svg|png))\)")
 PACKAGES = {
     "kinetics": "Networks, rates, runs, solutions and questions: what happens, and how often.",
     "kinetics.assembly": "Rule books, structures, and the network that follows from them.",
-    "kinetics.chain": "Markov chains from anywhere, and questions asked of them.",
+    "kinetics.markov": "Markov chains from anywhere, and questions asked of them.",
     "kinetics.formats": "Network files, in and out.",
     "mechsim": "Scenes, runs of the mechanics, and the store that keeps them.",
     "calibration": "Rates from paths, with intervals, models, diagnostics and validation.",

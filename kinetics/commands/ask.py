@@ -24,9 +24,9 @@ from kinetics.support.output import write_whole
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from kinetics.chain import Chain, ChainAnswer
-    from kinetics.derivatives import Derivatives
     from kinetics.formats import NetworkModel
+    from kinetics.markov import Chain, ChainAnswer
+    from kinetics.markov.derivatives import Derivatives
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
@@ -88,9 +88,9 @@ def ask(
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
     so is followed --within some states; limits then hold whatever happens beyond them.
     """
-    from kinetics.chain import Sensitivity
-    from kinetics.chain.queries import parse
-    from kinetics.chain.settling import answering_chains
+    from kinetics.markov import Sensitivity
+    from kinetics.markov.queries import parse
+    from kinetics.markov.settling import answering_chains
 
     if not questions and out_file is None:
         raise ValueError(
@@ -144,7 +144,7 @@ def ask(
 
 
 def _from_files(path: str, given: dict[str, Any]) -> Chain:
-    from kinetics.chain import read_explicit
+    from kinetics.markov import read_explicit
 
     for option, value in given.items():
         if value is not None:
@@ -154,7 +154,7 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
 
 def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
     """A chain as explicit files, a network also as a model."""
-    from kinetics.chain import prism_text, write_explicit
+    from kinetics.markov import prism_text, write_explicit
 
     suffix = Path(path).suffix.lower()
     if suffix == ".tra":

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from kinetics.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.commands.start import Start, is_network_file, network_of_book, start
+from kinetics.rates.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.support.cli.options import (
     AskedStart,
     OptionToldLate,

@@ -11,8 +11,8 @@ import click
 from kinetics.predicting.methods import SAMPLING, method_of, names
 
 if TYPE_CHECKING:
+    from kinetics.markov.transient import SolvingMethod
     from kinetics.sampling import SamplingMethod
-    from kinetics.solving import SolvingMethod
 
 
 def within_budget(name: str, seconds: float) -> SamplingMethod | SolvingMethod:

@@ -24,9 +24,9 @@ from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
 
 if TYPE_CHECKING:
-    from kinetics.derivatives import Derivatives
+    from kinetics.markov.derivatives import Derivatives
+    from kinetics.markov.passage import Passage
     from kinetics.network import Network
-    from kinetics.passage import Passage
     from kinetics.support.arrays import Ints
 
 MOST = 1_000_000  # states
@@ -200,7 +200,7 @@ class Sensitivities(NamedTuple):
 
 
 def _sensitivities(network: Network, initial: Ints, species: Counted, copies: int, found: Passage) -> Sensitivities:
-    from kinetics.chain import sensitivity_to
+    from kinetics.markov import sensitivity_to
 
     asked, goal = sensitivity_to(network, initial, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
@@ -217,7 +217,7 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
 
 def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
     """Limits of the time within a part of the states, at the rates of the file."""
-    from kinetics.chain import Chain
+    from kinetics.markov import Chain
 
     began = time.process_time()
     model = begin.model

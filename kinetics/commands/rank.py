@@ -145,7 +145,7 @@ def rank(
     share a place.
     """
     from kinetics.assembly.rules.writing import written
-    from kinetics.ranking import ranking
+    from kinetics.predicting.ranking import ranking
 
     with progress_line(budget=budget) as progress:
         loaded, notes = _books(books, time_limit, progress)

@@ -128,9 +128,9 @@ def scan(
     Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
     points, for which the table says why.
     """
-    from kinetics.scanning import ScannedModel, read_values
-    from kinetics.scanning import scan as make
-    from kinetics.scanning.answering import tell_questions
+    from kinetics.predicting.scanning import ScannedModel, read_values
+    from kinetics.predicting.scanning import scan as make
+    from kinetics.predicting.scanning.answering import tell_questions
 
     over = {}
     for text in ranges:
@@ -164,7 +164,7 @@ def scan(
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
-        from kinetics.scanning.pictures import draw_scan, size_of
+        from kinetics.predicting.scanning.pictures import draw_scan, size_of
         from kinetics.support import plots
 
         plots.save_figure(plot_file, lambda figure: draw_scan(figure, made), size_of(made))

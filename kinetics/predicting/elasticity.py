@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.chain import Chain, Sensitivity, passage_sensitivity
+from kinetics.markov import Chain, Sensitivity, passage_sensitivity
 from kinetics.network import Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior

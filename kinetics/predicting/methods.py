@@ -8,12 +8,12 @@ from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 
 if TYPE_CHECKING:
-    from kinetics.solving import SolvingMethod
+    from kinetics.markov.transient import SolvingMethod
 
 
 def names() -> tuple[str, ...]:
     """Of all methods, those that sample first."""
-    from kinetics.solving.methods import BY_NAME
+    from kinetics.markov.transient.methods import BY_NAME
 
     return (*SAMPLING, *BY_NAME)
 
@@ -30,7 +30,7 @@ def method_of(method: SamplingMethod | SolvingMethod | str) -> SamplingMethod | 
         return method
     if method in SAMPLING:
         return SAMPLING[method]()
-    from kinetics.solving.methods import BY_NAME
+    from kinetics.markov.transient.methods import BY_NAME
 
     if method in BY_NAME:
         return BY_NAME[method]()

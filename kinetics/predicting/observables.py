@@ -16,8 +16,8 @@ from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Ints, integers
 
 if TYPE_CHECKING:
+    from kinetics.markov.transient import Distribution
     from kinetics.sampling.run_source import RunSource, Sampler
-    from kinetics.solving import Distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Observables:
 
     def of_distribution(self, found: Distribution) -> Distribution:
         """The distribution of the observables, from that of the counts."""
-        from kinetics.solving import StateSpace
+        from kinetics.markov.transient import StateSpace
 
         sums = found.space.states @ self.weights
         _, first, which = np.unique(sums, axis=0, return_index=True, return_inverse=True)

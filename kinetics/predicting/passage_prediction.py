@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinetics.markov.passage import Passage, first_passage
 from kinetics.network import Network, Tank
 from kinetics.network.sums import Counted
-from kinetics.passage import Passage, first_passage
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import BookRates, Rates

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from kinetics.markov.transient import Distribution, SolvingMethod
     from kinetics.predicting.accuracy import AskedAccuracy, Reached
     from kinetics.predicting.reaching import ReachedAnswer
     from kinetics.rates import BookRates, Rates
-    from kinetics.solving import Distribution, SolvingMethod
 
 RUNS = 1000
 

@@ -12,6 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.markov.transient import Distribution, FiniteStateProjection, Transient
+from kinetics.markov.transient.search import MAX_STATES
+from kinetics.markov.transient.states import StateSpace, reachable
+from kinetics.markov.transient.transitions import Transitions
 from kinetics.network import Network
 from kinetics.predicting.accuracy import LEAST, LEVEL, TENFOLD, AskedAccuracy, ForetoldWay, Reached
 from kinetics.predicting.enough_runs import FIRST_SECONDS, RunsUntil, Sampled
@@ -21,10 +25,6 @@ from kinetics.predicting.scouts import send_scouts
 from kinetics.predicting.solved_errors import error_reached, is_endless, largest_counts, tolerance_for
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Auto
-from kinetics.solving import Distribution, FiniteStateProjection, Transient
-from kinetics.solving.search import MAX_STATES
-from kinetics.solving.states import StateSpace, reachable
-from kinetics.solving.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import progress_line
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from kinetics.kernels.leap_limits import LARGEST_COUNT
+from kinetics.markov.transient import Distribution
+from kinetics.markov.transient.distribution import SLACK
 from kinetics.network import Network
 from kinetics.predicting.accuracy import AskedAccuracy
-from kinetics.solving import Distribution
-from kinetics.solving.distribution import SLACK
 from kinetics.support.arrays import Floats, Ints
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Meta, field
 from numpy.typing import ArrayLike
 
-from kinetics.breaks import BreakModel, ShapeParameter, SizeWeights, break_model
 from kinetics.network import Network
+from kinetics.rates.breaks import BreakModel, ShapeParameter, SizeWeights, break_model
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.settings import Settings
 

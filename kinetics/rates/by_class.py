@@ -17,9 +17,9 @@ import numpy as np
 from msgspec import Meta, field
 from msgspec.structs import force_setattr
 
-from kinetics.breaks import Expansion
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.breaks import Expansion
 from kinetics.rates.class_keys import are_by_class, class_keys, more_general, number_touched, plain_key
 from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
 from kinetics.support.arrays import Floats

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinetics.breaks import Expansion
 from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.breaks import Expansion
 from kinetics.rates.by_class import ClassRates
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.rates.rates import Convention

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.breaks import Expansion
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.breaks import Expansion
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 

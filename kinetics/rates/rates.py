@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta, field
 
-from kinetics.breaks import Expansion
 from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
+from kinetics.rates.breaks import Expansion
 from kinetics.rates.posterior import RatesPosterior
 from kinetics.support.arrays import Floats
 from kinetics.support.config import find, read_toml, write_toml

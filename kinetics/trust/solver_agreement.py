@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
+from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.markov.transient.transient import MANY_STEPS
+from kinetics.markov.transient.uniformisation import mixtures
 from kinetics.network import Network
-from kinetics.solving import SOLVING_METHODS, Distribution, SolvingMethod
-from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.transient import MANY_STEPS
-from kinetics.solving.uniformisation import mixtures
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.tables import text_table
 from kinetics.trust.verification.conditional import chain_of

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kinetics.breaks import break_model
 from kinetics.network import Network
+from kinetics.rates.breaks import break_model
 from kinetics.sampling import Direct, Lockstep, sample_path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))

@@ -27,7 +27,7 @@ import numpy as np
 
 from kinetics import Chain, Rates
 from kinetics.assembly import RuleBook, derive
-from kinetics.chain import read_explicit, write_explicit
+from kinetics.markov import read_explicit, write_explicit
 from tests.benchmarks.chain_references import reference
 
 REPEATS = 3

@@ -17,8 +17,8 @@ import click
 import numpy as np
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.chain import Chain, Sensitivity
-from kinetics.chain.queries import parse
+from kinetics.markov import Chain, Sensitivity
+from kinetics.markov.queries import parse
 from kinetics.rates import Rates
 from kinetics.support.tables import text_table
 

@@ -71,8 +71,8 @@ def line_of_four() -> None:
 
 def small_and_stiff() -> None:
     """The dense method: a stiff chain of three states, and large random ones; what a proven bound costs."""
-    from kinetics.solving.certificate import Entries, distance
-    from kinetics.solving.dense import CERTIFIED, estimated_error, exponential_action
+    from kinetics.markov.transient.certificate import Entries, distance
+    from kinetics.markov.transient.dense import CERTIFIED, estimated_error, exponential_action
 
     for n, stiff in ((3, 1e15), (200, 1e6), (500, 1e3), (2000, 1e3)):
         rng = np.random.default_rng(1)
@@ -97,7 +97,7 @@ def large_and_stiff() -> None:
 
     from kinetics import Collocation, Rates, solve
     from kinetics.assembly import RuleBook, derive
-    from kinetics.solving.collocation import CollocationPlan, integrate
+    from kinetics.markov.transient.collocation import CollocationPlan, integrate
 
     states, entries, _ = embedded_system()
     n, diagonal = len(states), np.arange(len(states))

@@ -40,9 +40,9 @@ def lattice(side: int) -> Any:
 
 def three_ways(name: str, chain: Any, target: Any) -> None:
     """Iteration, elimination and sparse factors: the same question, its proven error and its cost."""
-    from kinetics.passage import elimination, equations
+    from kinetics.markov.passage import elimination, equations
 
-    resting_place = import_module("kinetics.passage.stationary")
+    resting_place = import_module("kinetics.markov.passage.stationary")
     most, choice = elimination.MAX_WORK, equations.is_easy
     costs = []
     for way, is_easy, work in (("iteration", False, most), ("elimination", True, most), ("factors", True, 0)):

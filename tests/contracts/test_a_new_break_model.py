@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinetics.breaks.base import ALONE, WALL, BreakModel, ShapeParameter
+from kinetics.rates.breaks.base import ALONE, WALL, BreakModel, ShapeParameter
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
@@ -33,14 +33,16 @@ class NewMember(BreakModel):
         """In units of the last species."""
         return np.array([1.0, 3.0, shape["alone"]])
 '''
-BREAKS = "kinetics/breaks"
+BREAKS = "kinetics/rates/breaks"
 
 
 @pytest.fixture
 def copy(tmp_path):
     found = scratch_copy(tmp_path)
     add_line(
-        found / BREAKS / "models.py", "import CollisionSpecies", "from kinetics.breaks.new_member import NewMember"
+        found / BREAKS / "models.py",
+        "import CollisionSpecies",
+        "from kinetics.rates.breaks.new_member import NewMember",
     )
     return found
 

@@ -10,10 +10,20 @@ from synthetic_runs import line_network
 
 from calibration import estimate
 from calibration.estimating.break_fit import fit_breaks, rates_of_fit
-from kinetics.breaks import ALONE, BREAK_MODELS, WALL, BreakModel, Expansion, base_channel, break_model, is_break, pairs
 from kinetics.network import Tank
 from kinetics.predicting import predict
 from kinetics.rates import Rates
+from kinetics.rates.breaks import (
+    ALONE,
+    BREAK_MODELS,
+    WALL,
+    BreakModel,
+    Expansion,
+    base_channel,
+    break_model,
+    is_break,
+    pairs,
+)
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import sample_path
 

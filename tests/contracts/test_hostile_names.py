@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Chain, Reward
-from kinetics.chain import prism_text, read_explicit, write_explicit
-from kinetics.chain.prism_model import TAKEN, prism_names
 from kinetics.formats import FORMATS, NetworkModel, read, write
+from kinetics.markov import prism_text, read_explicit, write_explicit
+from kinetics.markov.prism_model import TAKEN, prism_names
 from kinetics.network import Network
 from kinetics.network.laws import Expression
 from kinetics.network.laws.writing import quoted

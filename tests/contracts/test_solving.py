@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.stats import binom
 
 from kinetics import solve
-from kinetics.solving import SOLVING_METHODS, SolvingMethod, reachable
+from kinetics.markov.transient import SOLVING_METHODS, SolvingMethod, reachable
 from kinetics.support import memory
 
 every_method = pytest.mark.parametrize("method", SOLVING_METHODS, ids=[method.name for method in SOLVING_METHODS])

@@ -9,13 +9,13 @@ import numpy as np
 
 from kinetics import Auto, Network, Rates
 from kinetics.assembly import RuleBook, derive
+from kinetics.markov.transient import Distribution
 from kinetics.predicting import AskedAccuracy
 from kinetics.predicting.enough_runs import RunsUntil, Sampled
 from kinetics.predicting.reaching import AskedCounts
 from kinetics.predicting.run_cost import first_runs
 from kinetics.predicting.scouts import send_scouts
 from kinetics.runs import EnsembleStatistics
-from kinetics.solving import Distribution
 
 SIZES = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 KINDS = ("closed", "open", "stiff", "large", "book")

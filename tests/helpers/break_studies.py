@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from synthetic_runs import line_network
 
-from kinetics.breaks import BreakModel, Expansion, is_break
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import BreakModel, Expansion, is_break
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.solving.certificate import Entries
+from kinetics.markov.transient.certificate import Entries
 
 DAY = 24.0 * 60 * 60
 PROCESSOR, SENSOR, ACTUATOR = 1 / (365 * DAY), 1 / (30 * DAY), 1 / (60 * DAY)  # failures, 1/s

@@ -52,8 +52,8 @@ def use(path):
 
         read_watched(_pair(), path)
     else:
-        from kinetics.chain.explicit_files import read_explicit
         from kinetics.formats import read
+        from kinetics.markov.explicit_files import read_explicit
 
         if path.suffix == ".tra":
             read_explicit(path)
@@ -64,8 +64,8 @@ def use(path):
 
 
 def _use_text(kind, text):
-    from kinetics.chain.predicates import StateNames
-    from kinetics.chain.queries import parse
+    from kinetics.markov.predicates import StateNames
+    from kinetics.markov.queries import parse
     from kinetics.network.laws import Expression
     from kinetics.network.laws.program import evaluate, steps_of
 
@@ -144,11 +144,6 @@ def _limited(path):
 def load():
     """Import what reads, before the limits."""
     import scipy.sparse  # noqa: F401
-
-    import kinetics.chain.explicit_files
-    import kinetics.chain.predicates
-    import kinetics.chain.queries
-    import kinetics.formats  # noqa: F401
 
     with contextlib.suppress(ImportError):
         import pyarrow.parquet  # noqa: F401

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from kinetics.assembly import RuleBook, Structure, derive
-from kinetics.ranking.yield_and_first_time import Question
+from kinetics.predicting.ranking.yield_and_first_time import Question
 from kinetics.rates import ClassRates, Rates
 
 LINE4, PAIRS = RuleBook.load("line4"), RuleBook.load("line4_pairs")

@@ -3,8 +3,8 @@
 import numpy as np
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.breaks import BREAK_MODELS, break_model
 from kinetics.rates import Rates
+from kinetics.rates.breaks import BREAK_MODELS, break_model
 
 LINE = derive(RuleBook.load("line4"))
 SHAPES = {law.name: {p.name: p.start for p in law.parameters(LINE.network)} for law in BREAK_MODELS}

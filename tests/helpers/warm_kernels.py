@@ -8,8 +8,8 @@ SIDE_BY_SIDE = 2  # processes; the methods share few kernels, and more would wai
 
 def compile_kernels() -> None:
     """Ask every method for a small network; what is compiled is cached on disk, where the workers find it."""
+    from kinetics.markov.transient import SOLVING_METHODS
     from kinetics.sampling import SAMPLING_METHODS
-    from kinetics.solving import SOLVING_METHODS
 
     slowest_first = sorted(SAMPLING_METHODS, key=lambda method: method.name != "leaping")
     with ProcessPoolExecutor(SIDE_BY_SIDE, get_context("spawn")) as pool:

@@ -24,7 +24,11 @@ ROOMS = [  # that list their names
 ]
 WITH_EXAMPLES = [*THREE, *(".".join(["kinetics", *room]) for room in ROOMS if room[0] not in WITHOUT_EXAMPLES)]
 
-FAMILIES = ["kinetics.breaks.BREAK_MODELS", "kinetics.sampling.SAMPLING_METHODS", "kinetics.solving.SOLVING_METHODS"]
+FAMILIES = [
+    "kinetics.rates.breaks.BREAK_MODELS",
+    "kinetics.sampling.SAMPLING_METHODS",
+    "kinetics.markov.transient.SOLVING_METHODS",
+]
 FAMILIES += ["kinetics.network.laws.LAWS", "calibration.RATE_MODELS", "calibration.DIAGNOSTICS"]
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from kinetics import Chain, Network, committor, first_passage, scan, simulate, solve
-from kinetics.chain import ask
 from kinetics.formats import NetworkModel
+from kinetics.markov import ask
 
 MODEL = NetworkModel(Network.from_text("A -> B, k\nA = 2", k=1.0), {"A": 2})  # as `read` gives it
 RUNS = simulate(MODEL.network, "ssa", {"A": 2}, [1.0], runs=3)

@@ -19,7 +19,7 @@ from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, 
 from kinetics.assembly.compiler.compiling import LADDER
 from kinetics.assembly.compiler.result import Compiled, sensing
 from kinetics.assembly.rules.writing import written
-from kinetics.ranking.yield_and_first_time import Question, yield_and_first_time
+from kinetics.predicting.ranking.yield_and_first_time import Question, yield_and_first_time
 from kinetics.rates import ClassRates
 from tests.helpers.meaning import meaning
 from tests.results.polycubes_shapes import Shape, polycubes

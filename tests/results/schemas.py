@@ -23,7 +23,7 @@ from command_line import run_here  # noqa: E402 - from the folder above
 from json_outputs import RECORD, SCHEMAS, file_of, schema_of_command  # noqa: E402
 
 TESTS = (
-    *("test_cli.py", "test_outputs.py", "kinetics/commands", "kinetics/networkfree", "kinetics/ranking"),
+    *("test_cli.py", "test_outputs.py", "kinetics/commands", "kinetics/networkfree", "kinetics/predicting/ranking"),
     *("kinetics/rates/test_of_book.py", "kinetics/trust/test_accuracy_kinetics.py", "kinetics/trust/test_hardcases.py"),
     *("kinetics/assembly/checking/test_certificate.py", "kinetics/assembly/checking/test_checker.py"),
     *("kinetics/assembly/compiler/test_compiling.py", "kinetics/assembly/drawing/test_diagrams.py"),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from calibration.estimating.diagnosing.hazards import Elapsed, elapsed_of, hazard_of
 from calibration.estimating.exposure import Sojourns, require_same, sojourns
 from calibration.estimating.rate_fit import RateFit
-from kinetics.breaks import is_break
 from kinetics.network import Network
 from kinetics.rates import Rates
+from kinetics.rates.breaks import is_break
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod, simulate_statistics
-from kinetics.solving import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.accuracy.distances import Certainty, Marginals
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import Distribution, Transient
 from kinetics.network import Network
 from kinetics.runs import EnsembleStatistics
-from kinetics.solving import Distribution, Transient
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import Distribution, SolvingMethod, reachable
 from kinetics.network import Network
 from kinetics.sampling.mass_action import mass_action
-from kinetics.solving import Distribution, SolvingMethod, reachable
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.memory import check_memory
 

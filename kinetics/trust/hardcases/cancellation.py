@@ -9,9 +9,9 @@ from math import prod
 
 import numpy as np
 
+from kinetics.markov.passage.first_passage import passage_to
+from kinetics.markov.transient import SOLVING_METHODS, Distribution, reachable
 from kinetics.network import Network
-from kinetics.passage.first_passage import passage_to
-from kinetics.solving import SOLVING_METHODS, Distribution, reachable
 from kinetics.support.arrays import Floats
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, relative
 

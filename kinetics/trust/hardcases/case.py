@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import Distribution
 from kinetics.network import Network
-from kinetics.solving import Distribution
 
 CHANCE = 1e-9  # of a right sampler to look wrong, each time
 

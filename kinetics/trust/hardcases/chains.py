@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.chain import Chain, ChainAnswer, Reward
+from kinetics.markov import Chain, ChainAnswer, Reward
 from kinetics.support.arrays import Floats
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, refusal, relative
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.markov.passage import first_passage, rare_event
+from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
-from kinetics.passage import first_passage, rare_event
-from kinetics.solving import Dense, FiniteStateProjection, Transient
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.hardcases.case import Attempt, Case, network, refusal
 

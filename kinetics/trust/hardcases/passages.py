@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from kinetics.markov.passage import committor, first_passage, rare_event, stationary
+from kinetics.markov.passage.committor import Target
+from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
-from kinetics.passage import committor, first_passage, rare_event, stationary
-from kinetics.passage.committor import Target
 from kinetics.sampling import SAMPLING_METHODS
-from kinetics.solving import Dense, FiniteStateProjection, Transient
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, departure, network, refusal, relative, walk
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.markov.transient import SOLVING_METHODS, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.network import Network
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
-from kinetics.solving import SOLVING_METHODS, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
 
 EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)

@@ -10,11 +10,18 @@ from math import comb, factorial
 
 import numpy as np
 
+from kinetics.markov.passage import committor, first_passage, stationary
+from kinetics.markov.passage.committor import Target
+from kinetics.markov.transient import (
+    SOLVING_METHODS,
+    Collocation,
+    Dense,
+    FiniteStateProjection,
+    SolvingMethod,
+    Transient,
+)
 from kinetics.network import Network
-from kinetics.passage import committor, first_passage, stationary
-from kinetics.passage.committor import Target
 from kinetics.sampling import SAMPLING_METHODS
-from kinetics.solving import SOLVING_METHODS, Collocation, Dense, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.support.arrays import Floats
 from kinetics.trust.hardcases.case import (
     Attempt,

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.solving.poisson import ROUNDOFF, poisson_window, window_error
-from kinetics.solving.states import StateSpace
-from kinetics.solving.uniformisation import DiscreteChain
+from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window, window_error
+from kinetics.markov.transient.states import StateSpace
+from kinetics.markov.transient.uniformisation import DiscreteChain
 from kinetics.support.arrays import Floats
 
 TOLERANCE = 1e-13

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import Distribution, SolvingMethod, Transient
+from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.markov.transient.uniformisation import DiscreteChain
 from kinetics.network import Network
-from kinetics.solving import Distribution, SolvingMethod, Transient
-from kinetics.solving.poisson import ROUNDOFF
-from kinetics.solving.uniformisation import DiscreteChain
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times
 from kinetics.trust.verification.conditional import Expectations, chain_of, expected_after, transition_matrix
 from kinetics.trust.verification.scores import STEP, RateScore, rate_scores

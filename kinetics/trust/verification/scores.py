@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetics.solving import Distribution
-from kinetics.solving.states import StateSpace
+from kinetics.markov.transient import Distribution
+from kinetics.markov.transient.states import StateSpace
 from kinetics.support.arrays import Floats
 from kinetics.trust.verification.conditional import Expectations, chain_of, transition_matrix
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.markov.transient import SolvingMethod
 from kinetics.network import Network
-from kinetics.solving import SolvingMethod
 from kinetics.support.arrays import Counts, whole_number
 from kinetics.support.cli.progress import stage
 from kinetics.trust.verification.base import SamplerFinding

@@ -13,8 +13,8 @@ from calibration import estimate
 from calibration.estimating.break_comparison import BreakComparison
 from calibration.estimating.break_fit import break_channels, deviance, fit_breaks, log_score, rates_of_fit
 from calibration.estimating.shape_posterior import shape_posterior
-from kinetics.breaks import BREAK_MODELS, break_model, is_break
 from kinetics.network import Network, Tank
+from kinetics.rates.breaks import BREAK_MODELS, break_model, is_break
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, JumpPath
 
 COLLISION, WALLS, SPECIES = (break_model(f"collision{suffix}") for suffix in ("", "-wall", "-species"))

@@ -16,10 +16,10 @@ from calibration.estimating.class_fit import ClassFit, simplest
 from calibration.estimating.class_spread import class_spreads, flagged
 from calibration.estimating.named_partners import of_the_named
 from kinetics.assembly import Derivation, RateClass
-from kinetics.breaks import break_model
 from kinetics.network import Tank
 from kinetics.networkfree import grow, growth_of, path_of
 from kinetics.rates import ClassRates
+from kinetics.rates.breaks import break_model
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, JumpPath
 
 TANK = Tank((2.0, 2.0, 2.0))

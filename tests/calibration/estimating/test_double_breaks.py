@@ -11,7 +11,7 @@ from calibration.commands.shared import breaks_table
 from calibration.estimating.break_comparison import BreakComparison
 from calibration.estimating.break_fit import fit_breaks
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
-from kinetics.breaks import break_model
+from kinetics.rates.breaks import break_model
 from kinetics.runs import RESTART, JumpPath
 
 COLLISION = break_model("collision")

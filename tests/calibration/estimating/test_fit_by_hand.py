@@ -14,8 +14,8 @@ from calibration.estimating.break_rates import BreakRates
 from calibration.estimating.likelihood import RIDGE, SCATTERED, Evidence
 from calibration.estimating.rate_fit import _crossing
 from calibration.estimating.shape_search import least
-from kinetics.breaks import break_model, pairs
 from kinetics.network import Tank
+from kinetics.rates.breaks import break_model, pairs
 from kinetics.runs import BY_WALL, NO_BREAK, JumpPath
 
 # Five joins and two breaks; 4 ways * 6 pairs at first.

@@ -10,10 +10,10 @@ from synthetic_runs import line_network
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.planning.candidates import candidates, wanted_rates
 from calibration.planning.forecast import Forecast, whole_bodies
-from kinetics.breaks import Expansion, break_model
+from kinetics.markov.transient import Transient, solve
 from kinetics.network import Tank
 from kinetics.rates import Rates
-from kinetics.solving import Transient, solve
+from kinetics.rates.breaks import Expansion, break_model
 
 SIZES = [1, 2, 3, 4]
 

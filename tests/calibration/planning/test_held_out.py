@@ -12,7 +12,7 @@ from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.planning.forecast import Forecast
 from calibration.planning.held_out import MOST_RUNS, group_powers, runs_for, widest_sd
 from calibration.validating.power import LEVEL, GroupPower
-from kinetics.breaks import Expansion, break_model
+from kinetics.rates.breaks import Expansion, break_model
 from kinetics.sampling import sample_path
 
 RUNS, END, SHIFT = 8, 8.0, 0.3

@@ -14,10 +14,10 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 from calibration.estimating.diagnosing.diagnosis import diagnose
 from calibration.estimating.estimate import estimate
 from calibration.watched.study import watched_study
-from kinetics.breaks import Expansion, break_model
 from kinetics.formats import NetworkModel, read, write
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
+from kinetics.rates.breaks import Expansion, break_model
 from kinetics.runs.event_tables import event_tables, table_run
 from kinetics.sampling import sample_path
 

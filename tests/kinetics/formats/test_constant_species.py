@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sbml_builder import Builder
 
 from kinetics.formats import read
-from kinetics.solving import FiniteStateProjection
+from kinetics.markov.transient import FiniteStateProjection
 
 NET = """begin parameters
 1 k 3

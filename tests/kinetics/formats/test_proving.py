@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kinetics import Chain, Reward
-from kinetics.chain import explicit_files, prism_model, prism_text, write_explicit
 from kinetics.formats import FORMATS, NetworkModel, read, write
+from kinetics.markov import explicit_files, prism_model, prism_text, write_explicit
 from kinetics.network import Network
 
 WRITTEN = [kind for kind in FORMATS if kind.is_written]

@@ -7,17 +7,17 @@ from known_systems import line
 from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 
-from kinetics.breaks import break_model
 from kinetics.kernels import direct, elimination, exploration, lockstep, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work
+from kinetics.markov.transient import reachable
+from kinetics.markov.transient.search import key_multipliers, keys_of
 from kinetics.native import library, twins
 from kinetics.native.lanes import Lanes
 from kinetics.network import Network
+from kinetics.rates.breaks import break_model
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
-from kinetics.solving import reachable
-from kinetics.solving.search import key_multipliers, keys_of
 
 pytestmark = pytest.mark.skipif(not library.is_built(), reason="the C kernels were not built: there was no compiler")
 

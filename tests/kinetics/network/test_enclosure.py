@@ -9,12 +9,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from kinetics.markov.transient import StateSpace
 from kinetics.network import Network
 from kinetics.network.laws import Expression, enclosure, hill, hill_repression, michaelis_menten
 from kinetics.network.laws.graph import Code
 from kinetics.network.laws.of_channels import ROUNDING
 from kinetics.network.laws.program import evaluate, steps_of
-from kinetics.solving import StateSpace
 
 PLACES = {"A": 0, "B": 1}
 FUNCTIONS = {name: getattr(mpmath, name) for name in ("log", "sqrt", "floor", "ceil")}

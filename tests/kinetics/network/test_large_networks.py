@@ -8,11 +8,11 @@ from click.testing import CliRunner
 from numpy.testing import assert_array_equal
 
 from kinetics.formats import NetworkModel, write
+from kinetics.markov.passage import committor, first_passage
+from kinetics.markov.transient import FiniteStateProjection, reachable
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
-from kinetics.passage import committor, first_passage
 from kinetics.sampling import sample_path
-from kinetics.solving import FiniteStateProjection, reachable
 from wellmixed import main
 
 N = 3000

@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rates_files import LINE, SHAPES, rates_file
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.formats import NetworkModel, read, write
 from kinetics.network import Network, Tank
 from kinetics.networkfree import grow
-from kinetics.ranking import rank
+from kinetics.predicting.ranking import rank
 from kinetics.rates import ClassRates
+from kinetics.rates.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.sampling import Direct
 from kinetics.trust import verify
 

@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from rates_files import LINE, SHAPES, rates_file
 
-from kinetics.breaks import BREAK_MODELS
 from kinetics.network import Tank
 from kinetics.rates import Rates
+from kinetics.rates.breaks import BREAK_MODELS
 
 N = 40_000
 

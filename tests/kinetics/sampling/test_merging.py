@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
 from kinetics import Transient
-from kinetics.breaks import break_model
 from kinetics.network import Network
+from kinetics.rates.breaks import break_model
 from kinetics.sampling import Direct, Lockstep, exposures_of_draws, sample_path, simulate_draws
 from kinetics.sampling import merging as merging_module
 from kinetics.sampling.cost_model import NetworkSize

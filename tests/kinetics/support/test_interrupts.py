@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from kinetics import Chain, Network, Sensitivity, first_passage, predict
-from kinetics.chain import ask
-from kinetics.solving import Dense
+from kinetics.markov import ask
+from kinetics.markov.transient import Dense
 from kinetics.support import interrupts
 from kinetics.support.interrupts import heard, pieces
 
@@ -37,8 +37,8 @@ def numbers():
 def test_pieces_and_threads_give_the_same_bits(monkeypatch):
     whole = numbers()
     monkeypatch.setattr(interrupts, "AT_ONCE", 100)
-    monkeypatch.setattr("kinetics.solving.dense.LONG", 1.0)
-    monkeypatch.setattr("kinetics.solving.search.CHUNK", 50)
+    monkeypatch.setattr("kinetics.markov.transient.dense.LONG", 1.0)
+    monkeypatch.setattr("kinetics.markov.transient.search.CHUNK", 50)
     for one, other in zip(whole, numbers(), strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from kinetics.chain.explicit_files import read_explicit
-from kinetics.chain.queries import parse
 from kinetics.formats import blocks, read, sbmlfile
+from kinetics.markov.explicit_files import read_explicit
+from kinetics.markov.queries import parse
 from kinetics.support import limits
 
 NET = """begin species

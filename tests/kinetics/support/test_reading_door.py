@@ -12,8 +12,8 @@ from calibration.pipeline.plan import StudyPlan
 from calibration.watched.tables import read_table
 from kinetics.assembly import RuleBook
 from kinetics.assembly.compiler import Target
-from kinetics.chain import read_explicit
 from kinetics.formats import read
+from kinetics.markov import read_explicit
 from kinetics.rates import Rates
 from kinetics.support.config import read_toml
 from kinetics.support.limits import bytes_in, check_names, text_in

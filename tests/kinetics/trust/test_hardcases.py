@@ -5,8 +5,8 @@ import pytest
 from scipy.sparse import csr_array, triu
 
 from kinetics import Chain, Network, Transient
+from kinetics.markov.transient import SOLVING_METHODS
 from kinetics.sampling import SAMPLING_METHODS
-from kinetics.solving import SOLVING_METHODS
 from kinetics.trust.hardcases import CASES, Attempt, Case, chains
 from kinetics.trust.hardcases.case import attempt, refusal, relative
 

@@ -10,7 +10,7 @@ from known_systems import network, switch
 from verified_networks import FEW
 
 from kinetics import Dense, FiniteStateProjection, Network, Transient
-from kinetics.solving import SOLVING_METHODS
+from kinetics.markov.transient import SOLVING_METHODS
 from kinetics.trust import compare_solvers
 
 

@@ -8,9 +8,9 @@ from calibration import diagnose
 from calibration.estimating.break_fit import fit_breaks
 from calibration.estimating.diagnosing.hazards import hazard_of
 from calibration.estimating.diagnosing.sizes import Sizes
-from kinetics.breaks import BREAK_MODELS, base_channel, break_model
 from kinetics.network import Tank
 from kinetics.rates import BreakTerms, Rates
+from kinetics.rates.breaks import BREAK_MODELS, base_channel, break_model
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
 

@@ -1,0 +1,236 @@
+"""Derivatives of an expected value at a time, or of its integral, by all rates: one pass forwards and one backwards.
+
+With P = 1 + Q / q the uniformised chain, the value is the sum over n of w_n start P^n f: w_n is the Poisson
+probability of n steps, or for the integral that of more than n, over q. A channel adds Q_r to Q, in proportion to its
+rate, so its derivative by ln k_r is the sum over n of v_n (Q_r / q) l_(n+1), with v_n = start P^n forwards and
+l_n = P l_(n+1) + w_n f backwards: the adjoint of all rates at once (reverse mode).
+
+Only states that are reached and lead to a value are stepped through, and steps end where all later ones together bring
+less than these round: about three times the cost of the value. Where the value has settled long before the time, so
+that its pass stops, these go on: of differences that no longer change, a limit would say too little.
+
+Every rounding in v and l is as if an entry of P were wrong by a small share, k, at one step. So the computed
+derivative is a mean over the paths of n steps, in which the score of a path, M = sum of dln P / dln k_r over its steps,
+comes with each step's wrong factors. A rate that is wrong counts in each jump, and in the waits as in so many jumps as
+are expected. Two bounds follow, and for each channel the smaller is taken.
+
+- Terms of one sign, as in the value itself: n k times the sum of all that is added and subtracted.
+- The score is a martingale: the mean of its square is that of the sum of its steps' squares, about the number of the
+  channel's firings (Plyasunov & Arkin 2007, doi:10.1016/j.jcp.2006.06.047). By Cauchy and Schwarz the mean of f |M| is
+  at most sqrt(mean f**2 * mean M**2). A step's wrong factor meets the scores before it, and those after it: in all
+  2 n k of these means.
+"""
+
+from __future__ import annotations
+
+from math import exp, expm1
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.markov.derivatives.forwards import Forwards, places
+from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
+from kinetics.markov.passage.backward import (
+    LEFT_OUT,
+    LOST,
+    LimitedValue,
+    expected_at,
+    jump_rate,
+    one_step,
+    steps_until,
+    sums_after,
+    weights_errors,
+)
+from kinetics.markov.passage.until import earning_with
+from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
+from kinetics.markov.transient.transitions import Transitions
+from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
+
+
+class Weights(NamedTuple):
+    """The steps until a time, tu: their weights (n,), the unit of their sum, and the relative error of a weight."""
+
+    time: float
+    values: Floats
+    unit: float
+    error: float
+
+
+def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: float) -> list[Slopes]:
+    """Slopes of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
+
+    ValueError: too many steps, or too little memory
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_at
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> (found,) = slopes_at(entries, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), time=0.5)
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # exp(-k t), and -k t exp(-k t)
+    (0.367879, [-0.367879])
+    """
+    kept = Kept.of(entries, start, functions)
+    if time == 0.0 or not kept.entries.transitions.rates.any():
+        chain = entries.transitions
+        return [Slopes.none(expected_at(chain, start, values, time), entries.n_channels) for values in functions]
+    (first, window), error = _window(kept.entries.transitions, time)
+    passes = Passes(kept, Weights(time, np.append(np.zeros(first), window), 1.0, error))
+    return [passes.slopes(f) for f in range(len(functions))]
+
+
+def slopes_up_to(
+    entries: ChannelEntries, start: Floats, earning: Floats, time: float, worth: Floats | None = None
+) -> Slopes:
+    """Slopes of the mean of what is earned up to a time, tu.
+
+    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_up_to
+    >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
+    >>> found = slopes_up_to(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of the time spent in A
+    >>> round(found.answer.value, 6), found.value.round(6).tolist()  # (1 - 1/e) / 2, and 1/e - 1/2
+    (0.31606, [-0.132121])
+    """
+    total, rounded = earning_with(entries.transitions, earning, worth)
+    kept = Kept.of(entries, start, total[None, :], worth)
+    chain = kept.entries.transitions
+    if time == 0.0 or not chain.rates.any():
+        value, is_bound = float(start @ total) * time, time == 0.0 or entries.transitions.is_certified
+        return Slopes.none(LimitedValue.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
+    (first, window), error = _window(chain, time)
+    tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain)
+    error += ROUNDOFF * (window.size + 2) + rounded
+    return Passes(kept, Weights(time, tails, time, error)).slopes(0)
+
+
+def _window(chain: Transitions, time: float) -> tuple[tuple[int, Floats], float]:
+    """The Poisson weights and where they begin, and the largest relative error of one."""
+    steps = steps_until(chain, time)
+    if steps > MAX_STEPS:
+        raise ValueError(
+            f"the chain is too stiff for derivatives by uniformisation: {steps:.3g} steps until {time:g} tu, at most "
+            f"{MAX_STEPS}; ask for an earlier time"
+        )
+    mean = jump_rate(chain) * time
+    first, window = poisson_window(mean, LEFT_OUT)
+    return (first, window), float(weights_errors(mean, first, window.size).max())
+
+
+class Kept(NamedTuple):
+    """What matters of a question: the states that are reached and lead to a value, all others being one without.
+
+    start : (N,); functions : (F, N), each at most 1, in units of `scales` (F,)
+    worth : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
+    """
+
+    entries: ChannelEntries
+    start: Floats
+    functions: Floats
+    scales: Floats
+    worth: Floats | None
+
+    @classmethod
+    def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, worth: Floats | None = None) -> Kept:
+        """Of functions (F, N) of all states."""
+        chain = entries.transitions
+        scales = np.where(functions.any(axis=1), functions.max(axis=1), 1.0)
+        shares = functions / scales[:, None]
+        kept = chain.reached_from(start > 0) & chain.leading_to(shares.max(axis=0) > 0)
+        if kept.all():
+            return cls(entries, start, shares, scales, worth)
+        inside = entries._replace(transitions=chain.within(kept))
+        start, shares = np.append(start[kept], 0.0), np.append(shares[:, kept], np.zeros((len(shares), 1)), axis=1)
+        return cls(inside, start, shares, scales, None if worth is None else worth[kept[chain.rows]])
+
+
+class Back(NamedTuple):
+    """What a pass backwards gives.
+
+    later : (N,) l_0
+    gained : of every entry of P off its diagonal the sum of v (l there - l here)
+    held : (N,) the sum of v l of every state
+    occupation : (N,) the weights of the steps after each visit of a state
+    spent : (N,) those at the visits, where they are asked for
+    """
+
+    later: Floats
+    gained: Floats
+    held: Floats
+    occupation: Floats
+    spent: Floats
+
+
+class Passes:
+    """The pass forwards, and those backwards on top of it."""
+
+    def __init__(self, kept: Kept, weights: Weights) -> None:
+        chain = kept.entries.transitions
+        self._kept, self._weights = kept, weights
+        moves, self._stays, roundings = one_step(chain)
+        moves.sort_indices()
+        self._moves, self._rate = places(moves), jump_rate(chain)
+        n, inflows = chain.size, int(np.bincount(chain.columns, minlength=1).max())
+        self._forwards = Forwards(moves, self._stays, kept.start, weights.values, kept.functions)
+        steps = self._forwards.n_steps
+        each = roundings + 2.0 * (inflows + 2.0)
+        rates = (chain.roundings + 1.0) * (steps + float(chain.exits.max()) * weights.time)
+        self._wrong = 1.01 * ROUNDOFF * (steps * each + rates)
+        self._lost = (LOST * weights.values.size + self._forwards.rest) * weights.unit
+        # where each entry is in P
+        keys = np.repeat(np.arange(n), np.diff(moves.indptr)) * n + moves.indices
+        self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
+
+    def slopes(self, f: int) -> Slopes:
+        """Of the mean of one of the functions."""
+        entries, start, functions, scales, worth = self._kept
+        chain, scale, lost = entries.transitions, float(scales[f]), self._lost
+        found = self._back(functions[f])
+        mean, share = float(start @ found.later), chain.rates / self._rate
+        terms = share * found.gained[self._places]
+        value = entries.by_channel(terms)
+        # all that is added and subtracted on the way to these terms
+        size = 2.0 * entries.by_channel(share * found.held[chain.rows]) + value
+        stays = self._stays[chain.rows]
+        firings = entries.by_channel(share * (1.0 + share / stays) * found.occupation[chain.rows])
+        wrong, error = self._wrong, self._weights.error + 4.0 * ROUNDOFF
+        relative = expm1(wrong) + error
+        scores = wrong * exp(wrong) * (2.0 + wrong * exp(wrong)) + error
+        wide = np.minimum(relative * size, scores * np.sqrt(mean * firings))
+        rounded = 2.0 * self._forwards.length + chain.roundings + 16.0
+        added = rounded * size + entries.most * entries.by_channel(np.abs(terms))
+        wide = 1.02 * wide + 1.01 * ROUNDOFF * added + lost
+        if worth is not None:
+            direct = entries.by_channel(chain.rates * worth * found.spent[chain.rows] / scale)
+            relative += ROUNDOFF * (entries.most + rounded)
+            value, wide = value + direct, wide + 1.01 * relative * direct
+        answer = LimitedValue.within(
+            mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale
+        )
+        return Slopes(answer, value * scale, wide * scale, chain.is_certified)
+
+    def _back(self, values: Floats) -> Back:
+        """A pass backwards of a function (N,).
+
+        Added up within blocks first, so that the roundings are those of 2 sqrt(n) additions.
+        """
+        from kinetics.kernels import markov
+
+        n, weights, steps = values.size, self._weights.values, self._forwards.n_steps
+        after, later, spent = sums_after(weights[:steps]), np.zeros(n), np.zeros(n)
+        sums = [np.zeros(self._moves[1].size), np.zeros(n), np.zeros(n)]
+        for begin, vectors in self._forwards.backwards():
+            block = slice(begin, begin + len(vectors))
+            parts = [np.zeros_like(each) for each in sums]
+            for part in reversed(list(pieces(len(vectors), 2.0 * (parts[0].size + n)))):
+                some = vectors[part], weights[block][part], after[block][part]
+                markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
+            for s, found in enumerate(parts):
+                sums[s] += found
+            if self._kept.worth is not None:
+                spent += weights[block] @ vectors
+        gained, held, occupation = sums
+        return Back(later, gained, held, occupation, spent)

@@ -1,0 +1,229 @@
+"""Expected values at one time, by a pass backwards from what is asked, with a bound relative to the value.
+
+With P the uniformised chain of rate q and f >= 0 a value of each state, the mean of f at t is the sum over n of
+Poisson(n; q t) start P^n f. Every term is positive, so each step adds a few roundings relative to its result, however
+small that is; a pass forwards knows the same sum only to the rounding of 1. Uniformisation: Jensen (1953),
+doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007/3-540-44804-7_2.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
+from kinetics.markov.transient.transitions import Transitions
+from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.arrays import Floats
+from kinetics.support.interrupts import pieces
+
+LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
+LOST = 1e-300  # by this and by underflow together, of the largest value
+SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
+LOOK = 16  # steps between two looks at whether more of them matter, at first
+
+
+class LimitedValue(NamedTuple):
+    """A value of at least 0, its limits, and whether these are proven."""
+
+    value: float
+    low: float
+    high: float
+    is_bound: bool
+
+    @classmethod
+    def within(cls, value: float, relative: float, is_bound: bool, absolute: float = 0.0) -> LimitedValue:
+        """The value with limits by a relative and an absolute error."""
+        wide = relative * value * 1.001 + absolute
+        return cls(value, max(value - wide, 0.0), value + wide, is_bound)
+
+    def capped(self) -> LimitedValue:
+        """The same of a probability: at most 1."""
+        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
+
+    def wider(self, relative: float) -> LimitedValue:
+        """The same, where what was added up has a relative error of its own."""
+        more = 1.001 * relative
+        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
+
+
+def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> float:
+    """Steps that a pass backwards takes until a time, tu."""
+    mean = jump_rate(transitions, spare) * time
+    return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
+
+
+def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+    """Mean of `values` (N,), none negative, over the states at a time, tu.
+
+    The steps are q t and a margin for the tails; ValueError where they are too many.
+    """
+    return BackwardPass(transitions, start, values).at(time)
+
+
+def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+    """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
+    return BackwardPass(transitions, start, values).integral(time)
+
+
+class BackwardPass:
+    """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
+
+    Only states that are reached and lead to a value are stepped through. Where no value changes by more than a step
+    rounds, later ones change no more, because P is positive: they are taken as they are.
+    """
+
+    def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
+        at_once = float(start @ values)
+        self._at_once = LimitedValue.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
+        self._chain, begins, worth = that_matter(transitions, start, values)
+        self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
+        self._now, self._before = worth / self._scale, np.empty(worth.size)
+        self._begins = np.flatnonzero(begins)
+        self._chances = begins[self._begins]
+        self._blocks: list[Floats] = []  # of means before each step
+        self._ends: list[int] = []  # of blocks
+        self._tops: list[float] = []  # the largest value after each block
+        self._is_settled = False
+
+    def at(self, time: float) -> LimitedValue:
+        """The mean at a time, tu."""
+        if time == 0.0 or not self._chain.rates.any():
+            return self._at_once._replace(is_bound=time == 0.0 or self._at_once.is_bound)
+        first, weights = self._window(time)
+        shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
+        shares[first:], doubts[first:] = weights, weights_errors(self._rate * time, first, weights.size)
+        means, errors, rest = self._known(shares, time)
+        terms = shares[: means.size] * means
+        wrong = float(terms @ (errors + doubts[: means.size])) + rest
+        wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, 1.0)
+
+    def integral(self, time: float) -> LimitedValue:
+        """The mean of the integral from 0 to a time, tu."""
+        if time == 0.0:
+            return LimitedValue(0.0, 0.0, 0.0, True)
+        if not self._chain.rates.any():
+            value, low, high, is_bound = self._at_once
+            return LimitedValue(value * time, low * time, high * time, is_bound).wider(2.0 * ROUNDOFF)
+        first, weights = self._window(time)
+        # of the number of steps N: P(N > n), whose sum over n is its mean
+        tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
+        tails[first:] = sums_after(weights)
+        # before the window a tail is 1; in it, as wrong as its weights, and rounded with each that it adds
+        wrongs[first:] = sums_after(weights * weights_errors(self._rate * time, first, weights.size))
+        wrongs += ROUNDOFF * weights.size * tails
+        means, errors, rest = self._known(tails / self._rate, time)
+        terms = tails[: means.size] * means / self._rate
+        wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / self._rate + rest
+        wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
+        return self._within(float(terms.sum()), wrong, time)
+
+    def _window(self, time: float) -> tuple[int, Floats]:
+        steps = steps_until(self._chain, time)
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
+                f"{MAX_STEPS}; ask for an earlier time"
+            )
+        return poisson_window(self._rate * time, LEFT_OUT)
+
+    def _within(self, value: float, wrong: float, unit: float) -> LimitedValue:
+        lost = LOST * self._scale * unit
+        return LimitedValue.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
+
+    def _known(self, shares: Floats, time: float) -> tuple[Floats, Floats, float]:
+        """Means (n,) before so many steps that the sum of shares (n_steps,) of them is known; their relative errors.
+
+        And a bound on what the other steps add to the sum: no value is ever larger than the largest before.
+        """
+        n_steps, after = shares.size, 1.01 * sums_after(shares)
+        known, rest, end, k = 0.0, 0.0, 0, 0
+        while end < n_steps and not (self._is_settled and k == len(self._blocks)):
+            if k == len(self._blocks):
+                self._step_back()
+            begin, end = end, min(self._ends[k], n_steps)
+            known += float(shares[begin:end] @ self._blocks[k][: end - begin])
+            rest = float(after[end - 1] * self._tops[k])
+            k += 1
+            if rest <= end * ROUNDOFF * known:  # less than the steps round
+                n_steps = end
+        means = np.concatenate(self._blocks[:k])[:n_steps]
+        steps, roundings = np.arange(n_steps), self._arrays[1]
+        drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
+        if end < n_steps:
+            means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
+        # A rate that is wrong by e is so in each of the jumps, at most one a step; and in the waits between them,
+        # together no longer than the time, as if by so many jumps as are expected.
+        jumps = steps + self._chain.exits.max() * time
+        relative = steps * roundings + jumps * (self._chain.roundings + 1.0) + self._begins.size + 4 + drifts
+        return means * self._scale, np.expm1(ROUNDOFF * relative), rest * self._scale
+
+    def _step_back(self) -> None:
+        """One more block of steps, longer the more there are."""
+        from kinetics.kernels import markov
+
+        done = self._ends[-1] if self._ends else 0
+        arrays, roundings = self._arrays
+        means = np.empty(LOOK + done // 64)
+        for part in pieces(means.size, 2.0 * (arrays[1].size + self._now.size)):
+            markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means[part])
+        self._blocks.append(means)
+        self._ends.append(done + means.size)
+        self._tops.append(float(self._now.max()))
+        self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
+
+    @cached_property
+    def _arrays(self) -> tuple[tuple[Any, ...], float]:
+        """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+        moves, stays, roundings = one_step(self._chain)
+        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
+
+
+def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:
+    """Chain, start and values of the states that are reached and lead to a value; all others are one state without."""
+    kept = transitions.reached_from(start > 0) & transitions.leading_to(values > 0)
+    if kept.all():
+        return transitions, start, values
+    return transitions.within(kept), np.append(start[kept], 0.0), np.append(values[kept], 0.0)
+
+
+def sums_after(values: Floats) -> Floats:
+    """Of each value, the sum (n,) of those after it."""
+    return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
+
+
+def _sum_terms(terms: Floats) -> float:
+    """Roundings of a sum in pairs, of products that round three times, after numpy's blocks of 128."""
+    return float(np.log2(terms.size + 1.0)) + 128.0
+
+
+def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
+    """q, 1/tu: so many times the largest exit rate."""
+    return spare * float(transitions.exits.max(initial=0.0))
+
+
+def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, Floats, float]:
+    """P off its diagonal (N, N) by rows, its diagonal (N,), and how many roundings a step backwards adds at most."""
+    from scipy.sparse import csr_array
+
+    n, rate = transitions.size, jump_rate(transitions, spare)
+    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
+    exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
+    merged = int(np.bincount(transitions.rows, minlength=1).max())
+    finer = float(np.finfo(np.longdouble).eps / np.finfo(np.float64).eps)
+    # staying is what shares leave, which are at most 1 / spare; then a product and a sum a state, itself included
+    roundings = spare * merged * finer / (spare - 1.0) + 2.0 + 2.0 * (merged + 2.0)
+    return moves, np.asarray(1.0 - exits, dtype=np.float64), roundings
+
+
+def weights_errors(mean: float, first: int, size: int) -> Floats:
+    """Relative errors (size,) of the weights at most.
+
+    Those of the ratios away from the mode, of their sum, and of the mean itself, which counts n - mean times.
+    """
+    away = np.abs(np.arange(first, first + size) - int(mean))
+    return ROUNDOFF * (3.0 * away + 2.0 * mean**0.5 + 60.0 + float(np.log2(size)))

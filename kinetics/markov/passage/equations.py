@@ -1,0 +1,86 @@
+"""Which way a chain's linear equations are solved: by iteration, elimination without subtractions, or sparse LU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetics.markov.passage.certified import BoundedSolution, Equations
+from kinetics.markov.passage.elimination import TooLargeError, direct
+from kinetics.markov.passage.iteration import Iteration
+from kinetics.markov.transient.transitions import RATE_ERROR
+from kinetics.support.arrays import Floats
+
+FEW = 300  # states that are eliminated at once
+EASY = 100.0  # multiplications a rate, by which elimination is no slower than iteration
+ALIKE = 2.0  # times the error by rounding of the rates: no way would bring much less
+FINE = 1e-12  # a relative error that needs no other way
+ROUGH = 1e-3  # one that is told rather than refused
+
+
+class Iterated(Equations):
+    """The equations by iteration, as long as that proves what a direct way would; from then on by a direct one."""
+
+    def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
+        self._iteration = Iteration(rows, columns, rates, leaving, self.rate_error)
+        self._is_direct = False
+
+    @cached_property
+    def _direct(self) -> Equations:
+        return direct(*self._rates, self.rate_error)
+
+    def solve(self, weights: Floats) -> Floats:
+        """As `Elimination.solve`."""
+        return self.solved(weights).values
+
+    def occupation(self, start: Floats) -> Floats:
+        """As `Elimination.occupation`."""
+        return self.occupied(start).values
+
+    def solved(self, weights: Floats) -> BoundedSolution:
+        """As `Equations.solved`."""
+        return self._found(lambda way: way.solved(weights))
+
+    def occupied(self, start: Floats) -> BoundedSolution:
+        """As `Equations.occupied`."""
+        return self._found(lambda way: way.occupied(start))
+
+    def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
+        """As `Equations.at_most`."""
+        if not self._is_direct:
+            found = self._iteration.at_most(weights, like, is_occupation)
+            if np.isfinite(found).all():
+                return found
+        return self._direct.at_most(weights, like, is_occupation)
+
+    def _found(self, ask: Callable[[Equations], BoundedSolution]) -> BoundedSolution:
+        if not self._is_direct:
+            found = ask(self._iteration)
+            relative = found.relative
+            if relative <= max(FINE, ALIKE * self.rates_error):
+                return found
+            try:
+                self._is_direct = bool(self._direct)
+            except TooLargeError:
+                if relative < ROUGH:
+                    return found
+                raise
+        return ask(self._direct)
+
+
+def equations(
+    rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
+) -> Equations:
+    """Iteration where elimination would take longer; where that does not converge, or for few states, a direct way."""
+    if is_easy(rows, columns, leaving.size):
+        return direct(rows, columns, rates, leaving, rate_error)
+    return Iterated(rows, columns, rates, leaving, rate_error)
+
+
+def is_easy(rows: NDArray[Any], columns: NDArray[Any], n: int) -> bool:
+    """Whether a chain on n states is so small or narrow that elimination is the quickest way."""
+    return n <= FEW or n * float(np.abs(rows - columns).max(initial=1)) ** 2 <= EASY * rows.size

@@ -1,0 +1,126 @@
+"""The answers at one point of a scan: exact where its states can be listed, sampled elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetics.formats import NetworkModel
+from kinetics.markov.chain import Chain
+from kinetics.markov.observing import earned_in, observing, state_names
+from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
+from kinetics.markov.transient.search import TooManyStatesError
+from kinetics.predicting.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
+from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
+from kinetics.predicting.scanning.scanned import ScannedModel, digest_of
+from kinetics.support.stream_keys import seed_of
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked at every point of a scan.
+
+    max_states : where more can be reached, or rates depend on time, the point is sampled; 0: everywhere
+    within : condition or number of states within which a chain is followed; None for all
+    runs, seed : of points that are sampled
+    """
+
+    questions: tuple[str, ...]
+    max_states: int
+    within: str | int | None
+    runs: int
+    seed: int
+
+    @property
+    def queries(self) -> list[tuple[str, Query]]:
+        """Every question with what it was read as."""
+        return [(question, parse(question)) for question in self.questions]
+
+    def key(self, model: NetworkModel) -> str:
+        """What the answers at a point depend on, as text: two points of one key have the same answers."""
+        return f"{digest_of(model)} {self!r}"
+
+    def stream(self, model: NetworkModel) -> int:
+        """Seed of the runs at a point: by the model there, so that points are independent, in any grid and order."""
+        return seed_of(f"scan {self.seed} {digest_of(model)}")
+
+
+def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[ScanAnswer]:
+    """The answers at one point; those that a question does not have there say why."""
+    model = scanned.at(point)
+    try:
+        exact = _exact(model, asked)
+        if exact is not None:
+            return exact
+        return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
+    except ValueError as error:
+        return [ScanAnswer.none(str(error)) for _ in asked.questions]
+
+
+def check_asked(model: NetworkModel, asked: Asked) -> None:
+    """A ValueError for what no point can answer: names that there are not, or no end where all are sampled."""
+    counts = np.asarray(model.initial)[np.newaxis]
+    names = state_names(model.network, model.observables, counts)
+    for question, query in asked.queries:
+        if not asked.max_states:
+            check_ends(question, query)
+        match query:
+            case UntilQuery(target, through):
+                conditions = [target, through]
+            case AlwaysQuery(states) | StationaryQuery(states):
+                conditions = [states]
+            case RewardQuery(name, until=until):
+                earned_in(model.network, model.observables, name, counts)
+                conditions = [until]
+        for condition in conditions:
+            if condition is not None:
+                names.holds(condition)
+    if isinstance(asked.within, str):
+        names.holds(asked.within)
+
+
+def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
+    """The answers of the chain; None where it has too many states, or none because rates depend on time."""
+    if not asked.max_states or not _is_homogeneous(model):
+        return None
+    began = time.process_time()
+    try:
+        chain = Chain.of(model.network, model.initial, max_states=asked.max_states, within=asked.within)
+    except TooManyStatesError:
+        return None
+    chain = observing(chain, model.network, model.observables)
+    listed = (time.process_time() - began) / len(asked.questions)
+    found = []
+    for _, query in asked.queries:
+        try:
+            answer = query.of(chain)
+        except ValueError as error:
+            found.append(ScanAnswer.none(str(error), states=len(chain)))
+            continue
+        kind = PROVEN if answer.is_bound else ESTIMATED
+        seconds = answer.cpu_seconds + listed
+        found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
+    return found
+
+
+def _is_homogeneous(model: NetworkModel) -> bool:
+    try:
+        model.network.check_homogeneous()
+    except ValueError:
+        return False
+    return True
+
+
+def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
+    """The questions, each readable and none asked twice; a ValueError where not."""
+    given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
+    if not given:
+        raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
+    for question in given:
+        parse(question)
+        if given.count(question) > 1:
+            raise ValueError(f"{question!r} is asked twice; ask it once")
+    return given

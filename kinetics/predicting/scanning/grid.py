@@ -1,0 +1,171 @@
+"""`scan`: questions to a model at every point of a grid."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from kinetics.formats import NetworkModel
+from kinetics.network import Network
+from kinetics.predicting.scanning.answer import ScanAnswer
+from kinetics.predicting.scanning.answering import Asked, answers_at, check_asked, tell_questions
+from kinetics.predicting.scanning.crews import crew, results
+from kinetics.predicting.scanning.kept import KeptAnswers
+from kinetics.predicting.scanning.result import RESERVED, Scan, grid_points
+from kinetics.predicting.scanning.scanned import ScannedModel
+from kinetics.predicting.scanning.values import check_size
+from kinetics.sampling.streamed import unbroken
+from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.cli.progress import forecast, span
+from kinetics.support.tables import counted
+
+LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
+MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
+
+
+def scan(
+    model: Network | NetworkModel | ScannedModel | str | Path,
+    over: Mapping[str, ArrayLike],
+    ask: str | Sequence[str],
+    *,
+    initial: Mapping[str, int] | None = None,
+    max_states: int = MAX_STATES,
+    within: str | int | None = None,
+    runs: int = 1000,
+    seed: int = 0,
+    workers: int = 1,
+    scheduler: str | None = None,
+    folder: str | Path | None = None,
+    tell: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Scan:
+    """Answer questions at every combination of values.
+
+    model : a network with its rates, or a network file
+    over : name -> values: a parameter, a rate constant by its channel, the count of a species at time 0, or `cubes`
+    ask : questions as `wellmixed ask` takes them, such as "E[AB] @ 100" or "P=? [ F<=100 AB >= 5 ]"
+    initial : counts at time 0 that go before those of the model
+    max_states : a point that can reach more is sampled, as is one whose rates depend on time; 0: every point
+    within : condition or number of states within which a chain is followed, as in `Chain.of`
+    runs : of each point that is sampled; at least 2
+    workers : processes on this machine
+    scheduler : address of a Dask scheduler, whose workers answer instead
+    folder : keeps the points as they come; what is there already is not made again
+    tell, progress : called with a sentence on the cost, once the first points are done, and with how far it is
+
+    Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
+    and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
+    the number of workers matters. A question without an answer at a point, such as a mean until what may never happen,
+    is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
+    names, values and questions that mean nothing.
+
+    >>> network = Network.from_text("A + B <-> AB, k, 0.1", k=1.0)
+    >>> found = scan(network, {"k": [0.1, 1.0]}, "E[AB] @ 10", initial={"A": 3, "B": 2})
+    >>> found.numbers("value").round(4).tolist()
+    [[1.3496], [1.9062]]
+    """
+    scanned, grid = _checked(model, over, initial)
+    asked = Asked(
+        tell_questions(ask),
+        whole_number("max_states", max_states, 0),
+        within,
+        whole_number("runs", runs, 2),
+        whole_number("seed", seed, 0),
+    )
+    points = list(grid_points(grid))
+    check_asked(scanned.at(points[0]), asked)
+    keys = [asked.key(scanned.at(point)) for point in points]
+    kept = KeptAnswers(folder, asked)
+    answers: list[tuple[ScanAnswer, ...] | None] = [kept.get(key) for key in keys]
+    missing = [number for number, found in enumerate(answers) if found is None]
+
+    def take(number: int, found: Sequence[ScanAnswer]) -> None:
+        with unbroken():
+            kept.add(keys[number], found)
+            answers[number] = tuple(found)
+        done = sum(each is not None for each in answers)
+        if progress is not None:
+            progress(f"{done} of {counted(len(points), 'point')}")
+
+    def cost(seconds: Sequence[float], left: int) -> None:
+        if left:
+            forecast(max(seconds) * left, f"{counted(left, 'point')} like those tried", workers)
+        if tell is not None and left:
+            tell(_cost(seconds, left, len(points), workers))
+
+    try:
+        with crew(whole_number("workers", workers, 1), scheduler) as executor:
+            rest = _first(missing, lambda number: take(number, answers_at(scanned, asked, points[number])), cost)
+            tasks = [(scanned, asked, points[number]) for number in rest]
+            for place, found in results(executor, answers_at, tasks):
+                take(rest[place], found)
+    except KeyboardInterrupt:
+        if all(found is None for found in answers):
+            raise
+    labels = {name: scanned.label(name) for name in grid}
+    return Scan(grid, asked.questions, tuple(answers), labels, scanned.model.network.time_unit)
+
+
+def _checked(
+    model: Network | NetworkModel | ScannedModel | str | Path,
+    over: Mapping[str, ArrayLike],
+    initial: Mapping[str, int] | None,
+) -> tuple[ScannedModel, dict[str, Floats]]:
+    """The model, and the values of every name, each of which it takes."""
+    if isinstance(model, ScannedModel) and initial is not None:
+        raise ValueError("a ScannedModel has its counts at time 0; leave out initial")
+    scanned = model if isinstance(model, ScannedModel) else ScannedModel.of(model, initial)
+    if over and not isinstance(over, Mapping):
+        raise ValueError(f"over = {over!r}; expected a mapping of names to values, as in {{'k1': [1e-3, 1e-2]}}")
+    if not over:
+        raise ValueError("no name to scan over; give at least one, as in over={'k1': [1e-3, 1e-2]}")
+    for name in over:
+        if name in RESERVED:
+            raise ValueError(f"{name!r} is a column of the table; rename what the model calls so")
+    grid = {name: scanned.checked(name, values) for name, values in over.items()}
+    check_size([len(values) for values in grid.values()])
+    first = next(islice(grid_points(grid), 1))
+    for name, values in grid.items():
+        for value in values.tolist():
+            scanned.at({**first, name: value})  # a formula of a parameter may not take it
+    return scanned, grid
+
+
+def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:
+    """Answer the first point here, so that mistakes and the cost are told at once; returns those that are left.
+
+    Where it was quick, the second and the last as well: the first also loads what all need, and the last, where values
+    rise, is often the dearest.
+    """
+    tried: list[int] = []
+    seconds: list[float] = []
+    for number in (*missing[:2], *missing[-1:]):
+        if number in tried or (seconds and seconds[0] > LONG):
+            continue
+        began = time.process_time()
+        take(number)
+        tried.append(number)
+        seconds.append(time.process_time() - began)
+    left = [number for number in missing if number not in tried]
+    cost(seconds[1:] or seconds, len(left))
+    return left
+
+
+def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str:
+    """What is left to do, if other points are like those that took so long."""
+    spread = "" if workers == 1 else f", by {workers} workers in 1/{workers} of that"
+    each, rest = _span(seconds, 1), _span(seconds, left)
+    return (
+        f"{points} points, {left} still to be answered; those tried took {each} of CPU each, so the others take "
+        f"{rest}{spread}"
+    )
+
+
+def _span(seconds: Sequence[float], many: int) -> str:
+    """From the least to the most, times so many; one figure where they are much the same."""
+    low, high = min(seconds) * many, max(seconds) * many
+    return span(high) if high <= 1.5 * low else f"{span(low)} to {span(high)}"

@@ -1,0 +1,26 @@
+"""Break models, one file each; a model imported here is registered."""
+
+# ruff: noqa: F401, I001 - the imports are the list, in this order
+
+from kinetics.rates.breaks.base import BreakModel
+from kinetics.support.families import members
+
+from kinetics.rates.breaks.first_order import FirstOrder
+from kinetics.rates.breaks.collision import Collision
+from kinetics.rates.breaks.collision_wall import CollisionWall
+from kinetics.rates.breaks.collision_species import CollisionSpecies
+
+BREAK_MODELS: tuple[BreakModel, ...] = tuple(kind() for kind in members(globals(), BreakModel))
+
+
+def break_model(name: str) -> BreakModel:
+    """The break model of this name. ValueError: there is none.
+
+    >>> from kinetics import break_model
+    >>> break_model("first-order").name
+    'first-order'
+    """
+    known = {model.name: model for model in BREAK_MODELS}
+    if name not in known:
+        raise ValueError(f"unknown break model {name!r}; expected one of {', '.join(known)}")
+    return known[name]
