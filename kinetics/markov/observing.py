@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kinetics.support.arrays import Floats, Ints
 
 
 def observing(chain: Chain, network: Network, observables: Mapping[str, Mapping[str, float]]) -> Chain:
-    """The same chain of a network, whose questions may name these sums of counts.
+    """A chain of a network whose questions may also name these sums of counts.
 
     observables : name -> weight of each species in the sum; those named like a species are left out
     Sums are rewards unless they may be negative, and variables of conditions where they are whole.
@@ -26,10 +27,10 @@ def observing(chain: Chain, network: Network, observables: Mapping[str, Mapping[
     >>> observed.states("bodies <= 4").tolist()
     [False, False, True, True]
     """
-    counts = np.asarray(chain.counts)
-    return chain.with_variables(whole_sums(network, observables, counts)).with_rewards(
-        _rewards(network, observables, counts)
-    )
+    sums = whole_sums(network, observables, chain.counts)
+    counts = np.column_stack([chain.counts, *sums.values()])
+    rewards = _rewards(network, observables, chain.counts)
+    return replace(chain, variables=(*chain.variables, *sums), counts=counts, rewards=rewards)
 
 
 def state_names(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> StateNames:

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from numpy.testing import assert_array_equal
 
 from kinetics.formats import NetworkModel, write
-from kinetics.markov.passage import committor, first_passage
+from kinetics.markov import committor, first_passage
 from kinetics.markov.transient import FiniteStateProjection, reachable
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
