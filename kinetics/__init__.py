@@ -31,11 +31,11 @@ if TYPE_CHECKING:
         reachable,
         solve,
     )
-    from kinetics.network import Network, Tank
+    from kinetics.network import Model, Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, ScanAnswer, ScannedModel, scan
+    from kinetics.predicting.scanning import Scan, ScanAnswer, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
@@ -59,7 +59,7 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
     "kinetics.markov": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
-    "kinetics.network": ("Network", "Tank"),
+    "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.markov.passage": (
         *("Passage", "RareEvent", "Committor", "Stationary"),
@@ -73,7 +73,7 @@ _HOMES = {
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.predicting.scanning": ("Scan", "ScanAnswer", "ScannedModel", "scan"),
+    "kinetics.predicting.scanning": ("Scan", "ScanAnswer", "scan"),
     "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
@@ -106,6 +106,7 @@ __all__ = [
     "JumpPath",
     "Leaping",
     "Lockstep",
+    "Model",
     "Network",
     "PartialPropensities",
     "Passage",
@@ -117,7 +118,6 @@ __all__ = [
     "Reward",
     "Scan",
     "ScanAnswer",
-    "ScannedModel",
     "Sensitivity",
     "StateSpace",
     "Stationary",

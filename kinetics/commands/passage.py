@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
 
-from kinetics.commands.start import Start, instead_of_many_states, start
+from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     echo_json,
     json_option,
+    model_options,
     plot_option,
     seed_option,
-    starting_options,
-    tank_option,
     within_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
@@ -26,8 +26,7 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Network
-    from kinetics.support.arrays import Ints
+    from kinetics.network import Model
 
 MOST = 1_000_000  # states
 INSTEAD = (
@@ -38,8 +37,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
 @click.command()
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
@@ -70,8 +68,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @seed_option
 @json_option
 def passage(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     species: str,
     copies: int,
     draws: int,
@@ -91,22 +88,24 @@ def passage(
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
-    begin = start(**asked._asdict(), edges=edges)
-    counted = begin.counted(species)
+    model, rates, tank = given = described(asked)
+    counted = model.counted(species)
     if within is not None:
         if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         with instead_of_many_states(INSTEAD):
-            _limits(begin, within, species, copies, as_json)
+            _limits(applied(*given), within, species, copies, as_json, remarks(*given))
         return
     with instead_of_many_states(INSTEAD), progress_line() as progress:
         progress("solving for the passage")
-        made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
+        made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
         found = made.passage
         progress("quantiles")
         quantiles = found.quantile(QUANTILES)
         progress("sensitivities")
-        slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
+        slopes = (
+            _sensitivities(replace(model, network=made.network), counted, copies, found) if with_sensitivity else None
+        )
     for plot_file in plot_files:
         from kinetics.support import plots
 
@@ -117,12 +116,11 @@ def passage(
             {
                 "book": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "species": species,
                 "copies": copies,
-                "time_unit": begin.network.time_unit,
+                "time_unit": model.network.time_unit,
                 "mean": made.mean,
                 "sd": found.sd,
                 "probability": found.probability,
@@ -137,12 +135,12 @@ def passage(
                 if slopes is None
                 else {q: each.to_dict() for q, each in slopes.of_quantiles.items()},
                 "seed": seed,
-                "notes": (*begin.notes, *made.notes),
+                "notes": (*model.notes, *made.notes),
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    unit = begin.network.time_unit
+    unit = model.network.time_unit
     if made.low is None or made.high is None:
         click.echo(str(found))
     else:
@@ -154,7 +152,7 @@ def passage(
         f"{of_unit('quantiles', unit)}: "
         + ", ".join(f"{q:g}: {_when(t, '.4g')}" for q, t in zip(QUANTILES, quantiles, strict=True))
     )
-    for note in (*begin.in_words, *made.notes):
+    for note in (*remarks(*given), *made.notes):
         click.echo(note)
     if slopes is not None:
         of = "mean time" if found.is_certain else "probability of ever reaching the target"
@@ -199,10 +197,10 @@ class Sensitivities(NamedTuple):
         return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
 
 
-def _sensitivities(network: Network, initial: Ints, species: Counted, copies: int, found: Passage) -> Sensitivities:
+def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) -> Sensitivities:
     from kinetics.markov import sensitivity_to
 
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, None, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
     quantiles = {}
     try:
@@ -215,18 +213,15 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
     return Sensitivities(mean, sd, quantiles, "")
 
 
-def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
+def _limits(model: Model, within: str | int, species: str, copies: int, as_json: bool, notes: tuple[str, ...]) -> None:
     """Limits of the time within a part of the states, at the rates of the file."""
     from kinetics.markov import Chain
 
     began = time.process_time()
-    model = begin.model
-    weights, name = summed(model.network, begin.counted(species))
+    weights, name = summed(model.network, model.counted(species))
     with progress_line() as progress:
         progress("listing states")
-        chain = Chain.of(
-            model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
-        )
+        chain = Chain.of(model, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST)
         progress(f"solving {len(chain)} states")
         found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
         low, high = found.quantile_bounds(QUANTILES)
@@ -241,7 +236,7 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
                 "probability": dict(zip(("low", "high"), ever, strict=True)),
                 "quantiles": {q: {"low": a, "high": b} for q, a, b in zip(QUANTILES, low, high, strict=True)},
                 "is_bound": found.is_bound,
-                "notes": begin.notes,
+                "notes": model.notes,
                 "cpu_seconds": time.process_time() - began,
             }
         )
@@ -250,5 +245,5 @@ def _limits(begin: Start, within: str | int, species: str, copies: int, as_json:
     limits = zip(QUANTILES, low, high, strict=True)
     title = of_unit("quantiles", model.network.time_unit)
     click.echo(f"{title}: " + ", ".join(f"{q:g}: {_when(a, '.6g')} to {_when(b, '.6g')}" for q, a, b in limits))
-    for note in begin.in_words:
+    for note in notes:
         click.echo(note)

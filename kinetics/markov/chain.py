@@ -33,8 +33,8 @@ from kinetics.markov.predicates import StateNames
 from kinetics.markov.rewards import earned, named_reward
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.markov.transient.search import MAX_STATES
-from kinetics.network import Network
-from kinetics.support.arrays import Floats, integers, read_only, some_times
+from kinetics.network import Model, Network
+from kinetics.support.arrays import Counts, Floats, integers, read_only, some_times
 
 Mask = NDArray[np.bool_]
 INIT, DEADLOCK = "init", "deadlock"  # as PRISM calls them
@@ -118,16 +118,17 @@ class Chain:
     @classmethod
     def of(
         cls,
-        network: Network,
-        initial: Mapping[str, int] | ArrayLike,
+        model: Model | Network,
+        initial: Counts | None = None,
         labels: Mapping[str, Target] | None = None,
         rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
         stop: Condition | None = None,
         max_states: int = MAX_STATES,
         within: Condition | int | None = None,
     ) -> Chain:
-        """The chain of a network from given counts; its variables are the species, its first state is where it starts.
+        """The chain of a model; its variables are the species, its first state is where it starts.
 
+        initial : counts at time 0 that go before the model's; None for these
         stop : condition in which the chain stops, as text or as a function of states (n, S) with truths (n,); what
             lies beyond is not explored, so that the others may be finitely many
         within : condition within which it is followed, likewise, or the least number of states, those that the fewest
@@ -140,11 +141,12 @@ class Chain:
         >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 hardly count
         (0.155954, True)
         """
-        space, lost = listed(network, initial, stop, within, max_states)
+        given = Model.of(model, initial)
+        space, lost = listed(given.network, given.initial, stop, within, max_states)
         chain = cls.__new__(cls)
         start = np.eye(1, len(space))[0]
         chain._set(_transitions=space.transitions(), _space=space, initial=checked_start(start, len(space)))
-        chain._set(labels=labels or {}, rewards=rewards or {}, variables=network.species, counts=space.states)
+        chain._set(labels=labels or {}, rewards=rewards or {}, variables=given.network.species, counts=space.states)
         chain._set(generator=chain._transitions.generator(), lost=read_only(lost))
         chain._describe(len(space))
         return chain

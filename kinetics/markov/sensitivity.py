@@ -34,7 +34,7 @@ from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sums import Counted, summed
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
 from kinetics.support.cli.progress import forecast
@@ -257,7 +257,9 @@ class Sensitivity:
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
 
 
-def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: int = 1) -> tuple[Sensitivity, Mask]:
+def sensitivity_to(
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1
+) -> tuple[Sensitivity, Mask]:
     """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
@@ -268,13 +270,14 @@ def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: 
     >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
     ([False, True], [-1.0])
     """
-    (weights, _), wanted = summed(network, species), whole_number("copies", copies, 0)
-    chain = Chain.of(network, initial, stop=lambda states: states @ weights >= wanted)
+    given = Model.of(model, initial)
+    (weights, _), wanted = summed(given.network, species), whole_number("copies", copies, 0)
+    chain = Chain.of(given, stop=lambda states: states @ weights >= wanted)
     return Sensitivity(chain), np.asarray(chain.counts) @ weights >= wanted
 
 
 def passage_sensitivity(
-    network: Network, initial: Counts, species: Counted, copies: int = 1, certain: bool = True
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1, certain: bool = True
 ) -> Derivatives:
     """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 
@@ -287,7 +290,7 @@ def passage_sensitivity(
     >>> slopes.parameters, round(slopes.answer.value, 9), slopes.elasticity.round(9).tolist()
     (('make',), 0.5, [-1.0])
     """
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)
 
 

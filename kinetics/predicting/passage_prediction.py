@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.markov.passage import Passage, first_passage
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.network.sums import Counted
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
@@ -58,9 +58,9 @@ class PassagePrediction(Shown):
 
 
 def predict_passage(
-    network: Network,
+    model: Model | Network,
     rates: Rates | BookRates | None,
-    initial: Counts,
+    initial: Counts | None,
     species: Counted,
     copies: int = 1,
     seed: int = 0,
@@ -69,7 +69,8 @@ def predict_passage(
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
-    rates : None for the network's own, which are taken as known, so that there is no interval
+    rates : None for the model's own, which are taken as known, so that there is no interval
+    initial : counts at time 0 that go before the model's; None for these
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
     tank : where it happens; None for the tank of the rates
     ValueError: rates of another network or without their tank, and what `first_passage` refuses
@@ -82,10 +83,12 @@ def predict_passage(
     >>> found.low < 10.0 < found.high, round(found.passage.mean, 4)  # of the mean rate, 40.5 / 400
     (True, 9.8765)
     """
+    given = Model.of(model, initial)
+    network, start = given.network, given.initial
     if rates is None or not rates.has_evidence:
-        model = network if rates is None else rates.apply(network, tank)
-        passage = first_passage(model, initial, species, copies)
-        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates), model)
+        network = network if rates is None else rates.apply(network, tank)
+        passage = first_passage(network, start, species, copies)
+        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates), network)
     posterior = rates.posterior(network, tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
@@ -93,12 +96,12 @@ def predict_passage(
     means = []
     for number, each in enumerate(models):
         stage(f"{number} of {draws} draws of the rates", number / draws)
-        means.append(first_passage(each, initial, species, copies).mean)
+        means.append(first_passage(each, start, species, copies).mean)
     # No interpolation between a finite mean and an infinite one.
     low, median, high = np.quantile(means, (LIMITS[0], 0.5, LIMITS[1]), method="inverted_cdf").tolist()
     notes = (
         "the mean is the posterior median of the mean time (which may have no posterior mean), with the middle 95 %",
         "sd, quantiles and curve are those at the posterior mean of each rate constant",
     )
-    passage = first_passage(posterior.expected, initial, species, copies)
+    passage = first_passage(posterior.expected, start, species, copies)
     return PassagePrediction(passage, median, low, high, (*evidence_notes(rates), *notes), posterior.expected)

@@ -16,7 +16,7 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Counts, Floats, Ints, read_only
 from kinetics.support.shown import ResultTable, Shown
@@ -141,10 +141,11 @@ class Committor(ChainCommittor):
 
 
 def committor(
-    network: Network, initial: Counts, targets: Mapping[str, Target], max_states: int = MAX_STATES
+    model: Model | Network, initial: Counts | None, targets: Mapping[str, Target], max_states: int = MAX_STATES
 ) -> Committor:
-    """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
+    """Committors of `targets`: the probability that each is reached first, from the start and from every state.
 
+    initial : counts at time 0 that go before the model's; None for these
     targets : name -> function of states (n, S) that says which of them belong to the target (n,)
     max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
@@ -182,7 +183,8 @@ def committor(
     def is_target(states: Ints) -> NDArray[np.bool_]:
         return np.logical_or.reduce(belongs(states))
 
-    space = reached_states(network, initial, max_states, is_target)
+    given = Model.of(model, initial)
+    space = reached_states(given.network, given.initial, max_states, is_target)
     start = np.eye(1, len(space))[0]
     found = committor_of(space.transitions(), start, dict(zip(targets, belongs(space.states), strict=True)))
     return Committor(**vars(found), space=space)

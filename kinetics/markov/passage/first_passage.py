@@ -19,7 +19,7 @@ from kinetics.markov.passage.equations import equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import Transitions, totals
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
 from kinetics.support.extras import extra
@@ -200,14 +200,15 @@ def _probabilities(q: ArrayLike) -> Floats:
 
 
 def first_passage(
-    network: Network,
-    initial: Counts,
+    model: Model | Network,
+    initial: Counts | None,
     species: Counted,
     copies: int = 1,
     max_states: int = MAX_STATES,
 ) -> Passage:
-    """The first-passage time from `initial` to at least `copies` of a species.
+    """The first-passage time to at least `copies` of a species.
 
+    initial : counts at time 0 that go before the model's; None for these
     species : one, or a sum of several, as a mapping from species to weight
     max_states : networks with more states before the target are refused
     ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
@@ -224,9 +225,11 @@ def first_passage(
     >>> round(found.mean, 6), round(found.sd, 6)  # 10/3 + 10/2, and the root of the sum of squares
     (8.333333, 6.009252)
     """
+    given = Model.of(model, initial)
+    network = given.network
     weights, name = summed(network, species)
     wanted = whole_number("copies", copies, 0)
-    space = reached_states(network, initial, max_states, stop=lambda states: states @ weights >= wanted)
+    space = reached_states(network, given.initial, max_states, stop=lambda states: states @ weights >= wanted)
     start = np.eye(1, len(space))[0]
     return passage_to(space.transitions(), start, space.is_stopped, in_words(name, wanted), network.time_unit)
 

@@ -19,7 +19,7 @@ from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
@@ -154,9 +154,10 @@ class Stationary(ChainStationary, Tabular):
         return ax
 
 
-def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) -> Stationary:
-    """The stationary distribution to which the chain converges from `initial`.
+def stationary(model: Model | Network, initial: Counts | None = None, max_states: int = MAX_STATES) -> Stationary:
+    """The stationary distribution to which the chain of a model converges.
 
+    initial : counts at time 0 that go before the model's; None for these
     max_states : networks with more reachable states, or infinitely many, are refused
     ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
 
@@ -171,7 +172,8 @@ def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) 
     >>> found.marginal("B").round(9).tolist(), found.error < 1e-12  # binomial, with probability 0.4
     ([0.36, 0.48, 0.16], True)
     """
-    space = reached_states(network, initial, max_states)
+    given = Model.of(model, initial)
+    space = reached_states(given.network, given.initial, max_states)
     found = stationary_of(space.transitions(), np.eye(1, len(space))[0])
     return Stationary(**vars(found), space=space)
 
