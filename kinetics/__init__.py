@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov import Chain, ChainAnswer, Reward, Sensitivity
+    from kinetics.markov import Chain, Reward, Sensitivity
     from kinetics.markov.passage import (
         Committor,
         Passage,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, ScanAnswer, scan
+    from kinetics.predicting.scanning import Scan, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
+    from kinetics.support.answer import Answer
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
@@ -58,7 +59,7 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.markov": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
+    "kinetics.markov": ("Chain", "Reward", "Sensitivity"),
     "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.markov.passage": (
@@ -73,21 +74,22 @@ _HOMES = {
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.predicting.scanning": ("Scan", "ScanAnswer", "scan"),
+    "kinetics.predicting.scanning": ("Scan", "scan"),
     "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
     ),
+    "kinetics.support.answer": ("Answer",),
     "kinetics.trust": ("Verification", "verify"),
 }
 
 __all__ = [
     "BREAK_MODELS",
     "RESTART",
+    "Answer",
     "Auto",
     "BreakModel",
     "Chain",
-    "ChainAnswer",
     "ChannelRate",
     "ClassRates",
     "Collocation",
@@ -117,7 +119,6 @@ __all__ = [
     "Rates",
     "Reward",
     "Scan",
-    "ScanAnswer",
     "Sensitivity",
     "StateSpace",
     "Stationary",

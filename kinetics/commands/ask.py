@@ -23,9 +23,10 @@ from kinetics.support.output import write_whole
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from kinetics.markov import Chain, ChainAnswer
+    from kinetics.markov import Chain
     from kinetics.markov.derivatives import Derivatives
     from kinetics.network import Model
+    from kinetics.support.answer import Answer
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
@@ -113,7 +114,7 @@ def ask(
         model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
         chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
-    found: dict[int, tuple[ChainAnswer, Derivatives | None]] = {}
+    found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
     with instead_of_many_states(INSTEAD), progress_line() as progress:
         progress("listing states")
@@ -129,7 +130,7 @@ def ask(
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
         listed = [
-            {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
+            {"question": text, **answer.to_dict(), "sensitivity": slope and slope.to_dict()}
             for text, answer, slope in answers
         ]
         echo_json({"model": asked.source, "states": states, "rates": rates, "answers": listed})

@@ -18,8 +18,10 @@ from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
+from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.intervals import student_quantile
+from kinetics.support.tables import counted
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
@@ -27,32 +29,7 @@ TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
 TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
 DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A mean over runs, and how well it is known.
-
-    value, sd : mean, and spread of a single run
-    low, high : 95 % interval of the mean by Monte Carlo; of an exact figure its numerical error, a bound or,
-        where the chain is stiff and has over 500 states, an estimate
-    method : `exact` or `ssa`
-    size : states of an exact figure, runs of a sampled one
-    cpu_seconds : what it cost; figures from the same runs share their cost
-    """
-
-    value: float
-    sd: float
-    low: float
-    high: float
-    method: str
-    size: int
-    cpu_seconds: float
-
-    @property
-    def error(self) -> float:
-        """How far the interval reaches from the value at most."""
-        return max(self.value - self.low, self.high - self.value)
+WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
 
 
 @dataclass(frozen=True)
@@ -63,11 +40,16 @@ class YieldAndFirstTime:
         mean exists and both methods estimate the same (the restricted mean of survival analysis)
     reached : probability of a first target by the horizon
     yield_ : targets at the horizon, as a fraction of those possible
+    first_sd, yield_sd : spread of first and yield_ from run to run
+
+    Answers from the same runs share their cost.
     """
 
-    first: Figure
-    reached: Figure
-    yield_: Figure
+    first: Answer
+    reached: Answer
+    yield_: Answer
+    first_sd: float
+    yield_sd: float
 
 
 def yield_and_first_time(
@@ -94,16 +76,15 @@ def yield_and_first_time(
         raise ValueError(f"horizon = {horizon:g}; expected a positive number of tu")
     load_kernels()
     passage = amount = None
-    if max_states and (like is None or like.first.method == "exact"):
+    if max_states and (like is None or like.first.kind != CONFIDENCE):
         passage = _exact_passage(model, target, horizon, max_states)
-    if max_states and (like is None or like.yield_.method == "exact"):
+    if max_states and (like is None or like.yield_.kind != CONFIDENCE):
         amount = _exact_yield(model, target, possible, horizon, max_states)
-    if passage is not None and amount is not None:
-        return YieldAndFirstTime(*passage, amount)
-    first, reached, sampled = _sampled(model, target, possible, horizon, runs, seed, first_run)
-    if passage is not None:
-        first, reached = passage
-    return YieldAndFirstTime(first, reached, sampled if amount is None else amount)
+    if passage is None or amount is None:
+        *sampled_passage, sampled_amount = _sampled(model, target, possible, horizon, runs, seed, first_run)
+        passage, amount = passage or sampled_passage, amount or sampled_amount
+    (first, first_sd), (reached, _), (yield_, yield_sd) = *passage, amount
+    return YieldAndFirstTime(first, reached, yield_, first_sd, yield_sd)
 
 
 @cache
@@ -116,7 +97,7 @@ def load_kernels() -> None:
     _sampled(model, "x", 1, 1.0, 2, 0, 0)
 
 
-def _exact_passage(model: Model, target: str, end: float, max_states: int) -> tuple[Figure, Figure] | None:
+def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
     try:
@@ -124,14 +105,14 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> tu
     except ValueError:
         return None
     cost = time.process_time() - began
-    sd = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5
-    return (
-        _exact(found.mean, found.sd, found.mean_error, end, found.n_states, cost),
-        _exact(found.reached, sd, found.reached_error, 1.0, found.n_states, cost),
-    )
+    sd, kind = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5, kind_of(found.is_bound)
+    return [
+        (_exact(found.mean, found.mean_error, end, kind, found.n_states, cost), found.sd),
+        (_exact(found.reached, found.reached_error, 1.0, kind, found.n_states, cost), sd),
+    ]
 
 
-def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> Figure | None:
+def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
     """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
@@ -141,16 +122,18 @@ def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_s
         return None
     place = model.network.index(target)
     mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
-    return _exact(float(mean), float(sd), float(high - mean), 1.0, len(end.space), time.process_time() - began)
+    kind, cost = kind_of(end.is_bound), time.process_time() - began
+    return _exact(float(mean), float(high - mean), 1.0, kind, len(end.space), cost), float(sd)
 
 
-def _exact(value: float, sd: float, error: float, top: float, states: int, cost: float) -> Figure:
-    return Figure(value, sd, max(value - error, 0.0), min(value + error, top), "exact", states, cost)
+def _exact(value: float, error: float, top: float, kind: str, states: int, cost: float) -> Answer:
+    size = counted(states, "state")
+    return Answer(value, max(value - error, 0.0), min(value + error, top), kind, "exact", cost, size)
 
 
 def _sampled(
     model: Model, target: str, possible: int, end: float, runs: int, seed: int, first_run: int
-) -> tuple[Figure, Figure, Figure]:
+) -> tuple[WithSpread, WithSpread, WithSpread]:
     """First target, probability of it by the horizon, and yield, from the same runs.
 
     The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
@@ -238,7 +221,7 @@ def _free_name(name: str, taken: Collection[str]) -> str:
     return name
 
 
-def _mean(values: Floats, top: float, cost: float) -> Figure:
+def _mean(values: Floats, top: float, cost: float) -> WithSpread:
     """Mean of values between 0 and `top` with Student's interval.
 
     Where all runs agree the spread shows nothing; the interval then allows for a share of other runs that n alike ones
@@ -252,4 +235,4 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
         mean, sd = float(values[0]), 0.0  # sums of like values round
         share = 1 - TAIL ** (1 / n)
         low, high = mean - share * mean, mean + share * (top - mean)
-    return Figure(mean, sd, max(low, 0.0), min(high, top), "ssa", n, cost)
+    return Answer(mean, max(low, 0.0), min(high, top), CONFIDENCE, "ssa", cost, counted(n, "run")), sd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from kinetics.markov.observing import earned_in, observing, state_names
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Model
-from kinetics.predicting.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
+from kinetics.support.answer import Answer
 from kinetics.support.stream_keys import seed_of
 
 
@@ -47,7 +47,7 @@ class ScanRequest:
         return seed_of(f"scan {self.seed} {model.digest}")
 
 
-def answers_at(model: Model, asked: ScanRequest, point: Mapping[str, float]) -> list[ScanAnswer]:
+def answers_at(model: Model, asked: ScanRequest, point: Mapping[str, float]) -> list[Answer]:
     """The answers at one point; those that a question does not have there say why."""
     model = model.at(point)
     try:
@@ -56,7 +56,7 @@ def answers_at(model: Model, asked: ScanRequest, point: Mapping[str, float]) -> 
             return exact
         return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
     except ValueError as error:
-        return [ScanAnswer.none(str(error)) for _ in asked.questions]
+        return [Answer.none(str(error)) for _ in asked.questions]
 
 
 def check_asked(model: Model, asked: ScanRequest) -> None:
@@ -81,7 +81,7 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
         names.holds(asked.within)
 
 
-def _exact(model: Model, asked: ScanRequest) -> list[ScanAnswer] | None:
+def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
     """The answers of the chain; None where it has too many states, or none because rates depend on time."""
     if not asked.max_states or not model.network.is_homogeneous:
         return None
@@ -96,12 +96,9 @@ def _exact(model: Model, asked: ScanRequest) -> list[ScanAnswer] | None:
     for _, query in asked.queries:
         try:
             answer = query.of(chain)
+            found.append(replace(answer, cpu_seconds=answer.cpu_seconds + listed))
         except ValueError as error:
-            found.append(ScanAnswer.none(str(error), states=len(chain)))
-            continue
-        kind = PROVEN if answer.is_bound else ESTIMATED
-        seconds = answer.cpu_seconds + listed
-        found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
+            found.append(Answer.none(str(error)))
     return found
 
 

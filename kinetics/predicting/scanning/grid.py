@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Model, Network
 from kinetics.network.model import CHANNEL, CONSERVED, SPECIES
-from kinetics.predicting.scanning.answer import ScanAnswer
 from kinetics.predicting.scanning.answering import ScanRequest, answers_at, check_asked, tell_questions
 from kinetics.predicting.scanning.checkpoints import Checkpoints
 from kinetics.predicting.scanning.executors import executor_of, results
 from kinetics.predicting.scanning.result import RESERVED, Scan, grid_points
 from kinetics.predicting.scanning.values import check_size, checked_values
 from kinetics.sampling.streamed import unbroken
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Counts, Floats, integers, whole_number
 from kinetics.support.cli.progress import forecast, span
 from kinetics.support.tables import counted, of_unit
@@ -80,10 +80,10 @@ def scan(
     check_asked(whole.at(points[0]), asked)
     keys = [asked.key(whole.at(point)) for point in points]
     checkpoints = Checkpoints(folder, asked)
-    answers: list[tuple[ScanAnswer, ...] | None] = [checkpoints.get(key) for key in keys]
+    answers: list[tuple[Answer, ...] | None] = [checkpoints.get(key) for key in keys]
     missing = [number for number, found in enumerate(answers) if found is None]
 
-    def take(number: int, found: Sequence[ScanAnswer]) -> None:
+    def take(number: int, found: Sequence[Answer]) -> None:
         with unbroken():
             checkpoints.add(keys[number], found)
             answers[number] = tuple(found)
