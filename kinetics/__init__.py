@@ -22,11 +22,11 @@ if TYPE_CHECKING:
         reachable,
         solve,
     )
-    from kinetics.network import Network, Tank
+    from kinetics.network import Model, Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, ScannedModel, scan
+    from kinetics.predicting.scanning import Scan, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
@@ -51,7 +51,7 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
     "kinetics.markov": ("Chain", "Reward", "Sensitivity", "committor", "first_passage", "stationary"),
-    "kinetics.network": ("Network", "Tank"),
+    "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.markov.passage": ("Passage", "RareEvent", "Committor", "Stationary", "rare_event"),
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
@@ -62,7 +62,7 @@ _HOMES = {
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.predicting.scanning": ("Scan", "ScannedModel", "scan"),
+    "kinetics.predicting.scanning": ("Scan", "scan"),
     "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
@@ -96,6 +96,7 @@ __all__ = [
     "JumpPath",
     "Leaping",
     "Lockstep",
+    "Model",
     "Network",
     "PartialPropensities",
     "Passage",
@@ -106,7 +107,6 @@ __all__ = [
     "Rates",
     "Reward",
     "Scan",
-    "ScannedModel",
     "Sensitivity",
     "StateSpace",
     "Stationary",

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
 
-from kinetics.commands.start import instead_of_many_states, start
+from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     echo_json,
     json_option,
+    model_options,
     plot_option,
     seed_option,
-    starting_options,
-    tank_option,
     within_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
@@ -27,8 +27,7 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Network
-    from kinetics.support.arrays import Ints
+    from kinetics.network import Model
 
 MOST = 1_000_000  # states
 INSTEAD = (
@@ -39,8 +38,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
 @click.command()
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
@@ -71,8 +69,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @seed_option
 @json_option
 def passage(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     species: str,
     copies: int,
     draws: int,
@@ -93,26 +90,26 @@ def passage(
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
-    begin = start(**asked._asdict(), edges=edges)
-    counted = begin.counted(species)
+    model, rates, tank = given = described(asked)
+    counted = model.counted(species)
     if within is not None and (plot_files or with_sensitivity):
         raise ValueError("--within gives bounds, which have neither --plot nor --sensitivity; leave one out")
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line() as progress:
         progress("solving for the passage")
         if within is None:
-            made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
+            made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
-            network = begin.model.network
-            chain, goal = chain_to(network, begin.model.initial, counted, copies, MOST, within)
+            network = applied(*given).network
+            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, within)
             found = chain.passage(goal, in_words(summed(network, counted)[1], copies))
             mean, notes = found.answer("mean"), ()
         progress("quantiles")
         quantiles = {q: found.answer(q) for q in QUANTILES}
         if with_sensitivity:
             progress("sensitivities")
-            slopes = _sensitivities(network, begin.state, counted, copies, found)
+            slopes = _sensitivities(replace(model, network=network), counted, copies, found)
     for plot_file in plot_files:
         from kinetics.support import plots
 
@@ -124,12 +121,11 @@ def passage(
             {
                 "book": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "species": species,
                 "copies": copies,
-                "time_unit": begin.network.time_unit,
+                "time_unit": model.network.time_unit,
                 "mean": mean.to_dict(),
                 "sd": found.answer("sd").to_dict(),
                 "probability": found.answer("probability").to_dict(),
@@ -142,12 +138,12 @@ def passage(
                 if slopes is None
                 else {q: each.to_dict() for q, each in slopes.of_quantiles.items()},
                 "seed": seed,
-                "notes": (*begin.notes, *notes),
+                "notes": (*model.notes, *notes),
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    unit = begin.network.time_unit
+    unit = model.network.time_unit
     if mean.kind == CONFIDENCE:
         median, high = ("infinite" if t == np.inf else in_unit(f"{t:.4g}", unit) for t in (mean.value, mean.high))
         interval = f"95 % interval of the mean, from the rates: {figure(mean.low)} to {high}"
@@ -156,7 +152,7 @@ def passage(
     else:
         click.echo(str(found) if found.earliest is None else f"{found} ({mean.kind}; {mean.why})")
     click.echo(f"{of_unit('quantiles', unit)}: " + ", ".join(f"{q:g}: {_when(found, t)}" for q, t in quantiles.items()))
-    for note in (*begin.in_words, *notes):
+    for note in (*remarks(*given), *notes):
         click.echo(note)
     if slopes is not None:
         of = "mean time" if found.is_certain else "probability of ever reaching the target"
@@ -202,10 +198,10 @@ class Sensitivities(NamedTuple):
         return f"{text_table(('parameter', *self.others), rows)}\nbounds {kind}; {seconds:.2g} s CPU"
 
 
-def _sensitivities(network: Network, initial: Ints, species: Counted, copies: int, found: Passage) -> Sensitivities:
+def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) -> Sensitivities:
     from kinetics.markov import sensitivity_to
 
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, None, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
     quantiles = {}
     try:

@@ -23,9 +23,9 @@ from kinetics.markov.state_enumeration import Condition, enumerated
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient_means import BACKWARD, mean_at, one_time, stopped_in
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.support.answer import Answer, weakest
-from kinetics.support.arrays import Floats, some_times
+from kinetics.support.arrays import Counts, Floats, some_times
 from kinetics.support.tables import counted
 
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
@@ -73,16 +73,17 @@ class Chain:
     @classmethod
     def of(
         cls,
-        network: Network,
-        initial: Mapping[str, int] | ArrayLike,
+        model: Model | Network,
+        initial: Counts | None = None,
         labels: Mapping[str, Target] | None = None,
         rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
         stop: Condition | None = None,
         max_states: int = MAX_STATES,
         within: Condition | int | None = None,
     ) -> Chain:
-        """The chain of a network from given counts; its variables are the species, its first state is where it starts.
+        """The chain of a model; its variables are the species, its first state is where it starts.
 
+        initial : counts at time 0 that go before the model's; None for these
         stop : condition in which the chain stops, as text or as a function of states (n, S) with truths (n,); what
             lies beyond is not explored, so that the others may be finitely many
         within : condition within which it is followed, likewise, or the least number of states, those that the fewest
@@ -95,8 +96,9 @@ class Chain:
         >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 hardly count
         (0.155954, True)
         """
-        space, truncated = enumerated(network, initial, stop, within, max_states)
-        named = labels or {}, rewards or {}, network.species, space.states
+        given = Model.of(model, initial)
+        space, truncated = enumerated(given.network, given.initial, stop, within, max_states)
+        named = labels or {}, rewards or {}, given.network.species, space.states
         return cls(space.transitions(), 0, *named, truncated, space)
 
     def __len__(self) -> int:

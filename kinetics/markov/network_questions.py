@@ -13,14 +13,14 @@ from kinetics.markov.passage.stationary import Stationary
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.arrays import Counts, Ints, whole_number
 
 
 def chain_to(
-    network: Network,
-    initial: Counts,
+    model: Model | Network,
+    initial: Counts | None,
     species: Counted,
     copies: int,
     max_states: int = MAX_STATES,
@@ -35,22 +35,22 @@ def chain_to(
     >>> chain.counts.tolist(), goal.tolist()
     ([[1, 0], [0, 1]], [False, True])
     """
-    (weights, _), wanted = summed(network, species), whole_number("copies", copies, 0)
-    chain = Chain.of(
-        network, initial, stop=lambda states: states @ weights >= wanted, max_states=max_states, within=within
-    )
+    given = Model.of(model, initial)
+    (weights, _), wanted = summed(given.network, species), whole_number("copies", copies, 0)
+    chain = Chain.of(given, stop=lambda states: states @ weights >= wanted, max_states=max_states, within=within)
     return chain, chain.counts @ weights >= wanted
 
 
 def first_passage(
-    network: Network,
-    initial: Counts,
+    model: Model | Network,
+    initial: Counts | None,
     species: Counted,
     copies: int = 1,
     max_states: int = MAX_STATES,
 ) -> Passage:
-    """The first-passage time from `initial` to at least `copies` of a species.
+    """The first-passage time to at least `copies` of a species.
 
+    initial : counts at time 0 that go before the model's; None for these
     species : one, or a sum of several, as a mapping from species to weight
     max_states : networks with more states before the target are refused
     ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
@@ -67,15 +67,17 @@ def first_passage(
     >>> round(found.mean, 6), round(found.sd, 6)  # 10/3 + 10/2, and the root of the sum of squares
     (8.333333, 6.009252)
     """
-    chain, goal = chain_to(network, initial, species, copies, max_states)
-    return chain.passage(goal, in_words(summed(network, species)[1], copies))
+    given = Model.of(model, initial)
+    chain, goal = chain_to(given, None, species, copies, max_states)
+    return chain.passage(goal, in_words(summed(given.network, species)[1], copies))
 
 
 def committor(
-    network: Network, initial: Counts, targets: Mapping[str, Condition], max_states: int = MAX_STATES
+    model: Model | Network, initial: Counts | None, targets: Mapping[str, Condition], max_states: int = MAX_STATES
 ) -> Committor:
-    """Committors of `targets`: the probability that each is reached first, from `initial` and from every state.
+    """Committors of `targets`: the probability that each is reached first, from the start and from every state.
 
+    initial : counts at time 0 that go before the model's; None for these
     targets : name -> condition on counts as text, or function of states (n, S) with truths (n,)
     max_states : networks with more reachable states are refused
     ValueError: no targets, a state in two of them, missing rates, or too many states
@@ -91,13 +93,15 @@ def committor(
     >>> found.probabilities.round(9).tolist(), found.error < 1e-12
     ([0.75, 0.25], True)
     """
-    chain = Chain.of(network, initial, stop=lambda states: _any(targets, network, states), max_states=max_states)
-    return chain.committor({name: held(target, network, chain.counts) for name, target in targets.items()})
+    given = Model.of(model, initial)
+    chain = Chain.of(given, stop=lambda states: _any(targets, given.network, states), max_states=max_states)
+    return chain.committor({name: held(target, given.network, chain.counts) for name, target in targets.items()})
 
 
-def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) -> Stationary:
-    """The stationary distribution to which the chain converges from `initial`.
+def stationary(model: Model | Network, initial: Counts | None = None, max_states: int = MAX_STATES) -> Stationary:
+    """The stationary distribution to which the chain of a model converges.
 
+    initial : counts at time 0 that go before the model's; None for these
     max_states : networks with more reachable states, or infinitely many, are refused
     ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
 
@@ -112,7 +116,7 @@ def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) 
     >>> found.marginal("B").round(9).tolist(), found.error < 1e-12  # binomial, with probability 0.4
     ([0.36, 0.48, 0.16], True)
     """
-    return Chain.of(network, initial, max_states=max_states).stationary()
+    return Chain.of(model, initial, max_states=max_states).stationary()
 
 
 def _any(targets: Mapping[str, Condition], network: Network, states: Ints) -> Mask:

@@ -35,7 +35,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.markov.transient_means import mean_at, one_time, steps_to, stopped_in
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sums import Counted
 from kinetics.support.answer import Answer, kind_of, weakest
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
@@ -261,7 +261,9 @@ class Sensitivity:
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
 
 
-def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: int = 1) -> tuple[Sensitivity, Mask]:
+def sensitivity_to(
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1
+) -> tuple[Sensitivity, Mask]:
     """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
@@ -272,12 +274,12 @@ def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: 
     >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
     ([False, True], [-1.0])
     """
-    chain, goal = chain_to(network, initial, species, copies)
+    chain, goal = chain_to(model, initial, species, copies)
     return Sensitivity(chain), goal
 
 
 def passage_sensitivity(
-    network: Network, initial: Counts, species: Counted, copies: int = 1, certain: bool = True
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1, certain: bool = True
 ) -> Derivatives:
     """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 
@@ -290,7 +292,7 @@ def passage_sensitivity(
     >>> gradient.parameters, round(gradient.answer.value, 9), gradient.elasticity.round(9).tolist()
     (('make',), 0.5, [-1.0])
     """
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)
 
 

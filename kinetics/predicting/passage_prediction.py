@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.markov import first_passage
 from kinetics.markov.passage import Passage
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.network.sums import Counted
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
@@ -49,13 +49,8 @@ class PassagePrediction(Shown):
     def headline(self) -> str:
         """Its mean time, with the interval from the rates."""
         mean = in_unit(f"{self.mean.value:.4g}", self.passage.time_unit)
-        spread = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates" if self.has_interval else ""
-        return f"time until {self.passage.target}: mean {mean}{spread}"
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether the mean has an interval from the uncertainty of the rates."""
-        return self.mean.kind == CONFIDENCE
+        known = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates"
+        return f"time until {self.passage.target}: mean {mean}{known if self.mean.kind == CONFIDENCE else ''}"
 
     def summary(self) -> ResultTable:
         """The distribution of the time, under its headline and notes."""
@@ -64,9 +59,9 @@ class PassagePrediction(Shown):
 
 
 def predict_passage(
-    network: Network,
+    model: Model | Network,
     rates: Rates | BookRates | None,
-    initial: Counts,
+    initial: Counts | None,
     species: Counted,
     copies: int = 1,
     seed: int = 0,
@@ -75,7 +70,8 @@ def predict_passage(
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
-    rates : None for the network's own, which are taken as known, so that there is no interval
+    rates : None for the model's own, which are taken as known, so that there is no interval
+    initial : counts at time 0 that go before the model's; None for these
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
     tank : where it happens; None for the tank of the rates
     ValueError: rates of another network or without their tank, and what `first_passage` refuses
@@ -88,10 +84,12 @@ def predict_passage(
     >>> found.mean.low < 10.0 < found.mean.high, round(found.passage.mean, 4)  # of the mean rate, 40.5 / 400
     (True, 9.8765)
     """
+    given = Model.of(model, initial)
+    network, start = given.network, given.initial
     if rates is None or not rates.has_evidence:
-        model = network if rates is None else rates.apply(network, tank)
-        passage = first_passage(model, initial, species, copies)
-        return PassagePrediction(passage, passage.answer("mean"), evidence_notes(rates), model)
+        network = network if rates is None else rates.apply(network, tank)
+        passage = first_passage(network, start, species, copies)
+        return PassagePrediction(passage, passage.answer("mean"), evidence_notes(rates), network)
     began, posterior = time.process_time(), rates.posterior(network, tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
@@ -99,14 +97,14 @@ def predict_passage(
     means = []
     for number, each in enumerate(models):
         stage(f"{number} of {draws} draws of the rates", number / draws)
-        means.append(first_passage(each, initial, species, copies).mean)
+        means.append(first_passage(each, start, species, copies).mean)
     # No interpolation between a finite mean and an infinite one.
     low, median, high = np.quantile(means, (LIMITS[0], 0.5, LIMITS[1]), method="inverted_cdf").tolist()
     notes = (
         "the mean is the posterior median of the mean time (which may have no posterior mean), with the middle 95 %",
         "sd, quantiles and curve are those at the posterior mean of each rate constant",
     )
-    passage = first_passage(posterior.expected, initial, species, copies)
+    passage = first_passage(posterior.expected, start, species, copies)
     cost, size = time.process_time() - began, counted(draws, "draw")
     mean = Answer(median, low, high, CONFIDENCE, "draws of the rates", cost, size)
     return PassagePrediction(passage, mean, (*evidence_notes(rates), *notes), posterior.expected)

@@ -15,7 +15,7 @@ from kinetics.markov.passage.backward import BackwardPass, steps_until
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws import Event
 from kinetics.network.laws.expression import quoted
 from kinetics.network.sparse_tables import SparseTable
@@ -35,27 +35,6 @@ TAIL = 0.025
 TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
 DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
 WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
-
-
-@dataclass(frozen=True)
-class Question:
-    """The question to a network: its yield and first time, from where, of what, and until when.
-
-    initial : (S,) counts at time 0
-    target : index of the target species
-    possible : largest number of its copies that the tank could hold
-    horizon : tu, above 0
-    """
-
-    network: Network
-    initial: Ints
-    target: int
-    possible: int
-    horizon: float
-
-    def __post_init__(self) -> None:
-        if not 0 < self.horizon < np.inf:
-            raise ValueError(f"horizon = {self.horizon:g}; expected a positive number of tu")
 
 
 @dataclass(frozen=True)
@@ -79,27 +58,35 @@ class YieldAndFirstTime:
 
 
 def yield_and_first_time(
-    question: Question,
+    model: Model,
+    target: str,
+    possible: int,
+    horizon: float,
     runs: int,
     seed: int,
     max_states: int = MAX_STATES,
     first_run: int = 0,
     like: YieldAndFirstTime | None = None,
 ) -> YieldAndFirstTime:
-    """Exact where the states are few enough, each figure for itself; else from `runs` sampled runs.
+    """Yield and first time of the target: exact if the states are few enough, each for itself; else from `runs` runs.
 
+    target : its species
+    possible : largest number of its copies that the tank could hold
+    horizon : tu, above 0
     max_states : solved exactly up to these; 0 for sampled figures only
     first_run : number of the first run; with one seed, runs of different numbers are independent
     like : the answers at other rates; what was too large there is not tried again
     """
+    if not 0 < horizon < np.inf:
+        raise ValueError(f"horizon = {horizon:g}; expected a positive number of tu")
     load_kernels()
     passage = amount = None
     if max_states and (like is None or like.first.kind != CONFIDENCE):
-        passage = _exact_passage(question, max_states)
+        passage = _exact_passage(model, target, horizon, max_states)
     if max_states and (like is None or like.yield_.kind != CONFIDENCE):
-        amount = _exact_yield(question, max_states)
+        amount = _exact_yield(model, target, possible, horizon, max_states)
     if passage is None or amount is None:
-        *sampled_passage, sampled_amount = _sampled(question, runs, seed, first_run)
+        *sampled_passage, sampled_amount = _sampled(model, target, possible, horizon, runs, seed, first_run)
         passage, amount = passage or sampled_passage, amount or sampled_amount
     (first, first_sd), (reached, _), (yield_, yield_sd) = *passage, amount
     return YieldAndFirstTime(first, reached, yield_, first_sd, yield_sd)
@@ -109,18 +96,17 @@ def yield_and_first_time(
 def load_kernels() -> None:
     """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
     network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
-    question = Question(network, np.array([1]), 0, 1, 1.0)
-    _exact_passage(question, MAX_STATES)
-    _exact_yield(question, MAX_STATES)
-    _sampled(question, 2, 0, 0)
+    model = Model(network, np.array([1]))
+    _exact_passage(model, "x", 1.0, MAX_STATES)
+    _exact_yield(model, "x", 1, 1.0, MAX_STATES)
+    _sampled(model, "x", 1, 1.0, 2, 0, 0)
 
 
-def _exact_passage(question: Question, max_states: int) -> list[WithSpread] | None:
+def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
-    network, end = question.network, question.horizon
     try:
-        chain, goal = chain_to(network, question.initial, network.species[question.target], 1, max_states)
+        chain, goal = chain_to(model, None, target, 1, max_states)
         steps = steps_until(chain.transitions, end)
         seconds = 2.0 * steps * STEP_SECONDS * (chain.transitions.rates.size + len(chain))
         if not seconds <= MAX_SECONDS:
@@ -150,77 +136,83 @@ def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, 
     return first, reached, max(variance, 0.0) ** 0.5
 
 
-def _exact_yield(question: Question, max_states: int) -> WithSpread | None:
+def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
     """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
     try:
-        end = method.solve(question.network, question.initial, [question.horizon])
+        end = method.solve(model.network, model.initial, [horizon])
     except ValueError:
         return None
-    mean, sd, high = (
-        table[0, question.target] / question.possible for table in (end.mean(), end.sd(), end.mean_bounds()[1])
-    )
+    place = model.network.index(target)
+    mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
     low, top, cost = float(mean) - float(high - mean), min(float(high), 1.0), time.process_time() - began
     size = counted(len(end.space), "state")
     return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "exact", cost, size), float(sd)
 
 
-def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[WithSpread, WithSpread, WithSpread]:
+def _sampled(
+    model: Model, target: str, possible: int, end: float, runs: int, seed: int, first_run: int
+) -> tuple[WithSpread, WithSpread, WithSpread]:
     """First target, probability of it by the horizon, and yield, from the same runs.
 
     The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
     paths where the method that takes an event is far dearer, as it is with thousands of channels.
     """
-    n, end = whole_number("runs", runs, 2), question.horizon
+    n = whole_number("runs", runs, 2)
     began = time.process_time()
-    network, noting = question.network, _noting(question)
+    network, noting = model.network, _noting(model.network, target, end)
     size = NetworkSize.of(network)
     is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
-    forecast_runs(network, path_method(network), question.initial, np.array([end]), n)
-    times, targets = (_from_paths if is_dear else _noted)(question, noting, n, seed, first_run)
+    forecast_runs(network, path_method(network), model.initial, np.array([end]), n)
+    times, targets = (
+        _from_paths(model, target, end, n, seed, first_run)
+        if is_dear
+        else _noted(model, noting, target, end, n, seed, first_run)
+    )
     is_reached = ~np.isnan(times)
     first = np.where(is_reached, times, end)
     cost = time.process_time() - began
     return (
         _mean(first, end, cost),
         _mean(is_reached.astype(float), 1.0, cost),
-        _mean(targets / question.possible, 1.0, cost),
+        _mean(targets / possible, 1.0, cost),
     )
 
 
-def _noted(question: Question, noting: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
+def _noted(
+    model: Model, noting: Network, target: str, end: float, runs: int, seed: int, first_run: int
+) -> tuple[Floats, Ints]:
     """First times (runs,), nan where there is none, and targets at the horizon (runs,), from the network that notes."""
-    start, end = np.append(question.initial, 0), question.horizon
+    start = np.append(model.initial, 0)
     counts = path_method(noting).simulate(noting, start, [end], runs, seed, first_run=first_run).counts[:, 0]
     ticks = counts[:, -1] - 1.0  # 0 at the start, then rounded up
     times = np.maximum(ticks - 0.5, 0.0) / TICKS * end
-    return np.where(ticks >= 0, times, np.nan), counts[:, question.target]
+    return np.where(ticks >= 0, times, np.nan), counts[:, noting.index(target)]
 
 
-def _from_paths(question: Question, _: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
+def _from_paths(model: Model, target: str, end: float, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
     """First times (runs,), nan where there is none, and targets at the horizon (runs,), from whole paths."""
-    network, end = question.network, question.horizon
-    method, target = path_method(network), network.species[question.target]
+    network = model.network
+    method, place = path_method(network), network.index(target)
     times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
-    made = method.sample_paths(network, question.initial, end, seed, first_run)
+    made = method.sample_paths(network, model.initial, end, seed, first_run)
     for i, path in zip(range(runs), made, strict=False):
-        times[i], targets[i] = path.first_time(target), path.at([end])[0, question.target]
+        times[i], targets[i] = path.first_time(target), path.at([end])[0, place]
     return times, targets
 
 
-def _noting(question: Question) -> Network:
+def _noting(network: Network, target: str, end: float) -> Network:
     """The network with one more species, whose count notes the time of the first target, in ticks from 1.
 
     An event sets it and no channel needs it, so the runs are those of the network itself, and the kernel makes them
     all in one call.
     """
-    network, target = question.network, question.network.species[question.target]
     name = _free_name("noted", network.species)
     first = Event(
         _free_name("first target", [event.name for event in network.events]),
         f"{quoted(target)} >= 1 and {name} < 1",
-        {name: f"1 + ceil(t / {float(question.horizon)!r} * {TICKS})"},
+        {name: f"1 + ceil(t / {float(end)!r} * {TICKS})"},
         was_true=False,
     )
     reactants, changes = (

@@ -176,7 +176,7 @@ def test_bad_questions(arguments, message):
 
 def test_bad_species():
     start = ["passage", "line4", "--rates", "table3", "--cubes", 60]
-    assert "--species octamer: neither a species nor an observable; did you mean trimer" in run(
+    assert "'octamer' is neither a species nor an observable; did you mean trimer" in run(
         *start, "--species", "octamer", code=2
     )
     assert "0 is not in the range" in run(*start, "--species", "quadmer", "--copies", 0, code=2)

@@ -276,8 +276,8 @@ def test_the_command_takes_rates_by_class_and_uniform_ones(tmp_path):
 def test_the_command_reports_probabilities_that_are_barely_above_zero(tmp_path):
     """Three joins in 1e-5 tu: (Q t)**3 / 6, about 1e-19, which a difference from 1 loses or even turns negative."""
     asked = question(LINE4, ClassRates.uniform(1e-3), 12, 1e-5)
-    space = reachable(asked.network, asked.initial)
-    has_target = space.states[:, asked.target] >= 1
+    space = reachable(asked.model.network, asked.model.initial)
+    has_target = space.states[:, asked.model.network.index(asked.target)] >= 1
     thrice = np.linalg.matrix_power(space.generator().toarray() * 1e-5, 3)
     leading = thrice[0, has_target].sum() / 6
     shared = ("rules", "rank", "line4", "--join", "0.001", "--cubes", "12", "--json", "--horizon")
