@@ -100,20 +100,18 @@ class BackwardPass:
         wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, time)
 
-    def second_moments(self, time: float) -> tuple[float, float]:
-        """Means of the integrals of 2 t and 2 (time - t) times the values, for t from 0 to a time, tu; no bounds."""
+    def second_moment(self, time: float, left: bool = False) -> float:
+        """Mean of the integral of 2 t times the values, or of 2 (time - t), for t from 0 to a time, tu; no bounds."""
         if not self._chain.rates.any():
-            return self._at_once.value * time**2, self._at_once.value * time**2
+            return self._at_once.value * time**2
         first, weights = self._window(time)
         tails = np.ones(first + weights.size)
         tails[first:] = sums_after(weights)
         # 2 t Poisson(n; q t) has the integral 2 (n + 1) P(N > n + 1) / q**2, the other that of all later tails
-        growing = np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
-        found = []
-        for shares in (growing, sums_after(tails)):
-            means, *_ = self._known(2.0 / self._rate**2 * shares, time)
-            found.append(float(2.0 / self._rate**2 * (shares[: means.size] @ means)))
-        return found[0], found[1]
+        shares = sums_after(tails) if left else np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
+        shares *= 2.0 / self._rate**2
+        means, *_ = self._known(shares, time)
+        return float(shares[: means.size] @ means)
 
     def _window(self, time: float) -> tuple[int, Floats]:
         steps = steps_until(self._chain, time)
