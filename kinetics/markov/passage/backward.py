@@ -143,7 +143,7 @@ class BackwardPass:
             if rest <= end * ROUNDOFF * known:  # less than the steps round
                 n_steps = end
         means = np.concatenate(self._blocks[:k])[:n_steps]
-        steps, roundings = np.arange(n_steps), self._arrays[1]
+        steps, roundings = np.arange(n_steps), self._moves[1]
         drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
         if end < n_steps:
             means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
@@ -156,19 +156,20 @@ class BackwardPass:
     def _step_back(self) -> None:
         """One more block of steps, longer the more there are."""
         done = self._ends[-1] if self._ends else 0
-        arrays, roundings = self._arrays
+        moves, roundings = self._moves
         means = np.empty(LOOK + done // 64)
-        twins.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
+        twins.retreat(moves, self._begins, self._chances, self._now, self._before, means)
         self._blocks.append(means)
         self._ends.append(done + means.size)
         self._tops.append(float(self._now.max()))
         self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
 
     @cached_property
-    def _arrays(self) -> tuple[tuple[Any, Any, Any, Any], float]:
+    def _moves(self) -> tuple[Any, float]:
         """P as `twins.retreat` reads it, and how many roundings of a result a step with it adds at most."""
         moves, stays, roundings = one_step(self._chain)
-        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
+        places = moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32)
+        return twins.backward_moves(*places, moves.data, stays), roundings
 
 
 def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:
