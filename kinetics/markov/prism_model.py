@@ -92,14 +92,14 @@ def _check_identifiers(text: str) -> None:
     """A ValueError where the lines of a model hold other names than those they declare, or none that PRISM takes."""
     lines = [line for line in text.splitlines() if not line.startswith("  //")]
     declared = [found[1] for line in lines if (found := VARIABLE.fullmatch(line))]
-    earned = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
+    rewarded = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
     known = {*declared, *CALLED.values(), "true"}
     used = [word for line in lines if line.startswith(("  []", "  true")) for word in WORD.findall(line)]
     others = [
         line for line in lines if not line.startswith("  ") and line not in FRAME and not line.startswith("rewards")
     ]
-    wrong = [name for name in (*declared, *earned) if not WORD.fullmatch(name) or name in TAKEN]
-    doubled = [name for names in (declared, earned) for name, count in Counter(names).items() if count > 1]
+    wrong = [name for name in (*declared, *rewarded) if not WORD.fullmatch(name) or name in TAKEN]
+    doubled = [name for names in (declared, rewarded) for name, count in Counter(names).items() if count > 1]
     unknown = [word for word in used if word not in known]
     for name in (*wrong, *doubled, *unknown, *others):
         raise ValueError(f"the model would hold {name[:80]!r}, which PRISM would misread; rename what is written so")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import earned_in, observing, state_names
+from kinetics.markov.observing import observing, reward_rates, state_names
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Model
@@ -72,7 +72,7 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
             case AlwaysQuery(states) | StationaryQuery(states):
                 conditions = [states]
             case RewardQuery(name, until=until):
-                earned_in(model, name, counts)
+                reward_rates(model, name, counts)
                 conditions = [until]
         for condition in conditions:
             if condition is not None:

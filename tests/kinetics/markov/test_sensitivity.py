@@ -78,7 +78,7 @@ def test_decay():
     assert at.low[0] <= true <= at.high[0]
     assert at.elasticity[0] == pytest.approx(-k * t, rel=1e-12)
     assert at.by_constant[0] == pytest.approx(true / k, rel=1e-12)
-    low, high = at.elasticity_limits
+    low, high = at.elasticity_bounds
     assert low[0] <= -k * t <= high[0]
     assert high[0] - low[0] < 1e-10
     extinct = asked.until("X == 0", by=t)
