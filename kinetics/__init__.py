@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov import Chain, Reward, Sensitivity
-    from kinetics.markov.passage import (
-        Committor,
-        Passage,
-        RareEvent,
-        Stationary,
-        committor,
-        first_passage,
-        rare_event,
-        stationary,
-    )
+    from kinetics.markov import Chain, Reward, Sensitivity, committor, first_passage, stationary
+    from kinetics.markov.passage import Committor, Passage, RareEvent, Stationary, rare_event
     from kinetics.markov.transient import (
         Collocation,
         Dense,
@@ -59,13 +50,10 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.markov": ("Chain", "Reward", "Sensitivity"),
+    "kinetics.markov": ("Chain", "Reward", "Sensitivity", "committor", "first_passage", "stationary"),
     "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
-    "kinetics.markov.passage": (
-        *("Passage", "RareEvent", "Committor", "Stationary"),
-        *("first_passage", "rare_event", "committor", "stationary"),
-    ),
+    "kinetics.markov.passage": ("Passage", "RareEvent", "Committor", "Stationary", "rare_event"),
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),

@@ -1,4 +1,4 @@
-"""`wellmixed ask`: exact answers about a Markov chain, each with its limits."""
+"""`wellmixed ask`: exact answers about a Markov chain, each with its bounds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
-    "Follow the chain --within some of them, which gives limits; --stop it where what you ask is decided; start from "
+    "Follow the chain --within some of them, which gives bounds; --stop it where what you ask is decided; start from "
     "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
 )
 
@@ -76,7 +76,7 @@ def ask(
     with_sensitivity: bool,
     as_json: bool,
 ) -> None:
-    """Answer exact questions about a Markov chain: probabilities, rewards and what holds in the end, with limits.
+    """Answer exact questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
@@ -84,7 +84,7 @@ def ask(
     S. Species count as variables and as rewards. Times are in tu.
 
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
-    so is followed --within some states; limits then hold whatever happens beyond them.
+    so is followed --within some states; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
     from kinetics.markov.queries import parse
@@ -161,7 +161,7 @@ def _write(path: str, chain: Chain, model: Model | None) -> None:
         write_explicit(chain, path)
     elif suffix not in MODELS:
         raise ValueError(f"--out {path}: expected a name that ends in .tra, {', '.join(MODELS)}")
-    elif np.any(chain.lost):
+    elif np.any(chain.truncated):
         raise ValueError(f"--out {path}: a model has no edge; leave out --within")
     elif model is None:
         raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from kinetics.markov.chain import Chain
@@ -13,7 +15,7 @@ from kinetics.support.arrays import Floats, Ints
 
 
 def observing(chain: Chain, model: Model) -> Chain:
-    """The chain of a model, with questions that may name its observables.
+    """The chain of a model, made such that its questions may also name the observables.
 
     Sums are rewards unless they may be negative, and variables of conditions where they are whole. Those named like a
     species are left out.
@@ -24,8 +26,10 @@ def observing(chain: Chain, model: Model) -> Chain:
     >>> observed.states("bodies <= 4").tolist()
     [False, False, True, True]
     """
-    counts = np.asarray(chain.counts)
-    return chain.with_variables(whole_sums(model, counts)).with_rewards(_rewards(model, counts))
+    sums = whole_sums(model, chain.counts)
+    counts = np.column_stack([chain.counts, *sums.values()])
+    rewards = _rewards(model, chain.counts)
+    return replace(chain, variables=(*chain.variables, *sums), counts=counts, rewards=rewards)
 
 
 def state_names(model: Model, counts: Ints) -> StateNames:

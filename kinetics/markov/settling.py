@@ -12,10 +12,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.chain import DEADLOCK, INIT, Chain
-from kinetics.markov.listing import Condition, held
+from kinetics.markov.chain import Chain
+from kinetics.markov.checks import DEADLOCK, INIT
 from kinetics.markov.observing import observing, state_names
 from kinetics.markov.queries import Query, Settled
+from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Model
 from kinetics.support.arrays import Ints

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.level_chain import LevelBins, LevelChances, LevelJumps
+from kinetics.markov.passage.level_surrogate import LevelBins, LevelChances, LevelJumps
 from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 from kinetics.support.shown import ResultTable, Shown, facts

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from kinetics.markov.passage.restricted import restricted_passage
+from kinetics.markov.chain import Chain
+from kinetics.markov.network_questions import chain_to
+from kinetics.markov.passage.backward import BackwardPass, steps_until
+from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
+from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.network import Model, Network
 from kinetics.network.laws import Event
 from kinetics.network.laws.expression import quoted
@@ -20,8 +24,9 @@ from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.cli.progress import forecast
 from kinetics.support.intervals import student_quantile
-from kinetics.support.tables import counted
+from kinetics.support.tables import counted, rough
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
@@ -101,15 +106,34 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
     try:
-        found = restricted_passage(model.network, model.initial, target, end, 1, max_states, MAX_SECONDS)
+        chain, goal = chain_to(model, None, target, 1, max_states)
+        steps = steps_until(chain.transitions, end)
+        seconds = 2.0 * steps * STEP_SECONDS * (chain.transitions.rates.size + len(chain))
+        if not seconds <= MAX_SECONDS:
+            return None
+        forecast(seconds, f"{rough(steps)} steps over {len(chain)} states")
+        first, reached, sd = first_by(chain, goal, end)
     except ValueError:
         return None
-    cost = time.process_time() - began
-    sd, kind = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5, kind_of(found.is_bound)
-    return [
-        (_exact(found.mean, found.mean_error, end, kind, found.n_states, cost), found.sd),
-        (_exact(found.reached, found.reached_error, 1.0, kind, found.n_states, cost), sd),
-    ]
+    chance, cost = reached.value, time.process_time() - began
+    found = {"method": "exact", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
+    return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
+
+
+def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
+    """Mean of min(T, horizon), tu, with T the time until the goal (N,); P(T <= horizon); sd of the first.
+
+    Two questions to the chain: for how long it is outside the goal, and whether it is inside at the horizon.
+    """
+    outside, inside = (BackwardPass(chain.transitions, chain.initial, held.astype(float)) for held in (~goal, goal))
+    first, reached = outside.integral(horizon), inside.at(horizon).clipped()
+    square, left_square = outside.second_moments(horizon)[0], inside.second_moments(horizon)[1]
+    left = inside.integral(horizon).value
+    # from the moments of the time, or of what it leaves of the horizon, whichever loses less by the difference
+    variance = min((square, square - first.value**2), (left_square, left_square - left**2))[1]
+    first = replace(first, value=min(first.value, horizon), high=min(first.high, horizon))
+    return first, reached, max(variance, 0.0) ** 0.5
 
 
 def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
@@ -122,13 +146,9 @@ def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_s
         return None
     place = model.network.index(target)
     mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
-    kind, cost = kind_of(end.is_bound), time.process_time() - began
-    return _exact(float(mean), float(high - mean), 1.0, kind, len(end.space), cost), float(sd)
-
-
-def _exact(value: float, error: float, top: float, kind: str, states: int, cost: float) -> Answer:
-    size = counted(states, "state")
-    return Answer(value, max(value - error, 0.0), min(value + error, top), kind, "exact", cost, size)
+    low, top, cost = float(mean) - float(high - mean), min(float(high), 1.0), time.process_time() - began
+    size = counted(len(end.space), "state")
+    return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "exact", cost, size), float(sd)
 
 
 def _sampled(

@@ -42,7 +42,7 @@ def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
                           (({"A": 1, "AB": 2}, 60), ("AB", 10)))  # fmt: skip
     assert by_sum.mean == by_species.mean
     assert (by_sum.target, by_species.target) == ("A + 2 AB >= 60", "10 AB")
-    assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean == by_species.mean
+    assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean.value == by_species.mean
     slopes = [passage_sensitivity(model.network, model.initial, *asked) for asked in (({"AB": 2.0}, 20), ("AB", 10))]
     assert slopes[0].value.tolist() == slopes[1].value.tolist()
     for more in ([], ["--sensitivity"], ["--within", "300"]):

@@ -8,11 +8,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_array_equal
 
-from kinetics import Model
 from kinetics.formats import write
-from kinetics.markov.passage import committor, first_passage
+from kinetics.markov import committor, first_passage
 from kinetics.markov.transient import FiniteStateProjection, reachable
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling import sample_path
 from wellmixed import main
