@@ -6,6 +6,7 @@ import click
 import numpy as np
 
 from kinetics.commands.start import start
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
     AskedStart,
@@ -16,7 +17,7 @@ from kinetics.support.cli.options import (
     seed_option,
     starting_options,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 TIMES = 101  # at which distributions are compared

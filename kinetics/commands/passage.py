@@ -12,6 +12,7 @@ from kinetics.commands.start import Start, instead_of_many_states, start
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.cli.options import (
     AskedStart,
+    budget_option,
     echo_json,
     json_option,
     plot_option,
@@ -67,6 +68,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
 )
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def passage(
@@ -78,6 +80,7 @@ def passage(
     within: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -97,9 +100,9 @@ def passage(
         if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
         with instead_of_many_states(INSTEAD):
-            _limits(begin, within, species, copies, as_json)
+            _limits(begin, within, species, copies, budget, as_json)
         return
-    with instead_of_many_states(INSTEAD), progress_line() as progress:
+    with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
         made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
         found = made.passage
@@ -215,14 +218,14 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
     return Sensitivities(mean, sd, quantiles, "")
 
 
-def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
+def _limits(begin: Start, within: str | int, species: str, copies: int, budget: float, as_json: bool) -> None:
     """Limits of the time within a part of the states, at the rates of the file."""
     from kinetics.markov import Chain
 
     began = time.process_time()
     model = begin.model
     weights, name = summed(model.network, begin.counted(species))
-    with progress_line() as progress:
+    with progress_line(budget=budget) as progress:
         progress("listing states")
         chain = Chain.of(
             model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST

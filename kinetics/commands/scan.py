@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.commands.start import is_network_file, start
-from kinetics.support.cli.failures import keep
+from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     AskedStart,
     budget_option,
@@ -21,13 +21,11 @@ from kinetics.support.cli.options import (
     tank_option,
     within_option,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
     from kinetics.commands.start import Start
-
-UNANSWERED = 1  # exit code
 
 
 @click.command()
@@ -199,7 +197,7 @@ def scan(
         )
         raise SystemExit(INTERRUPTED)
     if made.unanswered:
-        raise SystemExit(UNANSWERED)
+        raise SystemExit(CHECKED)
 
 
 def _start(asked: AskedStart, edges: tuple[float, float, float] | None, over: dict[str, list[float]]) -> Start:

@@ -15,6 +15,7 @@ from kinetics.markov.transient.dense import MAX_DENSE
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.uniformisation import MAX_STEPS
 from kinetics.support.arrays import Floats, real_number, rising_times
+from kinetics.support.cli.progress import allowed
 
 BACKWARD = "uniformisation, backwards"
 MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a small chain forwards by squaring
@@ -52,7 +53,7 @@ def mean_at(
     began, most = time.process_time(), MANY_STEPS if transitions.size <= MAX_DENSE else MAX_STEPS
     if method is None and steps_to(transitions, start, values, end, most) <= most:
         return ChainAnswer.of(expected_at(transitions, start, values, end), BACKWARD, time.process_time() - began)
-    chosen = method or Transient()
+    chosen = method or Transient(max_seconds=allowed(Transient.max_seconds))
     rows, error, is_bound = chosen.probabilities(transitions, start, np.array([end]), space)
     value = float(rows[0] @ values)
     slack = 1.001 * (error + ROUNDOFF * transitions.size) * float(values.max())
