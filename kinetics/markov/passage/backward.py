@@ -16,10 +16,12 @@ import numpy as np
 
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.markov.transient.transitions import Transitions
-from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
 from kinetics.native import twins
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
@@ -120,6 +122,9 @@ class BackwardPass:
                 f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
                 f"{MAX_STEPS}; ask for an earlier time"
             )
+        left = 0.0 if self._is_settled else steps - (self._ends[-1] if self._ends else 0)
+        n, listed = self._now.size, self._chain.rates.size
+        forecast(max(left, 0.0) * STEP_SECONDS * (n + listed), f"up to {rough(left)} steps back over {n} states")
         return poisson_window(self._rate * time, LEFT_OUT)
 
     def _within(self, value: float, wrong: float, unit: float) -> Answer:

@@ -136,6 +136,7 @@ def test_known_rates_come_back_within_their_intervals():
     assert rates.classes["break"].events > 200
 
 
+@pytest.mark.validate
 def test_intervals_cover():
     """Of 120 calibrations, each from two runs; intervals of half the width are caught."""
     paths = grown("first-order", runs=240, seed=7)

@@ -132,6 +132,7 @@ def covered(studies):
     return ((limits[..., 0] <= known) & (known <= limits[..., 1])).sum(axis=0)
 
 
+@pytest.mark.validate
 def test_intervals_of_simulated_studies_cover_the_truth(tmp_path, request):
     """No channel is covered less often than a coverage of 95 % allows with a chance of 1e-6 for all channels together.
 
