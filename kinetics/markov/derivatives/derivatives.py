@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.passage.backward import LimitedValue
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import figure, text_table
@@ -29,13 +29,13 @@ class Derivatives(Shown):
     cpu_seconds : time that took
 
     >>> from kinetics import Chain, Network, Sensitivity
-    >>> slopes = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).in_the_end("B == 1")
-    >>> slopes.value.round(9).tolist(), slopes.elasticity.round(9).tolist(), slopes.is_bound  # 0.4 * 0.6, and over 0.4
+    >>> gradient = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).steady_state("B == 1")
+    >>> gradient.value.round(9).tolist(), gradient.elasticity.round(9).tolist(), gradient.is_bound  # 0.4 * 0.6
     ([0.24, -0.24], [0.6, -0.6], True)
     """
 
     parameters: tuple[str, ...]
-    answer: LimitedValue
+    answer: Answer
     value: Floats
     low: Floats
     high: Floats
@@ -77,7 +77,7 @@ class Derivatives(Shown):
         low, high = self.elasticity_limits
         return {
             "parameters": self.parameters,
-            "answer": self.answer._asdict(),
+            "answer": self.answer.to_dict(),
             "value": self.value,
             "low": self.low,
             "high": self.high,
