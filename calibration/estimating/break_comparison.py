@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
-from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, compare_fits
+from calibration.estimating.rate_fit import (
+    CLOSE,
+    ImpossibleEventError,
+    LikelihoodRatio,
+    RateFit,
+    compare_fits,
+    simplest,
+)
 from kinetics.rates.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
 from kinetics.support.cli.progress import stage
@@ -21,7 +28,6 @@ if TYPE_CHECKING:
     from kinetics.rates import Rates
 
 FOLDS = 5
-CLOSE = 2.0  # of AIC: within it of the smallest, the model with the fewest parameters is taken
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,8 +109,8 @@ class BreakComparison(Shown):
         Where partners were watched and the breaks alone ask for a model that has some, the choice among those is by
         who broke what.
         """
-        chosen = _simplest(self.fits)
-        return _simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
+        chosen = simplest(self.fits)
+        return simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
 
     def _asks_for_partners(self, chosen: RateFit) -> bool:
         named = {fit.model.name for fit in self.fits_by_partner}
@@ -113,7 +119,7 @@ class BreakComparison(Shown):
     @property
     def reason(self) -> str:
         """Why that one was chosen, in a sentence."""
-        first = _simplest(self.fits)
+        first = simplest(self.fits)
         if not self._asks_for_partners(first):
             return _why(first, self.fits)
         by_partner = _why(self.chosen, self.fits_by_partner, "allows all that was seen")
@@ -196,12 +202,6 @@ def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath]) -> 
     return found
 
 
-def _simplest(fits: Sequence[RateFit]) -> RateFit:
-    """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC."""
-    least = min(fit.aic for fit in fits)
-    return min((fit for fit in fits if fit.aic <= least + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
-
-
 def _why(chosen: RateFit, fits: Sequence[RateFit], alone: str = "was fitted") -> str:
     """Why that one of these, in a sentence; `alone` says what sets it apart where it is the only one."""
     best = min(fits, key=lambda fit: fit.aic)
@@ -223,9 +223,9 @@ def _why(chosen: RateFit, fits: Sequence[RateFit], alone: str = "was fitted") ->
 def _score_of_fold(fit: RateFit, fold: int) -> float:
     """Log score on a fifth of the runs of a fit to the others."""
     numbers = range(len(fit.likelihood.paths))
-    rest = fit.likelihood.among([i for i in numbers if i % FOLDS != fold])
+    rest = fit.likelihood.subset([i for i in numbers if i % FOLDS != fold])
     refit = RateFit(rest, fit.fixed, rest.maximum(fit.fixed, near=fit.model.shape_values))
-    return log_score(refit, fit.likelihood.among([i for i in numbers if i % FOLDS == fold]))
+    return log_score(refit, fit.likelihood.subset([i for i in numbers if i % FOLDS == fold]))
 
 
 def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:
