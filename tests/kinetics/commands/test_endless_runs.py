@@ -30,13 +30,14 @@ def folder(tmp_path):
         (["hot.rxn", "--times", 0, "--times", 1], [0], "forecast"),
     ],
 )
-def test_figures_are_given_for_the_times_before(words, times, reason, folder):
-    done = run_here("predict", *words, "--runs", 40, "--seed", 1, "--json", cwd=folder)
+@pytest.mark.parametrize("effort", [("--runs", 40), ("--accuracy", "20%")])
+def test_figures_are_given_for_the_times_before(effort, words, times, reason, folder):
+    done = run_here("predict", *words, *effort, "--seed", 1, "--json", cwd=folder)
     assert done.code == STOPPED
     told = json.loads(done.out)
     assert told["times"] == times
     assert len(told["mean"]) == len(times)
-    assert told["runs"] == 40
+    assert told["runs"] == 40 if effort[0] == "--runs" else told["accuracy"]["reached"]
     assert told["truncated"]["reason"] == reason
     assert told["truncated"]["share"] > 0
     assert any("was truncated at" in note for note in told["notes"])
@@ -46,6 +47,7 @@ def test_figures_are_given_for_the_times_before(words, times, reason, folder):
     ("words", "says"),
     [
         (["predict", "yule.rxn", "--times", 60, "--runs", 20], "ask for earlier times"),
+        (["predict", "yule.rxn", "--times", 60, "--accuracy", "20%"], "ask for earlier times"),
         (["predict", "steep.rxn", "--times", 1, "--runs", 20], "a propensity beyond 1e308"),
     ],
 )
