@@ -14,7 +14,8 @@ from kinetics.markov.chain_distribution import ChainDistribution
 from kinetics.markov.checks import Reward, built_in, checked_parts, states_of
 from kinetics.markov.passage.backward import expected_integral
 from kinetics.markov.passage.committor import Committor, committor_of
-from kinetics.markov.passage.first_passage import Passage, passage_to
+from kinetics.markov.passage.first_passage import Passage
+from kinetics.markov.passage.moments import passage_to
 from kinetics.markov.passage.stationary import Stationary, stationary_of, steady_mean
 from kinetics.markov.passage.until import Mask, accumulated_until, always, rate_reward, until
 from kinetics.markov.predicates import StateNames
