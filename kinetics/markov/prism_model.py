@@ -18,6 +18,7 @@ from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
 from kinetics.network.laws.reading import LONGEST, shortened
+from kinetics.network.network import check_homogeneous
 from kinetics.support.arrays import Ints
 
 # Words of the language, which nothing may have for a name, and the label that it gives.
@@ -66,7 +67,7 @@ def prism_text(model: Model, most: Ints) -> str:
     ["[] n_A >= 1 -> 2.0 * 1.0 * n_A : (n_A' = n_A - 1) & (B' = B + 1);"]
     """
     network, initial = model.network, model.initial
-    network.check_homogeneous()
+    check_homogeneous(network)
     names = prism_names(network.species)
     tops = np.maximum(most, initial).tolist()
     # a variable needs two values

@@ -220,7 +220,7 @@ def _noting(network: Network, target: str, end: float) -> Network:
         SparseTable(table.starts, table.columns, table.copies, table.n_columns + 1)
         for table in (network.sparse_reactants, network.sparse_stoichiometry)
     )
-    return Network.from_sparse(
+    return Network(
         (*network.species, name),
         network.channels,
         reactants,

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.stats import binom
@@ -17,7 +18,7 @@ from calibration.estimating.class_spread import class_spreads, flagged
 from calibration.estimating.named_partners import of_the_named
 from kinetics.assembly import Derivation, RateClass
 from kinetics.network import Tank
-from kinetics.networkfree import grow, growth_of, path_of
+from kinetics.networkfree import grow, growth_of
 from kinetics.rates import ClassRates
 from kinetics.rates.breaks import break_model
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, JumpPath

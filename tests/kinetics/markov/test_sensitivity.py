@@ -1,5 +1,7 @@
 """Derivatives of a chain's answers: closed forms, differences of the answers themselves, names, input and pictures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_systems import decay, line, network, switch
@@ -103,7 +105,7 @@ def test_a_switch():
 
 def test_a_rate_law_has_a_factor_before_it():
     """X -> nothing at vmax X / (K + X) with one copy: an exponential wait of rate vmax / (K + 1)."""
-    model = decay(1.0).with_laws({"decay": "2.0 * X / (3.0 + X)"})
+    model = replace(decay(1.0), laws={"decay": "2.0 * X / (3.0 + X)"})
     found = Sensitivity(Chain.of(model, {"X": 1})).until("X == 0", by=1.5)
     assert found.value[0] == pytest.approx(0.75 * np.exp(-0.75), rel=1e-12)
     assert found.is_bound  # by what interval arithmetic knows of the law
