@@ -61,20 +61,31 @@ class Exposure:
         return Exposure(self.network, self.events + more.events, self.exposure + more.exposure, self.tank)
 
     def in_tank(self, tank: Tank | None) -> Exposure:
-        """The same events for rate constants of another tank: n bodies meet volume^-(n - 1) times as often.
-
-        ValueError: one of the two tanks is not known.
-        """
+        """These events, with the exposure for rate constants of another tank. ValueError: a tank is not known."""
         if tank == self.tank:
             return self
-        if tank is None or self.tank is None:
-            raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
-        order = np.zeros(self.exposure.size)
-        np.add.at(order, self.network.sparse_reactants.rows, self.network.sparse_reactants.copies)
-        return Exposure(self.network, self.events, self.exposure * tank.dilution(self.tank) ** (order - 1), tank)
+        return Exposure(self.network, self.events, self.exposure * meetings(self.network, self.tank, tank), tank)
 
     def __radd__(self, other: object) -> Exposure:
         return self if other == 0 else NotImplemented  # so that sum() works
+
+
+def meetings(network: Network, measured: Tank | None, wanted: Tank | None) -> Floats:
+    """Factors (R,) from exposures in one tank to those in another: n bodies meet volume^-(n - 1) times as often.
+
+    ValueError: one of the two tanks is not known.
+    """
+    if measured is None or wanted is None:
+        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
+    order = np.zeros(len(network.channels))
+    np.add.at(order, network.sparse_reactants.rows, network.sparse_reactants.copies)
+    return np.asarray(wanted.dilution(measured) ** (order - 1))
+
+
+def require_tanks(paths: Iterable[JumpPath]) -> None:
+    """ValueError where only some of the runs state their tank."""
+    if len({path.tank is None for path in paths}) > 1:
+        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
 
 
 def require_same(first: Network, second: Network) -> None:

@@ -43,8 +43,8 @@ class SamplingMethod(ABC):
     takes_rate_laws: ClassVar[bool] = False  # other than mass action
     takes_events: ClassVar[bool] = False
     most_reactants: ClassVar[float] = inf  # of a channel
-    most_species: ClassVar[float] = inf
-    most_channels: ClassVar[float] = inf
+    max_species: ClassVar[float] = inf
+    max_channels: ClassVar[float] = inf
     most_factors: ClassVar[float] = 1e7  # channels times reactants of the largest, a table; up to 4 reactants, any
     start_cost: ClassVar[float] = 2e4  # processor time of a run without events, ns
     is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
@@ -70,8 +70,8 @@ class SamplingMethod(ABC):
             return f"the network has {odd[0]}{more}; the method {self.name!r} takes {takes}: use 'general', or 'auto'"
         size = NetworkSize.of(network) if size is None else size
         for what, here, most in (
-            ("species", size.n_species, self.most_species),
-            ("channels", size.n_channels, self.most_channels),
+            ("species", size.n_species, self.max_species),
+            ("channels", size.n_channels, self.max_channels),
         ):
             if here > most:
                 return f"the network has {here} {what}; the method {self.name!r} takes at most {most}: use 'auto'"

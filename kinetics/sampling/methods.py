@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.runs import Ensemble, JumpPath
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
@@ -17,10 +17,10 @@ BY_NAME = {method.name: method for method in SAMPLING_METHODS}
 
 
 def simulate(
-    network: Network,
+    model: Model | Network,
     method: SamplingMethod | str,
-    initial: Counts,
-    times: ArrayLike,
+    initial: Counts | None = None,
+    times: ArrayLike = (),
     runs: int = 1000,
     seed: int = 0,
     threads: int | None = None,
@@ -29,7 +29,7 @@ def simulate(
     """Counts of `runs` independent runs at `times` (T,), tu; the same for any number of threads.
 
     method : one with its settings, or its name: "auto", "ssa" and the others of `SAMPLING_METHODS`
-    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    initial : counts at time 0, as in {"A": 100}, that go before the model's; None for these
     max_events : the most events of a run. One that would come to more, or whose counts or propensities go beyond all
         numbers, is truncated: the ensemble then ends at the last time before that, and `truncated` says why
     ValueError: a run truncated before the first time, no such method, one that does not take the network, missing
@@ -47,15 +47,23 @@ def simulate(
     >>> bool((runs["B"] + runs["AB"] == 10).all())
     True
     """
-    made = sampling_method(method)
-    return made.simulate(network, initial, times, runs=runs, seed=seed, threads=threads, max_events=max_events)
+    given, made = Model.of(model, initial), sampling_method(method)
+    return made.simulate(
+        given.network, given.initial, times, runs=runs, seed=seed, threads=threads, max_events=max_events
+    )
 
 
 def sample_path(
-    network: Network, initial: Counts, end: float, seed: int = 0, run: int = 0, max_events: int = MAX_EVENTS
+    model: Model | Network,
+    initial: Counts | None,
+    end: float,
+    seed: int = 0,
+    run: int = 0,
+    max_events: int = MAX_EVENTS,
 ) -> JumpPath:
-    """Every event of one exact run from `initial` until `end`, tu.
+    """Every event of one exact run until `end`, tu.
 
+    initial : counts at time 0 that go before the model's; None for these
     The method is that of `path_method`: the direct method under mass action, `General` under other rate laws. (seed,
     run) name the run. ValueError: missing rates, no method that takes the network, or one with events; a run that
     would come to more than `max_events` events
@@ -65,7 +73,9 @@ def sample_path(
     >>> sample_path(decay, {"A": 5}, end=1e6, seed=1).states[:, 0].tolist()
     [5, 4, 3, 2, 1, 0]
     """
-    return path_method(network).sample_path(network, initial, end, seed=seed, run=run, max_events=max_events)
+    given = Model.of(model, initial)
+    method = path_method(given.network)
+    return method.sample_path(given.network, given.initial, end, seed=seed, run=run, max_events=max_events)
 
 
 def path_method(network: Network) -> SamplingMethod:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.cli.failures import DIFFERENT
 from kinetics.support.cli.options import echo_json, json_option, picture_of
-
-DIFFERENT = 4  # exit code: not the same happened
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial limits."""
+"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial bounds."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.formats import NetworkModel
-from kinetics.markov.observing import earned_in, state_names
+from kinetics.markov.observing import reward_rates, state_names
 from kinetics.markov.predicates import StateNames
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
-from kinetics.predicting.scanning.answer import SAMPLED, ScanAnswer
+from kinetics.network import Model
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Auto
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
+from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import binomial_limits, student_quantile
+from kinetics.support.tables import counted
 
 Q = TypeVar("Q", bound=Query)
 
@@ -35,19 +36,17 @@ def check_ends(question: str, query: Query) -> None:
         raise ValueError(f"{question!r} cannot be sampled: {LASTS}")
 
 
-def sampled_answers(
-    model: NetworkModel, questions: Sequence[tuple[str, Query]], runs: int, seed: int
-) -> list[ScanAnswer]:
+def sampled_answers(model: Model, questions: Sequence[tuple[str, Query]], runs: int, seed: int) -> list[Answer]:
     """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by paths.
 
     Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
     """
-    found: dict[Query, ScanAnswer] = {}
+    found: dict[Query, Answer] = {}
     for question, query in questions:
         try:
             check_ends(question, query)
         except ValueError as error:
-            found[query] = ScanAnswer.none(str(error))
+            found[query] = Answer.none(str(error))
     asked = [query for _, query in questions if query not in found]
     at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
     on_paths = [query for query in asked if query not in at_times]
@@ -61,7 +60,7 @@ def sampled_answers(
     return [found[query] for _, query in questions]
 
 
-def _timed(queries: Sequence[Q], sampled: Callable[[Sequence[Q]], tuple[list[Floats], str]]) -> dict[Query, ScanAnswer]:
+def _timed(queries: Sequence[Q], sampled: Callable[[Sequence[Q]], tuple[list[Floats], str]]) -> dict[Query, Answer]:
     """The answers of samples that are made together; each bears its share of the time.
 
     Where one of them has no answer, each is asked alone.
@@ -71,13 +70,13 @@ def _timed(queries: Sequence[Q], sampled: Callable[[Sequence[Q]], tuple[list[Flo
         samples, method = sampled(queries)
     except ValueError as error:
         if len(queries) == 1:
-            return {queries[0]: ScanAnswer.none(str(error))}
+            return {queries[0]: Answer.none(str(error))}
         return {query: answer for each in queries for query, answer in _timed([each], sampled).items()}
     seconds = (time.process_time() - began) / len(queries)
     return {query: _answer(query, values, method, seconds) for query, values in zip(queries, samples, strict=True)}
 
 
-def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
+def _at_times(model: Model, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
     """Values (runs,) of each reward at its time."""
     times = np.array(sorted({float(query.at or 0.0) for query in queries}))
     method = Auto().choose(model.network, model.initial)
@@ -86,13 +85,10 @@ def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, se
         raise TruncatedRunsError(made.truncated)
     counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
-    return [
-        earned_in(model.network, model.observables, query.name, counts[:, t])
-        for t, query in zip(rows, queries, strict=True)
-    ], method.name
+    return [reward_rates(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
 
 
-def _on_paths(model: NetworkModel, queries: Sequence[Query], runs: int, seed: int) -> tuple[list[Floats], str]:
+def _on_paths(model: Model, queries: Sequence[Query], runs: int, seed: int) -> tuple[list[Floats], str]:
     """Values (runs,) of each question about paths: truths as 1 or 0, or totals."""
     end = max(_end(query) or 0.0 for query in queries)
     method = path_method(model.network)
@@ -100,7 +96,7 @@ def _on_paths(model: NetworkModel, queries: Sequence[Query], runs: int, seed: in
     samples: list[list[Floats]] = [[] for _ in queries]
     for many in _blocks(paths, runs):
         table = _Visits.of(many)
-        names = state_names(model.network, model.observables, table.counts)
+        names = state_names(model, table.counts)
         for values, query in zip(samples, queries, strict=True):
             values.append(_judged(table, names, model, query))
     return [np.concatenate(values) for values in samples], method.name
@@ -147,11 +143,11 @@ class _Visits:
         return rows
 
 
-def _judged(visits: _Visits, names: StateNames, model: NetworkModel, query: Query) -> Floats:
+def _judged(visits: _Visits, names: StateNames, model: Model, query: Query) -> Floats:
     """Whether each path fulfils a question (runs,), or the total that it earns."""
     if isinstance(query, RewardQuery):
         held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
-        earned = held * earned_in(model.network, model.observables, query.name, visits.counts)
+        earned = held * reward_rates(model, query.name, visits.counts)
         return np.bincount(visits.run, earned, visits.runs).astype(float)
     if isinstance(query, AlwaysQuery):
         broken = ~names.holds(query.states) & (visits.entered <= (query.by or 0.0))
@@ -174,8 +170,8 @@ def _end(query: Query) -> float | None:
     return None
 
 
-def _answer(query: Query, values: Floats, method: str, seconds: float) -> ScanAnswer:
-    """Value, standard error and limits of a sample (runs,)."""
+def _answer(query: Query, values: Floats, method: str, seconds: float) -> Answer:
+    """Value, standard error and bounds of a sample (runs,)."""
     runs, mean = len(values), float(values.mean())
     error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
     if isinstance(query, RewardQuery):
@@ -183,4 +179,5 @@ def _answer(query: Query, values: Floats, method: str, seconds: float) -> ScanAn
         low, high = mean - half, mean + half
     else:
         low, high = map(float, binomial_limits(values.sum(), runs, LEVEL))
-    return ScanAnswer(mean, low, high, SAMPLED, method, seconds, standard_error=error, runs=runs)
+    why = counted(runs, "run") + (f", standard error {error:.3g}" if error > 0 else "")
+    return Answer(mean, low, high, CONFIDENCE, method, seconds, why)

@@ -1,4 +1,4 @@
-"""What a value of a chain gains or loses as the rates of each channel grow, with limits."""
+"""What a value of a chain gains or loses as the rates of each channel grow, with bounds."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.transient.transitions import Transitions, totals
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
 
 
-class Slopes(NamedTuple):
+class Gradient(NamedTuple):
     """The derivatives of an answer by the logarithm of all rates of each of C channels.
 
     answer : the value itself
@@ -20,21 +20,21 @@ class Slopes(NamedTuple):
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_until
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_until
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> found = slopes_until(entries, np.array([1.0, 0.0]), np.array([True, True]), np.array([False, True]))
+    >>> found = gradient_until(entries, np.array([1.0, 0.0]), np.array([True, True]), np.array([False, True]))
     >>> found.answer.value, found.value.tolist()  # B is certain, whatever the rate
     (1.0, [0.0])
     """
 
-    answer: LimitedValue
+    answer: Answer
     value: Floats
     wide: Floats
     is_bound: bool
 
     @classmethod
-    def none(cls, answer: LimitedValue, n_channels: int) -> Slopes:
-        """The slopes of an answer that no rate changes, all 0."""
+    def none(cls, answer: Answer, n_channels: int) -> Gradient:
+        """The gradient of an answer that no rate changes, all 0."""
         return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 
 
