@@ -159,7 +159,7 @@ def test_a_full_disk_under_the_store_of_runs(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("mechsim.runs.turns.os.fsync", full)
+        patch.setattr("mechsim.runs.file_locks.os.fsync", full)
         done = run_here(*SIMULATE, cwd=tmp_path)
     assert "No space left on device; could not write" in failed(done, OUTSIDE)
     assert not list(tmp_path.glob("runs/.*"))
