@@ -194,7 +194,7 @@ class Sensitivities(NamedTuple):
             (name, *(figure(each.elasticity[p], ".6g") for each in self.others.values()))
             for p, name in enumerate(self.of_mean.parameters)
         ]
-        widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
+        widths = [max((each.elasticity_bounds[1] - each.elasticity_bounds[0]) / 2) for each in self.others.values()]
         rows.append(("+- at most", *(figure(wide, ".1e") for wide in widths)))
         kind = kind_of(all(each.is_bound for each in self.others.values()))
         seconds = sum(each.cpu_seconds for each in self.others.values())

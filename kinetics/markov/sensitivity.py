@@ -1,4 +1,4 @@
-"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with limits."""
+"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with bounds."""
 
 from __future__ import annotations
 
@@ -252,7 +252,7 @@ class Sensitivity:
         return [self._derivatives(each, method, seconds) for each in found]
 
     def _derivatives(self, found: Gradient, method: str, seconds: float) -> Derivatives:
-        """By parameters, with the limits of each."""
+        """By parameters, with the bounds of each."""
         answer, value, wide, is_bound = found
         low, high = value - wide, value + wide
         return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)

@@ -46,7 +46,7 @@ def mean_at(
     space: StateSpace | None = None,
     method: ListingMethod | None = None,
 ) -> Answer:
-    """Mean of `values` (N,), none negative, at a time, tu, with limits.
+    """Mean of `values` (N,), none negative, at a time, tu, with bounds.
 
     method : a solving method for the pass, forwards, whose error is absolute; by default it is backwards, with a
         relative one, or by `Transient` where that would take too many steps

@@ -8,7 +8,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.failures import STOPPED
-from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
+from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
 from mechsim.commands.options import run_options
 
@@ -195,7 +195,6 @@ def simulate(
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:
     """What the tank holds at the start."""
-    from kinetics.support.cli.options import counts_of
     from mechsim.runs.species import single_cubes
 
     if (cubes is None) == (initial is None):
