@@ -57,6 +57,40 @@ def test_a_command_without_any_figure_says_why(words, says, folder):
     assert says in done.err
 
 
+def test_growth_without_a_network_is_truncated_alike(folder):
+    """A line of four that joins and breaks without end; the same runs, as far as they go."""
+    words = [
+        "rules",
+        "grow",
+        "line4",
+        "--cubes",
+        20,
+        "--join",
+        0.1,
+        "--break",
+        0.1,
+        "--runs",
+        3,
+        "--times",
+        1,
+        "--times",
+        40,
+    ]
+    whole = run_here(*words, "--json", cwd=folder).json
+    assert whole["truncated"] is None
+    done = run_here(*words, "--max-events", 60, "--json", cwd=folder)
+    assert done.code == STOPPED
+    told = json.loads(done.out)
+    assert told["times"] == [1.0]
+    for name, series in told["series"].items():
+        assert series["mean"] == whole["series"].get(name, {"mean": series["mean"]})["mean"][:1]
+    assert (told["truncated"]["reason"], told["truncated"]["beyond"]) == ("events", 40.0)
+    assert 1.0 <= told["truncated"]["time"] < 40.0
+    nothing = run_here(*words, "--max-events", 1, cwd=folder)
+    assert nothing.code == 2
+    assert "ask for earlier times" in nothing.err
+
+
 def test_an_ordinary_prediction_is_not_truncated(folder):
     done = run_here("predict", "explode.rxn", "--times", 1, "--runs", 20, "--json", cwd=folder)
     assert done.json["truncated"] is None
