@@ -151,7 +151,7 @@ class Scene(Settings):
         return next((e for e in self.effects if e.effect == name), None)
 
     def provider(self, what: str) -> Any | None:
-        """Settings of the listed effect that has this name or provides it (`drag`: drag or explicit-drag), or None."""
+        """Settings of the listed effect that has this name or provides it (`agitation`: three ways of it), or None."""
         return next((e for e in self.effects if what in (e.effect, e.provides)), None)
 
     @property

@@ -20,7 +20,6 @@ import pytest
 from command_line import COMMAND, run_here
 
 from calibration import DIAGNOSTICS
-from calibration.pipeline.study_runs import assembly_specs
 from mechsim.runs.record import RunSpec
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -145,23 +144,6 @@ def test_export(wellmixed, place, simulated):
     assert set(rows) <= set(runs["run"])
     for key, run in rows.items():
         assert (events["run"] == key).sum() == sum(run["events"].values())
-
-
-def test_exported_runs_give_the_rates_of_the_calibration(wellmixed_here, place, calibrated):
-    """To the last digit: the tables hold all that the rates depend on."""
-    every, mine = RunStore(place / "demo-output/runs"), RunStore(place / "calibration-runs")
-    for record in every.existing(assembly_specs(Scene.load("line4"), [60], 10, 18.0, seed=1)):
-        mine.write(record)
-    assert wellmixed_here("export", "calibration-runs", "--out", "told", cwd=place).code == 0
-    for kind in ("csv", "parquet"):
-        tables = ["--events", f"told/events.{kind}", "--run-table", f"told/runs.{kind}"]
-        done = wellmixed_here("calibrate", "line4", *tables, "--out", "again.toml", "--json", cwd=place)
-        assert done.json["channels"] == calibrated.json["channels"]
-    runs = pd.read_csv(place / "told/runs.csv")
-    runs.assign(end=runs["end"] + 1.0).to_csv(place / "told/runs.csv", index=False)
-    tables = ["--events", "told/events.csv", "--run-table", "told/runs.csv"]
-    done = wellmixed_here("calibrate", "line4", *tables, "--out", "again.toml", "--json", cwd=place)
-    assert done.json["channels"] != calibrated.json["channels"]  # the control: watched for longer
 
 
 def test_demo(place, demonstrated):

@@ -42,9 +42,10 @@ class BreakComparison(Shown):
     fits_by_partner : the same without those that call a break impossible that was seen; none where nobody watched
     within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
 
+    >>> from dataclasses import replace
     >>> from calibration import BreakComparison
     >>> from kinetics import Network, sample_path
-    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> paths = [sample_path(pairs, {"A": 10 + 10 * (run % 3)}, end=50.0, seed=1, run=run) for run in range(12)]
     >>> compared = BreakComparison.of(paths)
     >>> [fit.model.name for fit in compared.fits], compared.chosen.model.name

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     NumbersCommand,
     budget_option,
@@ -21,7 +22,7 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table, with_spread
 

@@ -128,7 +128,8 @@ class Chain:
 
     def states(self, target: Target, what: str = "target") -> Mask:
         """The states (N,) of a target: those in which a condition holds."""
-        labels = {**built_in(self.transitions, self.initial, self.truncated, self.variables), **self.labels}
+        taken = (*self.labels, *self.variables)
+        labels = {**self.labels, **built_in(self.transitions, self.initial, self.truncated, taken)}
         return states_of(StateNames(len(self), self.variables, self.counts, labels), target, what)
 
     def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
+from kinetics.markov.checks import DEADLOCK, INIT
 from kinetics.markov.predicates import StateNames
 from kinetics.markov.rewards import Reward, named_reward
 from kinetics.network import Model
 from kinetics.network.sums import summed
 from kinetics.support.arrays import Floats, Ints
+
+BLOCK = 10**6  # propensities at a time
 
 
 def observing(chain: Chain, model: Model) -> Chain:
@@ -36,11 +41,40 @@ def state_names(model: Model, counts: Ints) -> StateNames:
     """What conditions may name in states (N, S), as on the chain of `observing`."""
     sums = whole_sums(model, counts)
     columns = np.column_stack([counts, *sums.values()])
-    return StateNames(len(counts), (*model.network.species, *sums), columns, {})
+    variables = (*model.network.species, *sums)
+    return StateNames(len(counts), variables, columns, _Labels(model, counts, variables))
 
 
-def earned_in(model: Model, name: str | None, counts: Ints) -> Floats:
-    """The rates (N,) at which states (N, S) earn the reward of a name, as the chain of `observing` has it."""
+@dataclass(frozen=True, eq=False)
+class _Labels(Mapping[str, NDArray[np.bool_]]):
+    """The labels of every chain in states (N, S), each computed when it is asked for; not those whose name is taken."""
+
+    model: Model
+    counts: Ints
+    taken: Sequence[str]
+
+    def __getitem__(self, name: str) -> NDArray[np.bool_]:
+        if name not in self:
+            raise KeyError(name)
+        if name == INIT:
+            return np.asarray((self.counts == self.model.initial).all(axis=1))
+        network = self.model.network
+        leads_on = network.stoichiometry.any(axis=1)
+        blocks = np.array_split(self.counts, 1 + self.counts.shape[0] * len(network.channels) // BLOCK)
+        return np.concatenate([~(network.propensities(block)[:, leads_on] > 0).any(axis=1) for block in blocks])
+
+    def __contains__(self, name: object) -> bool:
+        return name in (INIT, DEADLOCK) and name not in self.taken
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in (INIT, DEADLOCK) if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def reward_rates(model: Model, name: str | None, counts: Ints) -> Floats:
+    """The rates (N,) of the reward of a name in states (N, S), as the chain of `observing` has it."""
     sums = whole_sums(model, counts)
     rewards = {each: Reward(values) for each, values in _rewards(model, counts).items()}
     columns = np.column_stack([counts, *sums.values()])

@@ -1,6 +1,6 @@
 """Chains that answer questions, followed no further than to where the answer is settled.
 
-Whether a target is reached through given states is settled in the target, and outside these states; what is earned
+Whether a target is reached through given states is settled in the target, and outside these states; a reward
 until a target, in the target. A chain that stops there has the same answer and fewer states, perhaps finitely many
 where the network has no end.
 """

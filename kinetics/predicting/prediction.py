@@ -15,8 +15,9 @@ from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
 from kinetics.runs import EnsembleStatistics, Truncation
-from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
+from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
@@ -236,7 +237,7 @@ def predict(
     else:
         forecast_runs(network, sampling, start, some_times(times), least, threads, max_events)
         sampling = sampling if observables is None else observables.sampling(sampling, network)
-        result = simulate_statistics(
+        result = streamed(
             shown, sampling, start, times, least, seed, threads,
             covariances=False, progress=lambda done: report(f"{done} of {least} runs"), max_events=max_events,
         )  # fmt: skip

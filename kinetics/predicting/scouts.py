@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
+from kinetics.network.network import is_homogeneous
 from kinetics.predicting.run_cost import FIRST_RUNS, SeenRates
 from kinetics.runs.statistics import Tally
 from kinetics.sampling.run_source import RunSource
@@ -116,7 +117,7 @@ def send_scouts(
     Of more channels than can be followed some are drawn, by their chances, to stand for all. All together have no more
     events than the first runs and a quarter of the runs needed, or `LEAST_EVENTS`.
     """
-    if not network.is_homogeneous:
+    if not is_homogeneous(network):
         return None
     margin = np.ceil(BEYOND * (tally.high - tally.low)).astype(np.int64)
     inner = tally.low - margin, tally.high + margin

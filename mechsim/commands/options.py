@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.support.cli.failures import keep_runs
+from kinetics.support.cli.failures import STOPPED, keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.executors import EXECUTORS, Executor
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
     from mechsim.runs.shards import Shard
 
-PARTIAL = 4  # exit code: some runs were stopped by the guard or given up, or are missing
 PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tenth
 
 progress_option = click.option(
@@ -107,7 +106,7 @@ class ShardWork:
             self._list(mine, folder, as_json) if self.only_list else self._run(mine, folder, workers, progress, as_json)
         )
         if not is_whole:
-            click.get_current_context().exit(PARTIAL)
+            click.get_current_context().exit(STOPPED)
 
     def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
         from mechsim.runs.shards import missing

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
+from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
-from mechsim.commands.options import PARTIAL, run_options
+from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
@@ -189,12 +190,11 @@ def simulate(
             click.echo(f"given up: {given_up.spec.title}: {given_up.reasons[-1]}")
         click.echo(f"{outcome.computed} runs made, {outcome.reused} found; digest {outcome.digest[:16]}")
     if outcome.quarantined or len(sound) < len(outcome.records):
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)
 
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:
     """What the tank holds at the start."""
-    from kinetics.support.cli.options import counts_of
     from mechsim.runs.species import single_cubes
 
     if (cubes is None) == (initial is None):

@@ -43,7 +43,7 @@ class ViewOfScene(Protocol):
         """The step."""
 
     def provider(self, what: str) -> Any | None:
-        """Settings of the listed effect that is this or a way of this (`drag`: drag or explicit-drag), or None."""
+        """Settings of the listed effect that is this or a way of this (`agitation`: three ways of it), or None."""
 
 
 class ViewOfBodies(Protocol):

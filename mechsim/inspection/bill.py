@@ -158,7 +158,8 @@ def _in_turns(measures: Sequence[Callable[[], Any]], blocks: int) -> list[np.nda
 def _parted(parts: Parts, clock: Clock, look: float) -> np.ndarray:
     """CPU time of each part of a step, us; the mean of a block of steps."""
     stamps = [_stamps(parts, clock) for _ in range(BLOCK)]
-    return (np.diff(stamps).sum(axis=0) / BLOCK - look) / 1e3
+    mean: np.ndarray = (np.diff(stamps).sum(axis=0) / BLOCK - look) / 1e3
+    return mean
 
 
 def _inside(world: World, blocks: int, warm_up: int, clock: Clock, look: float) -> dict[str, np.ndarray]:

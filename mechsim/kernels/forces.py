@@ -1,4 +1,4 @@
-"""Compiled forces before a step: explicit drag, attraction of faces, gyroscopic torque.
+"""Compiled forces before a step: attraction of faces, gyroscopic torque.
 
 Indices as in `motion`: B body slots, C cubes, P drag points a cube; a quaternion is (x, y, z, w), body frame to world.
 """
@@ -30,51 +30,6 @@ def weighted(qx, qy, qz, qw, f0, f1, f2, x, y, z):
     their inverses the spin of an angular momentum."""
     bx, by, bz = rotated(-qx, -qy, -qz, qw, x, y, z)
     return rotated(qx, qy, qz, qw, f0 * bx, f1 * by, f2 * bz)
-
-
-@compiled(nogil=False, error_model="python")
-def explicit_drag(
-    live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step
-):
-    """Quadratic drag by explicit Euler: force and torque at the start of the step, updates `velocity` and `spin`.
-
-    Arguments as `motion.drag`. Returns the largest product of the step and sum c / m or sum c r^2 / (least moment) of
-    a body, c = coefficient A |u - v| at its points, and its slot: an error grows where twice the product exceeds 2.
-    """
-    stiffest, worst = 0.0, -1
-    for slot in live:
-        qx, qy, qz, qw = orientation[slot]
-        vx, vy, vz = velocity[slot]
-        wx, wy, wz = spin[slot]
-        c0 = c2 = fx = fy = fz = tx = ty = tz = 0.0
-        for m in range(first[slot], first[slot + 1]):
-            cube = members[m]
-            for k in range(points.shape[1]):
-                x, y, z = rotated(qx, qy, qz, qw, points[cube, k, 0], points[cube, k, 1], points[cube, k, 2])
-                ux = fluid[cube, k, 0] - (vx + wy * z - wz * y)
-                uy = fluid[cube, k, 1] - (vy + wz * x - wx * z)
-                uz = fluid[cube, k, 2] - (vz + wx * y - wy * x)
-                c = coefficient * areas[cube, k] * math.sqrt(ux * ux + uy * uy + uz * uz)
-                c0 += c
-                c2 += c * (x * x + y * y + z * z)
-                fx += c * ux
-                fy += c * uy
-                fz += c * uz
-                tx += c * (y * uz - z * uy)
-                ty += c * (z * ux - x * uz)
-                tz += c * (x * uy - y * ux)
-        i0, i1, i2 = inertia[slot]
-        stiff = step * max(c0 / mass[slot], c2 / min(i0, i1, i2))
-        if not stiff <= stiffest:  # not a number is the worst of all
-            stiffest, worst = stiff, slot
-        dx, dy, dz = weighted(qx, qy, qz, qw, 1.0 / i0, 1.0 / i1, 1.0 / i2, tx, ty, tz)
-        velocity[slot, 0] += step * fx / mass[slot]
-        velocity[slot, 1] += step * fy / mass[slot]
-        velocity[slot, 2] += step * fz / mass[slot]
-        spin[slot, 0] += step * dx
-        spin[slot, 1] += step * dy
-        spin[slot, 2] += step * dz
-    return stiffest, worst
 
 
 @compiled(nogil=False, error_model="python")

@@ -232,7 +232,7 @@ class _Places:
 def _power(level: float, own: float, power: float, name: str) -> float:
     """(level / own) ** power. ValueError where that is no number that a double can hold."""
     try:
-        return (level / own) ** power
+        return float((level / own) ** power)
     except (OverflowError, ZeroDivisionError):
         raise ValueError(
             f"factor {name}: ({level:g} / {own:g}) to the power {power:g} is no number; take other levels"

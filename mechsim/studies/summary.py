@@ -12,11 +12,13 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.output import write_whole
+from kinetics.support.plots import save
 from kinetics.support.shown import on_axes
 from kinetics.support.tables import columns, csv_text, rounded
 from mechsim.runs.record import RunRecord
 from mechsim.studies.cost import PointTrial
 from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
+from mechsim.studies.plots import boxes
 from mechsim.studies.study import Study, StudyPoint
 
 if TYPE_CHECKING:
@@ -110,8 +112,6 @@ class StudyResult:
 
     def save(self, folder: Path) -> tuple[Path, ...]:
         """The tables as CSV files and the box plots as SVG, named after the study, each whole or not at all."""
-        from kinetics.support.plots import save
-
         written = []
         for name, rows in self.tables().items():
             path = folder / f"{self.study.name}_{name}.csv"
@@ -127,8 +127,6 @@ class StudyResult:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
-        from mechsim.studies.plots import boxes
-
         first, found = self.study.factors[0], self.points
         boxes(
             ax,

@@ -159,7 +159,7 @@ def committor_of(
             error = max(error, chances.relative)
             if chance > 0:
                 probabilities[k] = min(probabilities[k] + chance, 1.0)
-                # E[time; this end] solves the same equations with the chance of this end as what is earned.
+                # E[time; this end] solves the equations with the chance of this end as the reward rate.
                 time, more = chain.solved(chances.values).mean(first)
                 times[k] = time / probabilities[k]
                 error = max(error, more + chances.relative + wrong)

@@ -1,4 +1,4 @@
-"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial limits."""
+"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.observing import earned_in, state_names
+from kinetics.markov.observing import reward_rates, state_names
 from kinetics.markov.predicates import StateNames
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.network import Model
@@ -85,7 +85,7 @@ def _at_times(model: Model, queries: Sequence[RewardQuery], runs: int, seed: int
         raise TruncatedRunsError(made.truncated)
     counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
-    return [earned_in(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
+    return [reward_rates(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
 
 
 def _on_paths(model: Model, queries: Sequence[Query], runs: int, seed: int) -> tuple[list[Floats], str]:
@@ -147,7 +147,7 @@ def _judged(visits: _Visits, names: StateNames, model: Model, query: Query) -> F
     """Whether each path fulfils a question (runs,), or the total that it earns."""
     if isinstance(query, RewardQuery):
         held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
-        earned = held * earned_in(model, query.name, visits.counts)
+        earned = held * reward_rates(model, query.name, visits.counts)
         return np.bincount(visits.run, earned, visits.runs).astype(float)
     if isinstance(query, AlwaysQuery):
         broken = ~names.holds(query.states) & (visits.entered <= (query.by or 0.0))
@@ -171,7 +171,7 @@ def _end(query: Query) -> float | None:
 
 
 def _answer(query: Query, values: Floats, method: str, seconds: float) -> Answer:
-    """Value, standard error and limits of a sample (runs,)."""
+    """Value, standard error and bounds of a sample (runs,)."""
     runs, mean = len(values), float(values.mean())
     error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
     if isinstance(query, RewardQuery):

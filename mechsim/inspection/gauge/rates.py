@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 
 from kinetics.runs import BY_WALL
 from kinetics.support.intervals import exact_limits
@@ -39,8 +40,6 @@ def exponent(loads: Loads, level: float) -> SizeExponent | None:
     The factors are maximised in closed form, which leaves a concave likelihood of alpha; limits by its profile. None
     where all partners have one size, or there are no hits.
     """
-    from scipy.optimize import brentq, minimize_scalar
-
     hits = loads.above(level)
     is_body = hits.partner != BY_WALL
     n_species = len(loads.species)
@@ -56,7 +55,10 @@ def exponent(loads: Loads, level: float) -> SizeExponent | None:
         return float((seen @ log_size).sum() * alpha - seen.sum(axis=1) @ np.log(exposure @ np.exp(alpha * log_size)))
 
     best = minimize_scalar(lambda alpha: -fit(alpha), bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-7})
-    drop = lambda alpha: 2 * (-best.fun - fit(alpha)) - WIDTH**2  # noqa: E731
+
+    def drop(alpha: float) -> float:
+        return 2 * (-float(best.fun) - fit(alpha)) - WIDTH**2
+
     low, high = (
         float(brentq(drop, best.x, end)) if drop(end) > 0 else math.copysign(math.inf, end) for end in (-60.0, 60.0)
     )

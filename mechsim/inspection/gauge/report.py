@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.intervals import exact_limits
 from kinetics.support.tables import columns
 from mechsim.inspection.gauge.loads import Loads, logs_of, pooled
@@ -155,8 +156,6 @@ def _shown(row: BreakRate) -> dict[str, Any]:
 
 def plot_tails(ax: Any, found: Gauge) -> Any:
     """Rate of hits on a body above each load, by struck species, with 95 % limits and fitted tails; returns `ax`."""
-    from kinetics.support import plots
-
     loads = found.loads
     for s in loads.can_break:
         value = np.sort(loads.value[loads.struck == s])

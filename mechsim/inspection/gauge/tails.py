@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 
 from kinetics.support.arrays import Floats
 
@@ -40,7 +41,8 @@ class Tail:
         """Probability of being above each of these loads, all above the level."""
         xi = self.shape if abs(self.shape) > 1e-7 else 1e-7
         rise = np.expm1(-xi * np.log(self.probability)) / (self.threshold - self.level)
-        return np.maximum(1 + rise * (loads - self.level), 0.0) ** (-1 / xi)
+        beyond: Floats = np.maximum(1 + rise * (loads - self.level), 0.0) ** (-1 / xi)
+        return beyond
 
 
 def fit_tail(loads: Floats, level: float, threshold: float) -> Tail:
@@ -49,8 +51,6 @@ def fit_tail(loads: Floats, level: float, threshold: float) -> Tail:
     The law is written in the wanted probability p and xi, sigma = xi d / (p^-xi - 1) with d = threshold - level: the
     profile of log p is then one maximisation over xi.
     """
-    from scipy.optimize import brentq, minimize_scalar
-
     excess = loads[loads > level] - level
     distance = threshold - level
     if len(excess) < FEWEST:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import f as f_law
 
 from kinetics.runs import BY_WALL
 from mechsim.inspection.gauge.loads import Loads
@@ -40,8 +41,6 @@ def compare_tanks(runs: Sequence[Loads], tanks: Sequence[str], alpha: float) -> 
     Quasi-Poisson: Pearson's statistic between tanks over the one within them, each by its degrees of freedom
     (McCullagh & Nelder, Generalized Linear Models, 1989, section 4.5).
     """
-    from scipy.stats import f
-
     kind = np.unique(tanks, return_inverse=True)[1]
     names = np.unique(tanks)
     weights = runs[0].sizes.astype(float) ** alpha
@@ -64,7 +63,7 @@ def compare_tanks(runs: Sequence[Loads], tanks: Sequence[str], alpha: float) -> 
             between = ((seen - rate * whole) ** 2 / (rate * whole)).sum() / (len(seen) - 1)
             expected = own[kind[mine]] * exposure[mine]
             within = ((hits[mine] - expected) ** 2 / np.where(expected > 0, expected, 1.0)).sum() / freedom
-            p = float(f.sf(between / within, len(seen) - 1, freedom)) if within > 0 else 1.0
+            p = float(f_law.sf(between / within, len(seen) - 1, freedom)) if within > 0 else 1.0
             ratio, places = seen / whole / rate, names[kept]
             low, high = int(ratio.argmin()), int(ratio.argmax())
             rows.append(

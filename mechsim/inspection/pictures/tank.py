@@ -150,7 +150,8 @@ def _project(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     seen = (points - eye) @ np.stack([right, np.cross(right, ahead), ahead], axis=1)
-    return seen[..., :2] / seen[..., 2:]
+    pictured: np.ndarray = seen[..., :2] / seen[..., 2:]
+    return pictured
 
 
 def _far_edges(edges: np.ndarray, eye: np.ndarray) -> np.ndarray:
@@ -158,4 +159,5 @@ def _far_edges(edges: np.ndarray, eye: np.ndarray) -> np.ndarray:
     walls = edges.reshape(-1, 3).max(axis=0)
     on = np.isclose(edges[:, 0], edges[:, 1]) & np.isclose(np.abs(edges[:, 0]), walls)
     faces_eye = np.sign(edges[:, 0]) * eye > walls  # the wall on that side stands between the eye and the cubes
-    return ~(on & faces_eye).any(axis=1)
+    behind: np.ndarray = ~(on & faces_eye).any(axis=1)
+    return behind

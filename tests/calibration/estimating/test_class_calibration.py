@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.stats import binom
@@ -16,7 +17,7 @@ from calibration.estimating.class_spread import class_spreads, flagged
 from calibration.estimating.rate_fit import simplest
 from kinetics.assembly import Derivation, RateClass
 from kinetics.network import Tank
-from kinetics.networkfree import grow, growth_of, path_of
+from kinetics.networkfree import grow, growth_of
 from kinetics.rates import ClassRates
 from kinetics.rates.breaks import break_model
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, JumpPath
@@ -149,6 +150,7 @@ def test_known_rates_come_back_within_their_intervals():
     assert rates.classes["break"].events > 200
 
 
+@pytest.mark.validate
 def test_intervals_cover():
     """Of 120 calibrations, each from two runs; intervals of half the width are caught."""
     paths = grown("first-order", runs=240, seed=7)

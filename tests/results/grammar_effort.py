@@ -16,11 +16,11 @@ from itertools import combinations
 import numpy as np
 
 from kinetics.assembly.faces import scheme_of
-from kinetics.assembly.facewise.face_grammar import FACES, FaceGrammar, Faces, Rewriting, letter_of, rewrite
 from kinetics.assembly.rules.conditions import Combination, Semantics, Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure, placements
 from kinetics.support.arrays import Floats
+from tests.results.face_grammar import FACES, FaceGrammar, Faces, Rewriting, letter_of, rewrite
 
 COSTS = (
     "cube writes",

@@ -7,9 +7,9 @@ import pytest
 
 from kinetics.assembly import RuleBook, Semantics
 from kinetics.assembly.compiler import Target, compile_book
-from kinetics.assembly.facewise import effort
-from kinetics.assembly.facewise.effort import COSTS, growth_costs, star_book
-from kinetics.assembly.facewise.face_grammar import FaceGrammar, letter_of
+from tests.results import grammar_effort as effort
+from tests.results.face_grammar import FaceGrammar, letter_of
+from tests.results.grammar_effort import COSTS, growth_costs, star_book
 
 T5, PYRAMID = RuleBook.load("t5"), RuleBook.load("pyramid45")
 
