@@ -24,7 +24,8 @@ from json_outputs import RECORD, SCHEMAS, file_of, schema_of_command  # noqa: E4
 
 TESTS = (
     *("test_cli.py", "test_outputs.py", "kinetics/commands", "kinetics/networkfree", "kinetics/predicting/ranking"),
-    *("kinetics/rates/test_of_book.py", "kinetics/trust/test_accuracy_kinetics.py", "kinetics/trust/test_hardcases.py"),
+    *("kinetics/rates/test_book_rates.py", "kinetics/trust/test_accuracy_kinetics.py"),
+    "kinetics/trust/test_hardcases.py",
     *("kinetics/assembly/checking/test_certificate.py", "kinetics/assembly/checking/test_checker.py"),
     *("kinetics/assembly/compiler/test_compiling.py", "kinetics/assembly/drawing/test_diagrams.py"),
     *("kinetics/formats", "mechsim/accuracy/test_accuracy_mechanics.py", "mechsim/inspection"),

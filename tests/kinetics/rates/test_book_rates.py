@@ -53,7 +53,7 @@ def test_draws_are_those_of_the_file():
     sets = known.draws(np.random.default_rng(3), 20)
     expected = np.array([one.apply(LINE).known_rates for one in sets])
     assert_allclose(drawn, expected, rtol=1e-6)
-    blind = replace(posterior, exposures=(None, None, None))
+    blind = replace(posterior, known=tuple(entry.replace(exposures=None) for entry in posterior.known))
     assert not np.allclose(blind.constants(blind.draw(np.random.default_rng(3), 20)), expected, rtol=1e-2)
     assert_allclose(of_book.apply(LINE.network).known_rates, known.apply(LINE).known_rates, rtol=1e-14)
 
