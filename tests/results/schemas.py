@@ -34,7 +34,7 @@ TESTS = (
 )
 PAIR = "bind: A + B <-> AB, k1, k2\nk1 = 0.01\nk2 = 0.1\nA = 20\nB = 10\n"
 CALLS = (
-    ["simulate", "line4", "--cubes", 8, "--bill"],
+    ["simulate", "line4", "--cubes", 8, "--cost-profile"],
     ["predict", "pair.rxn", "--duration", 60],
     ["predict", "pair.rxn", "--times", 60, "--method", "exact"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],

@@ -9,13 +9,12 @@ from scipy.linalg import expm
 from scipy.stats import binom
 
 from kinetics import Auto, Network, predict
-from kinetics.predicting import AskedAccuracy, scouts
-from kinetics.predicting.accuracy import LEVEL
+from kinetics.predicting import AskedAccuracy, forced_firings, tuning
+from kinetics.predicting.first_runs import SeenRates, first_runs
+from kinetics.predicting.forced_firings import force_firings
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.run_cost import SeenRates, first_runs
-from kinetics.predicting.scouts import send_scouts
+from kinetics.predicting.tuning import LEVEL
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling.run_source import RunSource
 
 FALSE_ALARM = 1e-6
 BURST = Network.from_text("burst: G -> G + 100 M, 0.001\nwaver: 0 -> A, 5\nA -> 0, 1")
@@ -23,29 +22,29 @@ TIMES = np.array([2.0, 4.0, 6.0])
 SWITCH = Network.from_text("on: G -> H, 0.0006\nH -> G, 0.02\nH -> H + M, 100\nM -> 0, 1")
 
 
-def sent(network, start, times, most=64, needed=16.0, weights=None, seed=1):
-    """Scouts beside the first runs of a network, and these as a tally."""
+def forced(network, start, times, most=64, needed=16.0, weights=None, seed=1):
+    """Forced firings beside the first runs of a network, and these as a tally."""
     state = network.state(start)
     method = Auto().choose(network, state)
     source = method.source(network, state, seed)
     first = first_runs(network, method, source, times, times.size, np.inf)
     tally = Tally(network, times, kept_pairs(len(network.species), False))
     tally.add(first.counts)
-    return send_scouts(network, source, first.seen, times, most, seed, tally, needed), tally
+    return force_firings(network, source, first.seen, times, most, seed, tally, needed), tally
 
 
 def test_a_burst_that_no_run_has_shown_enters_the_moments_by_its_chance():
-    found, tally = sent(BURST, {"G": 1, "A": 5}, TIMES)
+    found, tally = forced(BURST, {"G": 1, "A": 5}, TIMES)
     mean = (tally.sums / tally.runs).astype(float)
     added = found.moments(tally, mean, 4)
     burst, waver = BURST.index("M"), BURST.index("A")
-    # at the last time a burst has come by the chance 0.006; earlier the share of scouts so early counts
+    # at the last time a burst has come by the chance 0.006; earlier the share of those so early counts
     for power in (1, 2, 3, 4):
         assert_allclose(added[power, -1, burst], 0.006 * 100.0**power, rtol=1e-9)
     assert np.all(np.diff(added[2, :, burst]) >= 0)
-    assert added[2, :, waver].max() < 1e-3 * 5  # of its variance: of scouts, too, some are far out
+    assert added[2, :, waver].max() < 1e-3 * 5  # of its variance: some forced runs are far out, too
     assert not added[0].any()
-    assert found.in_words.startswith("'burst' (0.006 firings a run) was made to fire")
+    assert found.note.startswith("'burst' (0.006 firings a run) was forced to fire")
 
 
 def test_the_chance_of_early_times_is_right_on_average():
@@ -54,11 +53,11 @@ def test_the_chance_of_early_times_is_right_on_average():
 
 
 def at_seed(seed):
-    return sent(BURST, {"G": 1, "A": 5}, TIMES, seed=seed)
+    return forced(BURST, {"G": 1, "A": 5}, TIMES, seed=seed)
 
 
 def test_what_runs_have_shown_is_not_added():
-    found, tally = sent(BURST, {"G": 1, "A": 5}, TIMES)
+    found, tally = forced(BURST, {"G": 1, "A": 5}, TIMES)
     before = found.moments(tally, 0.0 * tally.low, 3)
     shown = np.zeros((1, TIMES.size, len(BURST.species)), dtype=np.int64)
     shown[0, :, BURST.index("M")] = 100
@@ -70,70 +69,31 @@ def test_what_runs_have_shown_is_not_added():
     tally.add(np.zeros((300, TIMES.size, len(BURST.species)), dtype=np.int64))  # one of 317: less
     part = found.moments(tally, 0.0 * tally.low, 2)[2, -1, burst]
     assert part == pytest.approx((0.006 - 1 / 317) * 100**2)
-    tally.add(np.repeat(shown, scouts.SHOWN, axis=0))
+    tally.add(np.repeat(shown, tuning.SHOWN, axis=0))
     assert not found.moments(tally, 0.0 * tally.low, 3)[:, :, burst].any()
 
 
 def test_channels_that_fire_often_or_never_are_not_made_to():
-    found, _ = sent(BURST, {"G": 1, "A": 5}, TIMES)
+    found, _ = forced(BURST, {"G": 1, "A": 5}, TIMES)
     assert {each.channel for each in found.made} == {"burst"}
-    often, _ = sent(BURST, {"G": 1, "A": 5}, TIMES, needed=1e5)  # enough runs show 600 bursts
-    never, _ = sent(BURST, {"G": 1, "A": 5}, TIMES, needed=1.0)
+    often, _ = forced(BURST, {"G": 1, "A": 5}, TIMES, needed=1e5)  # enough runs show 600 bursts
+    never, _ = forced(BURST, {"G": 1, "A": 5}, TIMES, needed=1.0)
     assert often.made == never.made == ()
     assert often.left_out == never.left_out == 0
 
 
 def test_beyond_is_half_the_range_that_runs_have_shown():
-    found, tally = sent(BURST, {"G": 1, "A": 5}, TIMES)
+    found, tally = forced(BURST, {"G": 1, "A": 5}, TIMES)
     waver, width = BURST.index("A"), tally.high - tally.low
     assert width[:, waver].min() > 2
     np.testing.assert_array_equal(found.inner[0], tally.low - np.ceil(width / 2))
     np.testing.assert_array_equal(found.inner[1], tally.high + np.ceil(width / 2))
 
 
-def test_scouts_leave_at_all_times_that_runs_were_seen():
+def test_channels_are_forced_at_all_times_that_runs_were_seen():
     """The last of these but one is 5.45."""
-    made = [sent(BURST, {"G": 1, "A": 5}, np.array([2.0, 5.3, 6.0]), seed=seed)[0].made for seed in range(10)]
-    assert {scout.first for scouts in made for scout in scouts} == {0, 1, 2}
-
-
-def following(network, start, events):
-    """(what follows scouts, their source) by so many events."""
-    state = network.state(start)
-    source = Auto().choose(network, state).source(network, state, 1)
-    return scouts._Following(network, source, events, np.random.default_rng(1)), source
-
-
-def test_scouts_have_numbers_of_their_own(monkeypatch):
-    made, counts = [], RunSource.counts
-
-    def noted(source, grid, runs, first=0, threads=None, watch=None):
-        made.append((grid.size, first, runs))
-        return counts(source, grid, runs, first, threads, watch)
-
-    monkeypatch.setattr(RunSource, "counts", noted)
-    ahead, _ = following(BURST, {"G": 1, "A": 5}, 1e6)
-    for _ in range(3):
-        ahead.counts(BURST.state({"A": 5}), 1.0, TIMES, 5)
-    assert [(first, runs) for size, first, runs in made if size == TIMES.size] == [(0, 5), (5, 5), (10, 5)]
-
-
-@pytest.mark.parametrize(("events", "probes"), [(1e9, 8), (3.6e6, 6), (1.1e6, 1), (5e5, 0)])
-def test_as_many_are_looked_at_as_fit_into_a_tenth_of_the_events(events, probes):
-    """Steady: 1e4 events a tu, 6 tu, of which a 64th is looked at; all that are looked at count."""
-    steady = Network.from_text("A -> B, 1000\nB -> A, 1000")
-    ahead, source = following(steady, {"A": 5, "B": 5}, events)
-    found = ahead._events(source, 6.0, 8)
-    assert found == (6e4 if probes else np.inf)
-    part = scouts.FIRST_GROWTH / 6e4
-    assert events - ahead.left == pytest.approx(probes * 6e4 * part, rel=1e-6)
-
-
-def test_growth_that_is_no_exponential_is_looked_at_to_the_end():
-    """By the square of the time: 100 + 10 * 600 events a tu at the end."""
-    grows = Network.from_text("P -> P + Q, 100\nQ -> Q + W, 10")
-    ahead, source = following(grows, {"P": 1}, 1e7)
-    assert ahead._events(source, 6.0, 8) > 0.7 * 6.0 * 6100
+    made = [forced(BURST, {"G": 1, "A": 5}, np.array([2.0, 5.3, 6.0]), seed=seed)[0].made for seed in range(10)]
+    assert {each.first for found in made for each in found} == {0, 1, 2}
 
 
 def test_what_could_not_fire_at_a_time_fires_at_the_next():
@@ -141,7 +101,7 @@ def test_what_could_not_fire_at_a_time_fires_at_the_next():
     states = np.array([[0, 4, 6, 8]])[:, :, None]
     seen = SeenRates(times, states, states.astype(float))
     for at, begin, left in ((0, 1.0, 3), (1, 1.0, 3), (2, 2.0, 5)):
-        when, state = scouts._fired(network, seen, 0, at, np.random.default_rng(1))
+        when, state = forced_firings._after_firing(network, seen, 0, at, np.random.default_rng(1))
         assert (when, state.tolist()) == (begin, [left])
 
 
@@ -149,54 +109,37 @@ def many_bursts(n, chance):
     return Network.from_text("\n".join(f"c{i}: G -> G + 100 M, {chance / n / 6:g}" for i in range(n)))
 
 
-def test_scouts_take_no_more_memory_than_is_allowed(monkeypatch):
-    monkeypatch.setattr(scouts, "MOST_BYTES", 40 * scouts.KEPT_BYTES * TIMES.size * 2)
-    found, _ = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
+def test_forced_runs_take_no_more_memory_than_is_allowed(monkeypatch):
+    monkeypatch.setattr(tuning, "FORCED_COUNTS", 40 * TIMES.size * 2)
+    found, _ = forced(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
     assert 20 < sum(len(each.counts) for each in found.made) <= 40
-    monkeypatch.setattr(scouts, "MOST_BYTES", 0)
-    found, _ = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
+    monkeypatch.setattr(tuning, "FORCED_COUNTS", 0)
+    found, _ = forced(many_bursts(30, 0.012), {"G": 1}, TIMES, most=2000)
     assert sum(len(each.counts) for each in found.made) == 16
 
 
-def test_some_stand_for_all():
-    found, tally = sent(many_bursts(30, 0.012), {"G": 1}, TIMES, most=20)
-    assert sum(len(each.counts) for each in found.made) == 20
-    assert found.moments(tally, 0.0 * tally.low, 2)[2, -1, 1:].sum() == pytest.approx(0.012 * 100**2, rel=0.06)
-
-
-def test_where_there_are_too_many_some_stand_for_all():
-    found, tally = sent(many_bursts(100, 0.012), {"G": 1}, TIMES, most=20)
-    assert sum(len(each.counts) for each in found.made) == 20
-    assert found.left_out >= 70
-    assert found.moments(tally, 0.0 * tally.low, 2)[2, -1, 1] == pytest.approx(0.012 * 100**2, rel=0.06)  # but `NEVER`
-    assert "left out, as too many or too dear to follow: " in found.in_words
-    assert " more were made to fire, and what came of it is allowed for; " in found.in_words
-    found, tally = sent(many_bursts(100, 0.012), {"G": 1}, TIMES, most=2000)
-    assert found.left_out == 0
-    burst = [found.moments(tally, 0.0 * tally.low, 2)[2, -1, s] for s in range(1, len(tally.network.species))]
-    assert sum(burst) == pytest.approx(0.012 * 100**2, rel=0.06)
-
-
 def test_where_there_are_just_as_many_each_is_sent_once():
-    found, _ = sent(many_bursts(16, 0.012), {"G": 1}, TIMES, most=16)
+    found, _ = forced(many_bursts(16, 0.012), {"G": 1}, TIMES, most=16)
     assert {each.channel for each in found.made} == {f"c{i}" for i in range(16)}
     assert found.left_out == 0
-    assert found.in_words.count("firings a run") == 3
-    assert " and 13 more were made to fire" in found.in_words
-    assert " more " not in sent(many_bursts(3, 0.012), {"G": 1}, TIMES)[0].in_words
-    found, _ = sent(many_bursts(16, 0.012), {"G": 1}, TIMES, most=4, needed=400.0)
+    assert found.note.count("firings a run") == 3
+    assert " and 13 more were forced to fire" in found.note
+    assert " more " not in forced(many_bursts(3, 0.012), {"G": 1}, TIMES)[0].note
+    found, _ = forced(many_bursts(16, 0.012), {"G": 1}, TIMES, most=4, needed=400.0)
     assert sum(len(each.counts) for each in found.made) == 96  # as many as go evenly into a quarter of those needed
 
 
-def test_the_likeliest_are_followed_first():
-    text = "rarer: G -> K, 1e-4\nK -> K + M, 7500\nrare: G -> H, 0.001\nH -> H + M, 7500"
-    found, _ = sent(Network.from_text(text), {"G": 1}, TIMES, most=400, needed=40.0)
-    assert [each.channel for each in found.made].count("rare") == 3
-    assert found.left_out == 1
+def test_the_likeliest_are_followed_and_others_counted():
+    chances = [1e-3 * (1 + i) for i in range(20)]
+    lines = [f"c{i}: G -> G + 100 M, {chance / 6:g}" for i, chance in enumerate(chances)]
+    found, _ = forced(Network.from_text("\n".join(lines)), {"G": 1}, TIMES, most=16)
+    assert {each.channel for each in found.made} == {f"c{i}" for i in range(4, 20)}
+    assert found.left_out == 4
+    assert " more were forced to fire, and the effect is included; 4 rare channels left out" in found.note
 
 
 def test_channels_that_are_rare_alone_are_not_left_out_if_they_are_not_together():
-    found, _ = sent(many_bursts(200, 0.006), {"G": 1}, TIMES, most=2000)  # each fires 0.0005 times in 16 runs
+    found, _ = forced(many_bursts(200, 0.006), {"G": 1}, TIMES, most=2000)  # each fires 0.0005 times in 16 runs
     assert len({each.channel for each in found.made}) == len(found.made) > 150  # at one time each
 
 
@@ -205,37 +148,11 @@ def test_channels_that_are_rare_alone_are_not_left_out_if_they_are_not_together(
 )
 def test_explosions_are_not_followed_and_refuse_nothing(text):
     network = Network.from_text(text + "\n0 -> X, 5\nX -> 0, 1")
-    found, _ = sent(network, {"X": 5}, TIMES)
+    found, _ = forced(network, {"X": 5}, TIMES)
     assert (found.made, found.left_out) == ((), 1)
     made = predict(network, None, {"X": 5}, [6.0], accuracy="10%", observables=Observables.of(network, {"X": {"X": 1}}))
     assert abs(made.mean[0, 0] - 5) < 0.5
-    assert "left out, as too many or too dear to follow: 1 rare channel" in str(made.notes)
-
-
-@pytest.mark.parametrize("rate", [2, 3, 5, 8, 12, 20, 30, 50, 90, 200, 1e3, 1e4])
-def test_growth_that_hides_at_first_is_not_followed_for_long(rate, monkeypatch):
-    """Beside other channels it is not seen for some time, and soon after its copies would be 1e9."""
-    made, counts = [], RunSource.counts
-
-    def counted(source, *args, **options):
-        found = counts(source, *args, **options)
-        made.append(int(found[:, -1].sum()))
-        return found
-
-    monkeypatch.setattr(RunSource, "counts", counted)
-    sent(Network.from_text(f"k: 0 -> A, 2e-4\nA -> 2 A, {rate}\n0 -> X, 5\nX -> 0, 1"), {"X": 5}, TIMES)
-    assert sum(made) < 3e7
-
-
-@pytest.mark.parametrize(
-    ("text", "growth"),
-    [("A -> 2 A, 3\n0 -> X, 5", 3.0), ("0 -> X, 5\nX -> 0, 2", -2.0), ("P -> P + Q, 4\nQ -> Q + P, 9", 6.0)],
-)
-def test_growth_is_that_of_the_linearised_equations(text, growth):
-    network = Network.from_text(text)
-    following = scouts._Following.__new__(scouts._Following)
-    following.network = network
-    assert following._growth(np.ones(len(network.species), np.int64)) == pytest.approx(growth)
+    assert "1 rare channel left out, as too many or too expensive to follow" in str(made.notes)
 
 
 def turn(share):
@@ -272,51 +189,27 @@ def test_unlikely_turns_after_a_rare_event(share, word):
 
 
 @pytest.mark.validate
-def test_few_scouts_of_what_is_rarest_miss_them(monkeypatch):
-    monkeypatch.setattr(scouts, "RUNS", 4)
-    monkeypatch.setattr(scouts, "SELDOM", 10.0)
+def test_few_forced_runs_miss_unlikely_turns(monkeypatch):
+    monkeypatch.setattr(tuning, "FORCED_RUNS", 4)
+    monkeypatch.setattr(tuning, "SELDOM", 10.0)
     assert off_by_too_much(0.05, 40) > binom(40, 1 - LEVEL).isf(FALSE_ALARM)
 
 
 def test_those_that_would_cost_far_more_than_runs_are_left_out():
-    dear = Network.from_text("on: G -> H, 0.001\nH -> H + M, 1e9")
-    found, _ = sent(dear, {"G": 1}, TIMES)
+    expensive = Network.from_text("on: G -> H, 0.001\nH -> H + M, 1e9")
+    found, _ = forced(expensive, {"G": 1}, TIMES)
     assert (found.made, found.left_out) == ((), 1)
-    assert found.in_words == "left out, as too many or too dear to follow: 1 rare channel"
+    assert found.note == "1 rare channel left out, as too many or too expensive to follow"
 
 
-@pytest.mark.parametrize(
-    ("turn", "back", "left_out"),
-    [(1, 1e6, 1), (0.02, 1e6, 1), (1, 1e3, 0), (1e-6, 1e6, 0)],  # in the last they hardly ever are there
-)
-def test_what_is_quick_after_another_event_is_not_followed(turn, back, left_out):
-    """Two copies that turn into each other, a million times a second, once they are there; no count grows."""
-    turning = Network.from_text(f"on: G -> H, 0.001\nH -> I, {turn:g}\nI -> J, {back:g}\nJ -> I, {back:g}")
-    found, _ = sent(turning, {"G": 1}, TIMES)
-    assert found.left_out == left_out
-
-
-def test_growth_from_a_small_rate_is_foreseen():
-    found, _ = sent(Network.from_text("on: G -> A, 1e-4\nA -> 2 A, 0.9"), {"G": 1}, 10 * TIMES)
-    assert found.left_out == 1
-
-
-def test_one_that_fires_late_is_followed_where_an_early_one_would_cost_too_much():
-    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 2e5"), {"G": 1}, TIMES)
-    assert {each.first for each in found.made} == {2}
-    assert found.left_out == 1
-
-
-def test_the_more_events_the_runs_have_the_more_scouts_may_have():
-    text = "on: G -> H, 2e-6\nH -> H + M, 3e5\n"
-    alone, beside = (
-        sent(Network.from_text(text + more), {"G": 1}, TIMES, needed=4000)[0] for more in ("", "0 -> X, 1e4\nX -> 0, 5")
-    )
+def test_the_more_events_the_runs_have_the_more_forced_ones_may_have():
+    text, busy = "on: G -> H, 2e-6\nH -> H + M, 5e4\n", "0 -> X, 1e4\nX -> 0, 5"
+    alone, beside = (forced(Network.from_text(text + more), {"G": 1}, TIMES, needed=4000)[0] for more in ("", busy))
     assert (alone.left_out, beside.left_out) == (1, 0)
 
 
 def test_a_channel_fires_in_runs_that_have_its_reactants():
-    found, _ = sent(Network.from_text("A -> B, 0.1\nrare: B -> 100 M, 1e-3"), {"A": 1}, TIMES)
+    found, _ = forced(Network.from_text("A -> B, 0.1\nrare: B -> 100 M, 1e-3"), {"A": 1}, TIMES)
     fired = [each for each in found.made if each.channel == "rare"]
     assert len(fired) == 3
     assert found.left_out == 0
@@ -325,7 +218,7 @@ def test_a_channel_fires_in_runs_that_have_its_reactants():
 
 def test_counts_are_those_so_long_after_it_fired():
     """A switch that makes 100 copies in a unit of time, within the two until the next time that is asked for."""
-    found, _ = sent(Network.from_text("on: G -> H, 0.001\nH -> H + M, 100"), {"G": 1}, TIMES)
+    found, _ = forced(Network.from_text("on: G -> H, 0.001\nH -> H + M, 100"), {"G": 1}, TIMES)
     assert len(found.made) == 3
     for each in found.made:
         assert 0 < each.counts[:, 0, 2].mean() < 220
@@ -333,10 +226,10 @@ def test_counts_are_those_so_long_after_it_fired():
 
 
 def test_what_stays_within_what_runs_have_shown_is_not_spoken_of():
-    network = Network.from_text("seldom: A -> 0, 1e-4\n0 -> A, 5\nA -> 0, 1")
-    found, tally = sent(network, {"A": 5}, TIMES)
-    assert {each.channel for each in found.made} == {"seldom"}
-    assert found.in_words == ""
+    network = Network.from_text("rare: A -> 0, 1e-4\n0 -> A, 5\nA -> 0, 1")
+    found, tally = forced(network, {"A": 5}, TIMES)
+    assert {each.channel for each in found.made} == {"rare"}
+    assert found.note == ""
     assert not found.moments(tally, 0.0 * tally.low, 3).any()
 
 
@@ -352,10 +245,10 @@ def test_standard_deviations_of_bursts_are_kept():
 
 def test_none_are_sent_where_rates_depend_on_time():
     driven = Network.from_text("0 -> A, 0.01 * (1 + sin(t))\nA -> 0, 1")
-    assert sent(driven, {"A": 0}, TIMES)[0] is None
+    assert forced(driven, {"A": 0}, TIMES)[0] is None
     made = predict(driven, None, {"A": 0}, [2.0], accuracy="10%", seed=1)
     assert made.runs >= 64  # more than first runs must say so then
-    assert f"rare events: {scouts.NOT_SENT}" in made.notes
+    assert f"rare events: {forced_firings.NOT_FORCED}" in made.notes
 
 
 def true_mean(times):
@@ -364,35 +257,35 @@ def true_mean(times):
     return np.array([expm(a * t) @ [1, 0, 0] for t in times])
 
 
-@pytest.mark.parametrize("with_scouts", [True, False])
-def test_bursts_in_one_of_300_runs_are_not_missed(with_scouts):
-    """Without scouts, the control, they are missed by nearly half of the answers."""
+@pytest.mark.parametrize("with_forced", [True, False])
+def test_bursts_in_one_of_300_runs_are_not_missed(with_forced):
+    """Without forced firings, the control, they are missed by nearly half of the answers."""
     repeats, times = 60, np.array([3.0, 6.0])
     true, missed = true_mean(times), 0
     for seed in range(repeats):
         mean = sampled(
-            AskedAccuracy(0.1, True), SWITCH, {"G": 1}, times, seed, with_scouts=with_scouts
+            AskedAccuracy(0.1, True), SWITCH, {"G": 1}, times, seed, with_forced=with_forced
         ).statistics.mean()
         missed += bool((abs(mean - true) > 0.1 * np.maximum(true.max(axis=0), 1.0)).any())
     allowed = binom(repeats, 1 - LEVEL).isf(FALSE_ALARM)
-    assert (missed <= allowed) == with_scouts
+    assert (missed <= allowed) == with_forced
     page = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text(encoding="utf-8")
     told = re.search(r"Of 60 answers .*?, (\d+) are off .*? without these extra runs (\d+) are", page, re.DOTALL)
-    assert missed == int(told[1 if with_scouts else 2])
+    assert missed == int(told[1 if with_forced else 2])
 
 
-def test_observables_are_scouted():
+def test_forced_firings_count_observables():
     sums = Observables.of(SWITCH, {"M": {"M": 1}})
     made = predict(SWITCH, None, {"G": 1}, [6.0], observables=sums, accuracy="10%", seed=1)
     assert made.runs > 2000
-    assert "'on' (0.0036 firings a run) was made to fire" in str(made.notes)
+    assert "'on' (0.0036 firings a run) was forced to fire" in str(made.notes)
     assert "'on'" in made.reached.to_dict()["rare_events"]
 
 
 def test_solutions_say_nothing_of_rare_events():
     made = predict(Network.from_text("A -> B, 0.001"), None, {"A": 2}, [1.0], accuracy="10%")
     assert made.method == "exact"
-    assert made.reached.seldom == ""
+    assert made.reached.rare == ""
 
 
 @pytest.mark.validate

@@ -1,4 +1,4 @@
-"""What the logs of runs tell, as a table, for programs, and as a figure."""
+"""Rates of hits and breaks from the logs of runs: as a table, for programs, and as a figure."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from kinetics.support import plots
 from kinetics.support.intervals import exact_limits
 from kinetics.support.tables import columns
-from mechsim.inspection.gauge.loads import Loads, logs_of, pooled
-from mechsim.inspection.gauge.rates import (
+from mechsim.inspection.tail_extrapolation.loads import Loads, logs_of, pooled
+from mechsim.inspection.tail_extrapolation.rates import (
     BreakRate,
     CountedBreaks,
     HitRate,
@@ -25,23 +25,23 @@ from mechsim.inspection.gauge.rates import (
     hit_rates,
     levels_of,
 )
-from mechsim.inspection.gauge.tanks import TankRow, compare_tanks, tank_doubts
+from mechsim.inspection.tail_extrapolation.tanks import TankRow, compare_tanks, tank_doubts
 from mechsim.runs.record import RunRecord
 
 SOURCES = ("all", "bodies", "walls")
 MOST_SHOWN = 2.0  # thresholds, in the figure
-FIFTH = 5  # a gauge from every fifth run of each kind of tank is checked against the breaks in the others
+FIFTH = 5  # an extrapolation from every fifth run of each kind of tank is checked against the breaks in the others
 
 
 @dataclass(frozen=True, eq=False)
-class Gauge:
+class TailExtrapolation:
     """Rates of hits and breaks from the logs of runs.
 
     cpu_seconds : of all runs
     missing : species and sources with too few hits for a tail, and why
     tanks : rates of hits compared between tanks of different size or number of cubes; empty where all are alike
-    checks : a gauge from every fifth run of each kind of tank against the breaks counted in the others; empty below
-        five runs
+    checks : an extrapolation from every fifth run of each kind of tank against the breaks counted in the others; empty
+        below five runs
     """
 
     loads: Loads
@@ -90,12 +90,12 @@ class Gauge:
         parts += list(self.missing)
         parts += tank_doubts(self.tanks)
         if self.checks:
-            title = "a gauge from every fifth run of each tank against the breaks counted in the others"
+            title = "an extrapolation from every fifth run of each tank against the breaks counted in the others"
             parts.append(f"{title}\n" + columns([asdict(row) for row in self.checks]))
         return "\n\n".join(parts)
 
 
-def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gauge:
+def extrapolate(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> TailExtrapolation:
     """Read the logs of runs of one physics. thresholds: at which rates are wanted; none: the runs' own."""
     runs, tanks = logs_of(records), [_tank_of(record) for record in records]
     loads = pooled(runs)
@@ -118,7 +118,7 @@ def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gau
                     missing.append(f"{loads.species[s]} by {source} at {threshold:g}: {error}")
     fifth, others = _split(runs, tanks)
     can_check = len(records) >= FIFTH and loads.threshold > loads.log_above
-    return Gauge(
+    return TailExtrapolation(
         loads,
         len(records),
         sum(record.cost.get("cpu_seconds", 0.0) for record in records),
@@ -133,7 +133,7 @@ def gauge(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) -> Gau
 
 
 def _tank_of(record: RunRecord) -> str:
-    """The kind of tank of a run, in words."""
+    """The kind of tank of a run, for people."""
     spec = record.spec
     return f"{spec.n_cubes} cubes in {' x '.join(f'{edge:g}' for edge in spec.scene.tank.size)}"
 
@@ -149,12 +149,12 @@ def _split(runs: Sequence[Loads], tanks: Sequence[str]) -> tuple[list[Loads], li
 
 
 def _shown(row: BreakRate) -> dict[str, Any]:
-    told = {"species": row.species, "by": row.source, "threshold": row.threshold, "rate": row.rate}
-    told |= {"low": row.low, "high": row.high, "hits": row.tails[0].number, "shape": row.tails[0].shape}
-    return told | {"trustworthy": "yes" if row.is_trustworthy else "no"}
+    found = {"species": row.species, "by": row.source, "threshold": row.threshold, "rate": row.rate}
+    found |= {"low": row.low, "high": row.high, "hits": row.tails[0].number, "shape": row.tails[0].shape}
+    return found | {"trustworthy": "yes" if row.is_trustworthy else "no"}
 
 
-def plot_tails(ax: Any, found: Gauge) -> Any:
+def plot_tails(ax: Any, found: TailExtrapolation) -> Any:
     """Rate of hits on a body above each load, by struck species, with 95 % limits and fitted tails; returns `ax`."""
     loads = found.loads
     for s in loads.can_break:

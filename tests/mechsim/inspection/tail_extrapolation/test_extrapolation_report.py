@@ -1,4 +1,4 @@
-"""The gauge read from real runs: exposures, the command, its figure and its refusals."""
+"""the extrapolation read from real runs: exposures, the command, its figure and its refusals."""
 
 import json
 from dataclasses import replace
@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from mechsim.commands.loads import loads as command
-from mechsim.inspection.gauge import report
-from mechsim.inspection.gauge.loads import loads_of
-from mechsim.inspection.gauge.report import gauge
+from mechsim.inspection.tail_extrapolation import report
+from mechsim.inspection.tail_extrapolation.loads import loads_of
+from mechsim.inspection.tail_extrapolation.report import extrapolate
 from mechsim.runs.record import RunSpec, execute
 from mechsim.runs.store import RunStore
 
@@ -54,7 +54,7 @@ def test_runs_are_pooled(records):
 
 
 def test_the_gauge_of_all_runs(records):
-    found = gauge(records)
+    found = extrapolate(records)
     assert {row.source for row in found.breaks} >= {"all", "bodies"}
     assert {row.threshold for row in found.breaks} == {0.003}
     by_all = {row.species: row for row in found.breaks if row.source == "all"}
@@ -62,20 +62,20 @@ def test_the_gauge_of_all_runs(records):
     row = by_all["quadmer"]
     expected, error = row.rate * row.exposure, (row.high - row.low) / 4 * row.exposure
     assert abs(quadmers - expected) < 4 * np.hypot(error, np.sqrt(expected))
-    assert gauge(records[:4]).checks == ()  # too few to hold some out
+    assert extrapolate(records[:4]).checks == ()  # too few to hold some out
     assert found.cpu_seconds == sum(record.cost["cpu_seconds"] for record in records)
 
 
 def test_the_check_keeps_the_mix_of_tanks(records, monkeypatch):
     """Every fifth run of each tank: both parts hold both kinds, where every fifth of all would take one kind alone."""
     seen = {}
-    monkeypatch.setattr(report, "check", lambda gauged, counted, runs: seen.update(parts=(gauged, counted, runs)) or [])
+    monkeypatch.setattr(report, "check", lambda fitted, counted, runs: seen.update(parts=(fitted, counted, runs)) or [])
     kinds = iter(["60 cubes", "120 cubes", "120 cubes", "120 cubes", "120 cubes"] * 2)
     monkeypatch.setattr(report, "_tank_of", lambda record: next(kinds))
-    gauge([*records, *records])
-    gauged, counted, runs = seen["parts"]
-    assert runs == 7  # one of two at 60 cubes and two of eight at 120 are in the gauge
-    np.testing.assert_allclose(gauged.alone + counted.alone, 2 * loads_of(records).alone)
+    extrapolate([*records, *records])
+    fitted, counted, runs = seen["parts"]
+    assert runs == 7  # one of two at 60 cubes and two of eight at 120 are in the extrapolation
+    np.testing.assert_allclose(fitted.alone + counted.alone, 2 * loads_of(records).alone)
 
 
 def test_the_command(folder, tmp_path):
@@ -110,4 +110,4 @@ def test_what_cannot_be_gauged_is_refused(records, tmp_path):
     with pytest.raises(ValueError, match="one physics"):
         loads_of([records[0], execute(other)])
     with pytest.raises(ValueError, match="expected one above"):
-        gauge(records, [0.001])
+        extrapolate(records, [0.001])

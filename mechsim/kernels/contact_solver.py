@@ -1,4 +1,4 @@
-"""Compiled exchange of impulses at contacts: restitution, Coulomb's friction, and what takes overlaps back.
+"""Compiled contact solver: restitution, Coulomb friction and recovery of overlaps, by sequential impulses.
 
 Sequential impulses (Catto 2005, "Iterative dynamics with temporal coherence"; projected Gauss-Seidel): contact after
 contact, each gets the impulse along its normal that gives its surfaces the speed wanted, then the one across it that
@@ -18,14 +18,14 @@ SETTLED = 1e-7  # length / tu: a contact whose speeds change by less is left unt
 
 
 @compiled(nogil=False, error_model="python")
-def exchange(
+def solve_contacts(
     n, who, contact, position, orientation, velocity, spin, mass, inertia, restitution, friction, least_bounce,
     recovery, slop, step, iterations, pushed, ready, rows, impulse,
 ):  # fmt: skip
-    """Exchange impulses at the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the
-    first body of each contact to `impulse` (M, 3).
+    """Solve the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the first body of
+    each contact to `impulse` (M, 3).
 
-    who (M, 4), contact (M, 7) : as `remembered.remember` writes them; a depth below 0 is a gap
+    who (M, 4), contact (M, 7) : as `contact_manifolds.update_manifolds` writes them; a depth below 0 is a gap
     restitution, friction : of any two surfaces; least_bounce : speed below which approaches do not bounce
     recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce. What gap is
         left, to a depth of `slop`, may be closed in the step, by a speed that takes from the bounce
@@ -34,12 +34,15 @@ def exchange(
     Bodies of unequal moments take up Euler's gyroscopic term before they touch, and again in the free flight that
     follows: their spins are left such that this flight gives those that the contacts made.
     """
+    # Bodies in contact: gyroscopic term and inverse inertia tensor, once each.
     for c in range(n):
         for side in range(2):
             body = who[c, side]
             if body >= 0 and pushed[body] < 0:
                 pushed[body] = 0  # the last round that pushed it
                 _prepare(body, orientation, spin, inertia, step, ready)
+    # Normal rows. Speed wanted: -restitution * approach (Newton), plus recovery * overlap / step (Baumgarte), less the
+    # gap / step that may still be closed.
     for c in range(n):
         a, b = who[c, 0], who[c, 1]
         _row(rows[c, 0], contact[c], a, b, contact[c, 3], contact[c, 4], contact[c, 5], position, mass, ready)
@@ -49,8 +52,11 @@ def exchange(
         beyond = contact[c, 6] - slop
         rows[c, 0, WANTED] = wanted + (recovery * beyond if beyond > 0.0 else beyond) / step
         impulse[c, 0] = impulse[c, 1] = impulse[c, 2] = 0.0
+    # Projected Gauss-Seidel: first all normals, then all frictions of a round. A contact is skipped if neither of its
+    # bodies was pushed in this round or the one before.
     for turn in range(1, iterations + 1):
         is_settled = True
+        # Normal impulses: the accumulated one stays at 0 or above (Signorini).
         for c in range(n):
             a, b = who[c, 0], who[c, 1]
             if pushed[a] < turn - 1 and (b < 0 or pushed[b] < turn - 1):
@@ -65,6 +71,7 @@ def exchange(
                 pushed[a] = turn
                 if b >= 0:
                     pushed[b] = turn
+        # Friction impulses: the accumulated vector is scaled back to the cone |p, q| <= friction * normal (Coulomb).
         for c in range(n):
             a, b = who[c, 0], who[c, 1]
             if pushed[a] < turn - 1 and (b < 0 or pushed[b] < turn - 1):
@@ -90,6 +97,7 @@ def exchange(
                     pushed[b] = turn
         if is_settled:
             break
+    # Impulses as vectors in the world; spins as the free flight that follows needs them.
     for c in range(n):
         push, one, two = impulse[c, 0], impulse[c, 1], impulse[c, 2]
         for k in range(3):
@@ -109,6 +117,7 @@ def _prepare(body, orientation, spin, inertia, step, ready):
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(x, y, z, w)
     i0, i1, i2 = inertia[body]
     j0, j1, j2 = 1.0 / i0, 1.0 / i1, 1.0 / i2
+    # R diag(1 / principal moments) R'
     ready[body, 0, 0] = r00 * r00 * j0 + r01 * r01 * j1 + r02 * r02 * j2
     ready[body, 1, 1] = r10 * r10 * j0 + r11 * r11 * j1 + r12 * r12 * j2
     ready[body, 2, 2] = r20 * r20 * j0 + r21 * r21 * j1 + r22 * r22 * j2
@@ -118,6 +127,7 @@ def _prepare(body, orientation, spin, inertia, step, ready):
     wx, wy, wz = spin[body]
     ready[body, 3, 0], ready[body, 3, 1], ready[body, 3, 2] = wx, wy, wz
     if i0 != i1 or i1 != i2:
+        # Euler's equations in the body frame, one explicit step: I0 du0 = (I1 - I2) u1 u2 step, and so on.
         u0, u1, u2 = r00 * wx + r10 * wy + r20 * wz, r01 * wx + r11 * wy + r21 * wz, r02 * wx + r12 * wy + r22 * wz
         g0 = step * (i1 - i2) / i0 * u1 * u2
         g1 = step * (i2 - i0) / i1 * u2 * u0
@@ -154,6 +164,7 @@ def _leave(body, orientation, spin, inertia, step, ready):
 def _row(row, contact, a, b, dx, dy, dz, position, mass, ready):
     """Fill a row, but for the speed wanted."""
     row[0], row[1], row[2] = dx, dy, dz
+    # Effective mass along d: 1 / (sum over both bodies of 1 / m + (r x d) . I^-1 (r x d)).
     against = 0.0
     for side in range(2):
         body = b if side else a
@@ -190,7 +201,7 @@ def _rows_across(one, two, contact, a, b, position, mass, ready):
 
 @compiled(nogil=False, error_model="python")
 def _speed(row, a, b, velocity, spin):
-    """Of the surface of a against that of b, along the row's direction."""
+    """Speed of the surface of a relative to that of b, along the row's direction."""
     speed = 0.0
     for k in range(3):
         speed += row[k] * velocity[a, k] + row[LEVER_A + k] * spin[a, k]

@@ -1,4 +1,4 @@
-"""When runs are enough: looks at the runs made so far.
+"""The stopping rule: interim looks at the runs made so far say whether they are enough.
 
 At a look with n runs, figure i (a mean, or a variance) has come out with an error of Z_i sqrt((v_i + r_i d_i) / n) or
 so. v_i is the variance of what is averaged and d_i the tolerance; r_i d_i, the term of Bernstein's inequality, stands
@@ -11,9 +11,9 @@ Every look may be the last, and their chances need not add up: whether runs are 
 alone, of which means of normal figures are independent (Chow & Robbins 1965, doi:10.1214/aoms/1177700156). Looks that
 find variances too small by chance cost something, and Student's factor makes up for that: for normal figures the
 chance to be wrong stays below 1 - `LEVEL` with the looks made here, as a test computes. Where low means come with low
-variances, as among small counts, the term of Bernstein's inequality makes up for it. What runs have not shown yet,
-because it happens seldom, enters their moments by `Scouts`; where these cannot be sent, looks at fewer than `FEW` runs
-are allowed a much smaller chance.
+variances, as among small counts, the term of Bernstein's inequality makes up for it. Rare events that runs have not
+shown yet enter their moments by `ForcedFirings`; where channels cannot be forced, looks at fewer than `FEW` runs are
+allowed a much smaller chance.
 """
 
 from __future__ import annotations
@@ -25,20 +25,12 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.predicting.accuracy import LEVEL, AskedAccuracy
-from kinetics.predicting.scouts import Scouts
+from kinetics.predicting import tuning
+from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.predicting.forced_firings import ForcedFirings
+from kinetics.predicting.tuning import DRAWN, LEVEL
 from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
-
-GROWTH = 8  # of the runs, at most, from one look to the next
-FEW = 64  # runs that may not have shown yet what happens seldom
-WITHOUT_SCOUTS, ALLOWED = 0.05, 0.9  # shares of the chance to be wrong: of a look at fewer, without scouts; of others
-LEAST_GROWTH = 1.02  # at least
-MARGIN = 1.05  # of the runs planned, because their variance is an estimate
-ROWS, ROW_BYTES = 64, 2**25  # runs that are kept for their correlations
-DRAWN = 600  # of the largest error
-ONE_THREAD = 2**18  # multiplications; for more at a time BLAS wakes threads, which cost more than they bring
-SMALL = 0.5  # of the largest ratio of error and tolerance; figures below matter to no quantile of the largest
 
 
 class Look:
@@ -47,17 +39,17 @@ class Look:
     asked : of "mean" or "sd"
     rows : (m, T, S) counts of some of the runs
     is_known : (T, S) figures that are no matter of chance
-    scouts : of what runs may not have shown; None where none could be sent, which counts as those that left some out
+    forced : rare events that runs may not have shown; None if channels cannot be forced, which counts as some left out
     """
 
     def __init__(
         self, asked: AskedAccuracy, tally: Tally, rows: Ints, is_known: NDArray[np.bool_], seed: int,
-        scouts: Scouts | None = None,
+        forced: ForcedFirings | None = None,
     ) -> None:  # fmt: skip
         self.runs = tally.runs
         mean = (tally.sums / tally.runs).astype(float)
         highest = 3 if asked.of == "mean" else 6
-        unseen = np.zeros((highest + 1, *mean.shape)) if scouts is None else scouts.moments(tally, mean, highest)
+        unseen = np.zeros((highest + 1, *mean.shape)) if forced is None else forced.moments(tally, mean, highest)
         moments = tally.central_moments(highest) + unseen
         variance = tally.variance() + unseen[2]  # those of the histograms leave out what is within a bin
         if asked.of == "mean":
@@ -71,8 +63,8 @@ class Look:
         skew = np.divide(np.abs(third), spread, out=np.zeros_like(spread), where=spread > 0.0)
         errors = np.sqrt((spread + np.maximum(skew, 1.0) * tolerances) / self.runs)
         self.ratios = np.where(is_known, 0.0, errors / tolerances)
-        self._values, self._seed, self._is_scouted = values, seed, scouts is not None and not scouts.left_out
-        self.chance = chance_at(self.runs, self._is_scouted)
+        self._values, self._seed, self._is_forced = values, seed, forced is not None and not forced.left_out
+        self.chance = chance_at(self.runs, self._is_forced)
 
     @cached_property
     def _largest(self) -> Floats:
@@ -83,7 +75,7 @@ class Look:
         """Between how many runs the needed ones are, whatever the correlations: of one figure, and of independent
         ones."""
         largest = float(self.ratios.max(initial=0.0))
-        many = max(int((self.ratios > SMALL * largest).sum()), 1)
+        many = max(int((self.ratios > tuning.SMALL * largest).sum()), 1)
         one, all_of_them = (NormalDist().inv_cdf(1 - self.chance / 2 / n) * largest for n in (1, many))
         return self.runs * one**2, self.runs * all_of_them**2
 
@@ -96,7 +88,7 @@ class Look:
     @property
     def is_far(self) -> bool:
         """Whether the next look will not be the last, by one figure alone."""
-        return self.rough_runs[0] > GROWTH * self.runs
+        return self.rough_runs[0] > tuning.GROWTH * self.runs
 
     def share_of_tolerance(self) -> float:
         """The share of their tolerances that all errors keep within, but for a small chance."""
@@ -107,18 +99,18 @@ class Look:
         if self.is_far:
             return self.about
         early = self.fixed(self.chance)
-        if early < FEW or self.runs >= FEW:
+        if early < tuning.FEW or self.runs >= tuning.FEW:
             return early
-        return max(self.fixed(chance_at(FEW, self._is_scouted)), FEW)
+        return max(self.fixed(chance_at(tuning.FEW, self._is_forced)), tuning.FEW)
 
     def fixed(self, chance: float) -> float:
-        """The same of a fixed number of runs, for this chance."""
+        """A fixed number of runs after which that share is 1, for this chance."""
         return self.runs * quantile(self._largest, 1 - chance) ** 2
 
 
-def chance_at(runs: int, is_scouted: bool) -> float:
-    """To be wrong, of a look at so many runs."""
-    return (1 - LEVEL) * (ALLOWED if is_scouted or runs >= FEW else WITHOUT_SCOUTS)
+def chance_at(runs: int, is_forced: bool) -> float:
+    """Allowed chance to be wrong of a look at so many runs; is_forced : whether all rare channels were forced."""
+    return (1 - LEVEL) * (tuning.ALLOWED if is_forced or runs >= tuning.FEW else tuning.CAREFUL)
 
 
 def quantile(drawn: Floats, level: float) -> float:
@@ -135,7 +127,7 @@ def of_variance(sd: Floats, tolerances: Floats) -> Floats:
 
 @lru_cache(maxsize=2)
 def normals(rows: int, seed: int) -> NDArray[np.float32]:
-    """Standard normal draws (rows, B); the same at every look, so that a look finds what the one before foretold."""
+    """Standard normal draws (rows, B), equal at every look, so that a look finds what the one before predicted."""
     return generator(seed, 0).standard_normal((rows, DRAWN), dtype=np.float32)
 
 
@@ -158,7 +150,7 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     rng = generator(seed, 2)
     away = values - values.mean(axis=0)
     scale = np.sqrt((away**2).sum(axis=0))
-    matters = ratios > SMALL * ratios.max()
+    matters = ratios > tuning.SMALL * ratios.max()
     moves = matters & (scale > 0.0)
     single = np.where(matters & ~moves, ratios, 0.0).max(axis=0)
     single = single[single > 0.0]
@@ -169,7 +161,7 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
             sizes, axes = np.linalg.eigh(weights.T @ weights)
             weights = (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
         drawn, turned = normals(len(weights), seed), weights.T.astype(np.float32)  # digits enough, at half the cost
-        at_a_time = max(1, ONE_THREAD // weights.size)
+        at_a_time = max(1, tuning.ONE_THREAD // weights.size)
         for begin in range(0, DRAWN, at_a_time):
             part = slice(begin, begin + at_a_time)
             errors[part] = np.maximum(errors[part], np.abs(turned @ drawn[:, part]).max(axis=0))

@@ -1,4 +1,4 @@
-"""The bill of a step: its parts add up, what is not listed has no line, and the engine's settings are read back."""
+"""The profile of a step: its parts add up, what is not listed has no line, and the engine's settings are read back."""
 
 import math
 from contextlib import nullcontext
@@ -9,9 +9,9 @@ import pybullet
 import pytest
 from click.testing import CliRunner
 
-import mechsim.inspection.bill as bills
+import mechsim.inspection.cost_profile as profiles
 from mechsim.commands.simulate import simulate
-from mechsim.inspection.bill import BY_PAIRS, bill
+from mechsim.inspection.cost_profile import BY_PAIRS, cost_profile
 from mechsim.world.engines.base import LEAST_BOUNCE, RECOVERY
 
 
@@ -43,8 +43,8 @@ def clocked(make_world, line4):
 
 def test_each_part_gets_its_own_time_and_looks_at_the_clock_cost_nothing(clocked, monkeypatch):
     world, clock, costs = clocked
-    monkeypatch.setattr(bills, "_breaks", int)
-    told = bill(world, "known", blocks=40, warm_up=0, clock=clock)
+    monkeypatch.setattr(profiles, "_breaks", int)
+    told = cost_profile(world, "known", blocks=40, warm_up=0, clock=clock)
     assert {item.name: pytest.approx(item.cost) for item in told.items if item.cost} == {
         name: cost / 1e3 for name, cost in costs.items()
     }
@@ -57,7 +57,7 @@ def test_effects_in_the_engine_cost_what_it_takes_less_without_them(clocked, mon
     """Walls and contact have no hook. Twins with neither bonding nor breaking, which need contact, tell their cost; the
     lines still add up to the step."""
     world, clock, costs = clocked
-    monkeypatch.setattr(bills, "_breaks", int)
+    monkeypatch.setattr(profiles, "_breaks", int)
     seen = []
 
     def twin(_, scene):
@@ -67,8 +67,8 @@ def test_effects_in_the_engine_cost_what_it_takes_less_without_them(clocked, mon
         parts = [("drag", clock.part(70)), ("engine", clock.part(engine)), ("reading back", clock.part(reading))]
         return nullcontext(SimpleNamespace(parts=parts, populate=len, step=int))
 
-    monkeypatch.setattr(bills, "_twin", twin)
-    told = bill(world, "known", blocks=40, warm_up=1, clock=clock)
+    monkeypatch.setattr(profiles, "_twin", twin)
+    told = cost_profile(world, "known", blocks=40, warm_up=1, clock=clock)
     rest = ["agitation", "drag"]
     assert seen == [[*rest, "walls", "contact"], [*rest, "walls"], rest]
     cost = {item.name: item.cost for item in told.items}
@@ -93,22 +93,22 @@ def test_blocks_that_another_process_broke_into_are_left_out(clocked, monkeypatc
         clock.now += 10**9  # lost the core during every fourth block, for long
         return k
 
-    monkeypatch.setattr(bills, "_breaks", breaks)
-    told = bill(world, "broken", blocks=40, warm_up=0, clock=clock)
+    monkeypatch.setattr(profiles, "_breaks", breaks)
+    told = cost_profile(world, "broken", blocks=40, warm_up=0, clock=clock)
     assert told.whole == pytest.approx(sum(costs.values()) / 1e3)
-    monkeypatch.setattr(bills, "_breaks", lambda: next(calls))
+    monkeypatch.setattr(profiles, "_breaks", lambda: next(calls))
     with pytest.raises(RuntimeError, match="try when it is calm"):
-        bill(world, "busy", blocks=4, warm_up=0, clock=clock)
+        cost_profile(world, "busy", blocks=4, warm_up=0, clock=clock)
 
 
 @pytest.mark.parametrize(
     "left_out", [(), ("bonding",), ("agitation", "breaking", "bonding"), ("contact", "breaking", "bonding")]
 )
 def test_an_effect_that_is_not_listed_has_no_line_and_no_part(make_world, line4, left_out, monkeypatch):
-    monkeypatch.setattr(bills, "_breaks", int)  # on a busy machine too
+    monkeypatch.setattr(profiles, "_breaks", int)  # on a busy machine too
     scene = line4.without(*left_out)
     world = make_world({"monomer": 12}, scene)
-    told = bill(world, "real", blocks=8, warm_up=5)
+    told = cost_profile(world, "real", blocks=8, warm_up=5)
     effects = [effect.effect for effect in scene.effects]
     assert [item.name for item in told.items if item.kind.startswith("effect")] == effects
     assert not set(left_out) & {name for name, _ in world.parts}
@@ -133,7 +133,7 @@ def audit(world):
         "restitution": contact.restitution, "friction": contact.friction, "step": numerics.step,
         "solver_iterations": numerics.solver_iterations,
     }  # fmt: skip
-    force = world.engine.in_force() | bills._damping(world)
+    force = world.engine.in_force() | profiles._damping(world)
     assert force.keys() == declared.keys()
     for name, value in force.items():
         assert value == pytest.approx(declared[name], abs=1e-12), name
@@ -224,8 +224,17 @@ def test_the_engines_own_limits_are_those_we_name(make_world, scene_of, speed, r
 
 
 def test_the_command_prints_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(bills, "_breaks", int)
-    asked = ["line4", "--cubes", "5", "--bill", "--runs-folder", str(tmp_path / "runs"), "--without", "breaking"]
+    monkeypatch.setattr(profiles, "_breaks", int)
+    asked = [
+        "line4",
+        "--cubes",
+        "5",
+        "--cost-profile",
+        "--runs-folder",
+        str(tmp_path / "runs"),
+        "--without",
+        "breaking",
+    ]
     text = CliRunner().invoke(simulate, asked, catch_exceptions=False)
     assert text.exit_code == 0
     assert "bonding" in text.output

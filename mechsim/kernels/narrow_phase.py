@@ -1,4 +1,4 @@
-"""Compiled search for contacts: of boxes with each other and with the walls of a tank, by separating axes.
+"""Compiled narrow phase: contacts of boxes with each other and with the walls of a tank, by separating axes.
 
 Indices: R boxes, of which `order` lists those in use; M contacts at most. A contact is a point half-way between the two
 surfaces, the normal along which they push the first body, and the depth of the overlap. Boxes touch by a face (all
@@ -43,15 +43,17 @@ def place_boxes(order, slot, offset, turn, position, orientation, centre, axes):
 
 @compiled(nogil=False, error_model="python")
 def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, who, contact):
-    """All contacts: writes the two bodies, -1 for a wall, and their boxes, -1 - 2 axis - side for a wall, to `who`
-    (M, 4), and point, normal and depth to `contact` (M, 7). Returns how many there are; where that is above M, only the
-    first were written.
+    """Find all contacts.
+
+    Writes the two bodies (-1: a wall) and their boxes (-1 - 2 axis - side for a wall) to `who` (M, 4), and point,
+    normal and depth to `contact` (M, 7). Returns their number; if it is above M, only the first M are written.
 
     order : boxes in use; sorted here by their lower ends along z, from how they were last time
     half (R, 3), radius (R,) : of a box, and of the sphere around it
     wall (3,) : half the tank's size; infinite where it has no walls
     """
     n = len(order)
+    # Broad phase, sort and sweep: insertion sort by the lower ends along z, linear where the order has hardly changed.
     for k in range(1, n):
         box = order[k]
         low = centre[box, 2] - radius[box]
@@ -70,6 +72,7 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
     for k in range(n):
         i = order[k]
         x, y, z, reach = ball[k]
+        # Walls: the bounding sphere first, then the box's extent along the wall's axis, sum of half |axis component|.
         if abs(x) + reach > wall[0] or abs(y) + reach > wall[1] or abs(z) + reach > wall[2]:
             for axis in range(3):
                 extent = 0.0
@@ -92,6 +95,7 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
             if slot[i] == slot[j]:
                 continue
             kind = _overlap(i, j, dx, dy, dz, half, axes, turned, far)
+            # Edge against edge, face of j, face of i, by the axis of least overlap.
             if kind >= 6:
                 found = _edges_touch(i, j, kind - 6, half, centre, axes, slot, who, contact, found)
             elif kind >= 3:
@@ -105,12 +109,15 @@ def find_contacts(order, slot, half, radius, centre, axes, with_bodies, wall, wh
 
 @compiled(nogil=False, error_model="python", inline="always")
 def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
-    """Along which axis two boxes, b away from a by d, overlap least, and the gap there, which is below 0.
+    """The axis along which two boxes, b away from a by d, overlap least; -1 if an axis separates them.
 
-    Of 0 to 2 the axes of a, of 3 to 5 those of b, of 6 on the products of both; -1 where one of these parts the boxes.
-    turned, far (3, 3) : room for the axes of b in the frame of a, and their sizes
+    0 to 2 : the axes of a; 3 to 5 : those of b; from 6 on : 6 + 3 i + j, the product of axis i of a and axis j of b.
+    turned, far (3, 3) : room for the axes of b in the frame of a, and their absolute values
+    Along a unit axis u the gap is |d . u| - sum of half a_k |u . A_k| - sum of half b_k |u . B_k|, below 0 for an
+    overlap (Gottschalk et al. 1996, table 1).
     """
     best, kind = -math.inf, 0
+    # Faces of a: u = A_i, so that u . B_j is the entry (i, j) of R = A' B.
     for i in range(3):
         ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
         away = abs(dx * ux + dy * uy + dz * uz) - half[a, i]
@@ -124,6 +131,7 @@ def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
         if away > best:
             best, kind = away, i
     if kind >= 0:
+        # Faces of b: u = B_j.
         for j in range(3):
             away = abs(dx * axes[b, 0, j] + dy * axes[b, 1, j] + dz * axes[b, 2, j]) - half[b, j]
             for i in range(3):
@@ -134,6 +142,7 @@ def _overlap(a, b, dx, dy, dz, half, axes, turned, far):
             if away > best:
                 best, kind = away, 3 + j
     if kind >= 0:
+        # Pairs of edges: u = A_i x B_j, of length sin(angle), by which the gap is divided.
         for i in range(3):
             for j in range(3):
                 far[i, j] += NEARLY
@@ -174,6 +183,7 @@ def _note(found, who, contact, slot, a, b, x, y, z, nx, ny, nz, depth):
 @compiled(nogil=False, error_model="python")
 def _touches_wall(box, axis, side, slot, half, centre, axes, wall, who, contact, found):
     """Contacts of a box with the plane at side * wall along an axis: the corners beyond it, of the face towards it."""
+    # The face that looks at the wall most: the largest component of the box's axes along the wall's.
     facing = 0
     for k in range(1, 3):
         if abs(axes[box, axis, k]) > abs(axes[box, axis, facing]):
@@ -202,6 +212,7 @@ def _touches_wall(box, axis, side, slot, half, centre, axes, wall, who, contact,
 @compiled(nogil=False, error_model="python")
 def _edges_touch(a, b, pair, half, centre, axes, slot, who, contact, found):
     """The contact of an edge of a along its axis i with one of b along j, pair = 3 i + j."""
+    # Normal: u x v of the two edges' directions, pointing from b to a.
     i, j = pair // 3, pair % 3
     ux, uy, uz = axes[a, 0, i], axes[a, 1, i], axes[a, 2, i]
     vx, vy, vz = axes[b, 0, j], axes[b, 1, j], axes[b, 2, j]
@@ -213,6 +224,7 @@ def _edges_touch(a, b, pair, half, centre, axes, slot, who, contact, found):
     ):
         length = -length
     nx, ny, nz = nx / length, ny / length, nz / length
+    # Middle of that edge of each box which lies furthest towards the other one.
     ax, ay, az = centre[a, 0], centre[a, 1], centre[a, 2]
     bx, by, bz = centre[b, 0], centre[b, 1], centre[b, 2]
     for k in range(3):
@@ -224,6 +236,7 @@ def _edges_touch(a, b, pair, half, centre, axes, slot, who, contact, found):
             side = nx * axes[b, 0, k] + ny * axes[b, 1, k] + nz * axes[b, 2, k]
             h = half[b, k] if side > 0.0 else -half[b, k]
             bx, by, bz = bx + h * axes[b, 0, k], by + h * axes[b, 1, k], bz + h * axes[b, 2, k]
+    # Nearest points of the two lines a + s u and b + t v: both remainders are at right angles to u and to v.
     px, py, pz = bx - ax, by - ay, bz - az
     uv = ux * vx + uy * vy + uz * vz
     pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
@@ -244,6 +257,7 @@ def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, 
     nx, ny, nz = axes[a, 0, axis], axes[a, 1, axis], axes[a, 2, axis]
     if dx * nx + dy * ny + dz * nz < 0.0:
         nx, ny, nz = -nx, -ny, -nz
+    # The incident face: the one of b whose normal is most opposed to the reference face's.
     facing, most = 0, -1.0
     for k in range(3):
         look = abs(nx * axes[b, 0, k] + ny * axes[b, 1, k] + nz * axes[b, 2, k])
@@ -268,9 +282,11 @@ def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, 
         f = half[b, p] if k in {1, 2} else -half[b, p]
         g = half[b, q] if k > 1 else -half[b, q]
         corners[k, 0], corners[k, 1] = mu + f * pu + g * qu, mv + f * pv + g * qv
+    # Sutherland-Hodgman: the incident face, projected along n, clipped by the four sides of the reference face.
     n = _clipped(corners, 4, 0, half[a, u], clipped)
     n = _clipped(clipped, n, 1, half[a, v], corners)
     apart = pu * qv - pv * qu  # not 0: of the three faces of b, this one looks at a most
+    # Height of the incident face's plane over each corner left; those below the reference face are contacts.
     for k in range(n):
         cu, cv = corners[k, 0], corners[k, 1]
         f = (qv * (cu - mu) - qu * (cv - mv)) / apart
@@ -291,8 +307,8 @@ def _face_touches(a, b, axis, sign, half, centre, axes, corners, clipped, slot, 
 
 @compiled(nogil=False, error_model="python")
 def _clipped(corners, n, axis, limit, out):
-    """The part of a convex polygon within -limit..limit along one axis: writes its corners to `out`, returns how many;
-    at most two more than n. `corners` is spoilt."""
+    """Clip a convex polygon to -limit..limit along one axis: writes its corners to `out`, returns their number, at most
+    two more than n. `corners` is overwritten."""
     for side in (1.0, -1.0):
         m = 0
         for k in range(n):

@@ -36,10 +36,10 @@ Clock = Callable[[], int]
 
 
 @dataclass(frozen=True)
-class BillLine:
+class CostLine:
     """CPU time of one part of a step, us, and its standard error.
 
-    kind : "effect", "effect, by pairs" (see `bill`), "engine" or "bookkeeping"
+    kind : "effect", "effect, by pairs" (see `cost_profile`), "engine" or "bookkeeping"
     """
 
     name: str
@@ -49,8 +49,8 @@ class BillLine:
 
 
 @dataclass(frozen=True)
-class Bill:
-    """What a step costs.
+class CostProfile:
+    """Cost profile of a step.
 
     items : the effects in the scene's order, the engine, the bookkeeping; in us a step
     whole, whole_error : of a step without clocks in it, and its standard error, us; the items and `rest` add up to it
@@ -60,7 +60,7 @@ class Bill:
 
     title: str
     steps: int
-    items: tuple[BillLine, ...]
+    items: tuple[CostLine, ...]
     whole: float
     whole_error: float
     rest: float
@@ -95,22 +95,22 @@ class Bill:
         return f"{title}\n{table}\n{pairs}in force in the engine\n{force}"
 
 
-def bill_of(spec: RunSpec) -> Bill:
-    """The bill of a run's first steps; see `bill`."""
+def profile_run(spec: RunSpec) -> CostProfile:
+    """The cost profile of a run's first steps; see `cost_profile`."""
     book, _ = book_of(spec.scene.rules)
     with World(spec.scene, book, spec.n_cubes, spec.streams) as world:
         world.populate(spec.start)
         what = ", ".join(f"{n} {name}" for name, n in spec.composition.items() if n)
-        return bill(world, f"{spec.scene.name}, {what}")
+        return cost_profile(world, f"{spec.scene.name}, {what}")
 
 
-def bill(
+def cost_profile(
     world: World,
     title: str,
     blocks: int = BLOCKS,
     warm_up: int = WARM_UP,
     clock: Clock = time.perf_counter_ns,
-) -> Bill:
+) -> CostProfile:
     """Measure what each part of a populated world's step costs; the world moves on by these steps.
 
     clock : ns. What a look at it takes is measured, too, and taken off. It shows the wall's time, for a look at the
@@ -138,11 +138,11 @@ def bill(
     rest = cost - parts, float(np.hypot(error, parts_error))
     force = world.engine.in_force() | _damping(world)
     steps = BLOCK * (len(whole) + len(parted))
-    return Bill(title, steps, tuple(_items(world, parted, inside)), cost, error, *rest, force)
+    return CostProfile(title, steps, tuple(_items(world, parted, inside)), cost, error, *rest, force)
 
 
 def _in_turns(measures: Sequence[Callable[[], Any]], blocks: int) -> list[np.ndarray]:
-    """So many measurements in all, in random order, each kind often; those that another process broke into left out."""
+    """Make `blocks` measurements in random order, each kind often; leave out those that another process broke into."""
     order = np.random.default_rng(0)
     seen: list[list[Any]] = [[] for _ in measures]
     for _ in range(blocks * TRIES):
@@ -163,7 +163,7 @@ def _parted(parts: Parts, clock: Clock, look: float) -> np.ndarray:
 
 
 def _inside(world: World, blocks: int, warm_up: int, clock: Clock, look: float) -> dict[str, np.ndarray]:
-    """Of each effect that acts within the engine: its cost in the parts INSIDE and the standard error (2, I), us."""
+    """Cost in the parts INSIDE of each effect that acts within the engine, with its standard error (2, I), us."""
     hooks = {name for name, _ in world.parts}
     hidden = [effect.effect for effect in world.scene.effects if effect.effect not in hooks]
     if not hidden:
@@ -200,7 +200,7 @@ def _twin(world: World, scene: Scene) -> World:
     return World(scene, world.book, world.bodies.n_cubes, np.random.SeedSequence(0))
 
 
-def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> Sequence[BillLine]:
+def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> Sequence[CostLine]:
     """One item an effect, both its hooks together, then the engine and the bookkeeping in the order of the step."""
     names = [name for name, _ in world.parts]
     effects = [effect.effect for effect in world.scene.effects]
@@ -210,14 +210,14 @@ def _items(world: World, parted: np.ndarray, inside: dict[str, np.ndarray]) -> S
         kind = "effect" if name in effects else "engine" if name == "engine" else "bookkeeping"
         if name in inside:
             cost, errors = inside[name]
-            items.append(BillLine(name, BY_PAIRS, float(cost.sum()), float(np.hypot(*errors))))
+            items.append(CostLine(name, BY_PAIRS, float(cost.sum()), float(np.hypot(*errors))))
             continue
         cost, error = _mean(parted[:, [n == name for n in names]].sum(axis=1))
         if name in INSIDE:
             k = INSIDE.index(name)
             cost -= float(taken[k])
             error = float(np.sqrt(error**2 + sum(e[k] ** 2 for _, e in inside.values())))
-        items.append(BillLine(name, kind, cost, error))
+        items.append(CostLine(name, kind, cost, error))
     return items
 
 
@@ -242,7 +242,7 @@ def _stamps(parts: Parts, clock: Callable[[], int]) -> list[int]:
 
 
 def _look(clock: Callable[[], int]) -> float:
-    """What it takes to look at the clock after a part, ns: the median over many parts that do nothing."""
+    """Time that a look at the clock after a part takes, ns: the median over many parts that do nothing."""
     nothing: Parts = [("", int)] * 20
     looks, calls = [], []
     for _ in range(200):

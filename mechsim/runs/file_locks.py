@@ -11,7 +11,7 @@ from typing import BinaryIO
 SHARED = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW  # how a file is opened for a lock
 
 
-def write_in_turn(path: Path, data: bytes) -> None:
+def write_locked(path: Path, data: bytes) -> None:
     """Put `data` at `path`, whole or not at all, and on disk before this returns.
 
     OSError names the file, or its folder; what stood there stays. Not the door of other files,

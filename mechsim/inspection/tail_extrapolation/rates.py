@@ -1,4 +1,4 @@
-"""A gauge for rare breaks: rates of hits, and of breaks at any threshold, from the logs of runs.
+"""Rates of hits, and of breaks at any threshold, from the logs of runs: tail extrapolation (peaks over threshold).
 
 A struck species X is hit by another body of species Y at a rate b_X s_Y^alpha x_X (x_Y - [X = Y]) / volume, with s_Y
 the partner's size in cubes, and by walls at a rate a_X x_X surface / volume. Hits below the threshold are far more
@@ -16,8 +16,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from kinetics.runs import BY_WALL
 from kinetics.support.intervals import exact_limits
-from mechsim.inspection.gauge.loads import Loads
-from mechsim.inspection.gauge.tails import FEWEST, WIDTH, Tail, fit_tail
+from mechsim.inspection.tail_extrapolation.loads import Loads
+from mechsim.inspection.tail_extrapolation.tails import FEWEST, WIDTH, Tail, fit_tail
 
 LEVELS = 3  # from the log's own up to half the way to the threshold, on a log scale
 DOUBT = 2.576  # standard errors between answers from two levels that chance exceeds in 1 %
@@ -201,10 +201,10 @@ class CountedBreaks:
     z: float
 
 
-def check(gauged: Loads, counted: Loads, runs: int) -> list[CountedBreaks]:
+def check(fitted: Loads, counted: Loads, runs: int) -> list[CountedBreaks]:
     """Breaks counted in `runs` runs, of species whose tail the logs of other runs can tell."""
     rows = []
-    found = exponent(gauged, gauged.log_above)
+    found = exponent(fitted, fitted.log_above)
     alpha = found.alpha if found else 0.0
     for s in counted.can_break:
         expected, variance = 0.0, 0.0
@@ -214,7 +214,7 @@ def check(gauged: Loads, counted: Loads, runs: int) -> list[CountedBreaks]:
             if not exposure:
                 continue  # a tank without walls, or a body alone in it
             try:
-                rate = break_rate(gauged, s, source, gauged.threshold, alpha)
+                rate = break_rate(fitted, s, source, fitted.threshold, alpha)
             except ValueError:  # too few hits by one source leave the breaks by all unknown
                 break
             expected += rate.rate * exposure

@@ -1,4 +1,4 @@
-"""The gauge for rare breaks, on hits of known rates, exponents and tails."""
+"""the extrapolation for rare breaks, on hits of known rates, exponents and tails."""
 
 import math
 from dataclasses import replace
@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from kinetics.runs import BY_WALL
-from mechsim.inspection.gauge.loads import Loads
-from mechsim.inspection.gauge.rates import break_rate, check, exponent, exponent_doubts, hit_rates, levels_of
-from mechsim.inspection.gauge.tails import fit_tail
-from mechsim.inspection.gauge.tanks import compare_tanks, tank_doubts
+from mechsim.inspection.tail_extrapolation.loads import Loads
+from mechsim.inspection.tail_extrapolation.rates import (
+    break_rate,
+    check,
+    exponent,
+    exponent_doubts,
+    hit_rates,
+    levels_of,
+)
+from mechsim.inspection.tail_extrapolation.tails import fit_tail
+from mechsim.inspection.tail_extrapolation.tanks import compare_tanks, tank_doubts
 
 NAMES, SIZES = ("monomer", "dimer", "trimer", "quadmer"), np.array([1, 2, 3, 4])
 LOG, THRESHOLD = 1.0, 2.0
@@ -131,9 +138,9 @@ def test_breaks_counted_elsewhere_agree_with_the_gauge_and_others_do_not():
 def test_tanks_without_walls_are_checked_too():
     """No exposure to walls is no lack of hits by them; hits by walls that are too few to tell are."""
     rng = np.random.default_rng(13)
-    gauged, counted = (replace(hits(rng, scale=0.4, tu=800.0, walls=0.0), walls=np.zeros(4)) for _ in range(2))
-    assert [row.species for row in check(gauged, counted, 1)] == ["dimer", "trimer", "quadmer"]
-    assert not check(gauged, hits(rng, scale=0.4), 1)
+    fitted, counted = (replace(hits(rng, scale=0.4, tu=800.0, walls=0.0), walls=np.zeros(4)) for _ in range(2))
+    assert [row.species for row in check(fitted, counted, 1)] == ["dimer", "trimer", "quadmer"]
+    assert not check(fitted, hits(rng, scale=0.4), 1)
 
 
 def test_rates_of_hits_are_counts_over_time():

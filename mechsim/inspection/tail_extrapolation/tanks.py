@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import f as f_law
 
 from kinetics.runs import BY_WALL
-from mechsim.inspection.gauge.loads import Loads
+from mechsim.inspection.tail_extrapolation.loads import Loads
 
 FEWEST_HITS = 20  # expected in a tank that is compared
 ALARM = 0.01  # that any of the rows is doubted by chance

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from handling import act, collide, energy, put
 
-from mechsim.kernels.remembered import remember
+from mechsim.kernels.contact_manifolds import update_manifolds
 from mechsim.world.bodies import matrix_of
 from mechsim.world.engines import own_engine
 from mechsim.world.engines.base import LEAST_BOUNCE
@@ -129,19 +129,19 @@ def agree(held, told):
 
 def test_the_kernel_remembers_what_the_rules_say():
     seen = most = 0
-    for held, told, *_ in followed(remember):
+    for held, told, *_ in followed(update_manifolds):
         assert agree(held, told)
         seen += len(held)
         most = max([most, *map(len, held.values())])
     assert seen > 300
     assert most == 4
     # A control: an oracle that forgets a fiftieth earlier differs.
-    assert not all(agree(held, told) for held, told, *_ in followed(remember, told=0.98))
+    assert not all(agree(held, told) for held, told, *_ in followed(update_manifolds, told=0.98))
 
 
 def test_what_is_remembered_is_a_contact_half_way_between_the_two_bodies():
     gaps = 0
-    for held, _, who, contact, pose in followed(remember, steps=60):
+    for held, _, who, contact, pose in followed(update_manifolds, steps=60):
         told = [(boxes, point) for boxes, points in held.items() for point in points]
         assert len(told) == len(contact)
         for (boxes, point), bodies, line in zip(told, who, contact, strict=True):
@@ -156,7 +156,9 @@ def test_what_is_remembered_is_a_contact_half_way_between_the_two_bodies():
 
 def test_the_kernel_of_memory_does_what_its_source_says():
     """Bit for bit, without its compiler."""
-    for one, other in zip(followed(remember, steps=40), followed(remember.py_func, steps=40), strict=True):
+    for one, other in zip(
+        followed(update_manifolds, steps=40), followed(update_manifolds.py_func, steps=40), strict=True
+    ):
         assert one[0].keys() == other[0].keys()
         for boxes, points in one[0].items():
             np.testing.assert_array_equal(points, other[0][boxes])
@@ -247,7 +249,7 @@ def test_a_body_that_changes_forgets_and_others_remember(make_world, line4):
     collide(world)
 
     def held():
-        return {tuple(boxes) for boxes in engine._pair[: engine._remembered].tolist()}
+        return {tuple(boxes) for boxes in engine._pair[: engine._manifolds].tolist()}
 
     assert held() == {(0, 1), (2, 3)}
     engine.remove(1)
@@ -267,10 +269,10 @@ def test_bodies_that_join_or_break_forget(make_world, line4, book):
     across = np.eye(3)[(axis + 1) % 3]
     put(world, cube, (b.edge - 1e-4) * across, np.eye(3))
     collide(world)
-    assert engine._remembered == 1
+    assert engine._manifolds == 1
     i, j = b.held(line).bonds[0]
     world.part(line, book.break_bond(b.held(line), i, j))
-    assert engine._remembered == 0
+    assert engine._manifolds == 0
 
 
 def test_more_room_is_made_without_forgetting(make_world, line4, monkeypatch):
@@ -285,7 +287,7 @@ def test_more_room_is_made_without_forgetting(make_world, line4, monkeypatch):
         held = 0
         for _ in range(300):
             world.step()
-            held = max(held, world.engine._remembered)
+            held = max(held, world.engine._manifolds)
         assert held > 8
         ends.append([world.bodies.position.copy(), world.bodies.spin.copy()])
     for one, other in zip(*ends, strict=True):

@@ -1,6 +1,6 @@
-"""Compiled memory of contact points: two boxes that have touched keep their points for as long as these stay close.
+"""Compiled contact manifolds: two boxes that have touched keep their contact points as long as these stay close.
 
-A point is remembered as it lies on each of the two bodies, with the normal along which it pushed. In a later step it
+A point is kept as it lies on each of the two bodies, with the normal along which it pushed. In a later step it
 is a contact again, overlap or none: two surfaces a gap apart may approach each other by the gap in a step, no further,
 so that bodies that come back at once are stopped before they overlap. Two boxes keep four points at most, as does a box
 at a wall.
@@ -18,24 +18,25 @@ the normal that pushes the first, and the gap, below 0 for an overlap.
 from kinetics.kernels.compiled import compiled
 from mechsim.kernels.motion import rotation_of
 
-MOST = 4  # points of a pair
+MAX_POINTS = 4  # points of a pair
 ON_A, ON_B, NORMAL, GAP = 0, 3, 6, 9
 
 
 @compiled(nogil=False, error_model="python")
-def remember(found, who, contact, slot, breaking, position, orientation, n, pair, count, point, first, after):
-    """Take the contacts that a step has found into the memory, and write all that it then holds over them.
+def update_manifolds(found, who, contact, slot, breaking, position, orientation, n, pair, count, point, first, after):
+    """Merge the contacts that a step has found into the manifolds, and write all their points over the contacts.
 
-    Returns how many pairs and how many contacts there are. Both fit where P is at least n + found, and M four times
-    that.
+    Returns the number of pairs and the number of contacts. Both fit if P is at least n + found and M four times that.
 
-    found : contacts; who (M, 4), contact (M, 7) : as `touching.find_contacts` writes them
+    found : contacts; who (M, 4), contact (M, 7) : as `narrow_phase.find_contacts` writes them
     slot (R,) : the body of a box; breaking (B,) : by slot, how far apart, and how far aside, two points may come to lie
         and stay one contact; of two bodies, the lesser
     first (R,) : -1; after (P,) : room to work
     """
+    # The manifolds of each box as a linked list: first[box], then after[manifold], until -1.
     for m in range(n):
         after[m], first[pair[m, 0]] = first[pair[m, 0]], m
+    # Merge: each contact found goes to the manifold of its pair, which is made if there is none.
     for c in range(found):
         a, b, sign = who[c, 2], who[c, 3], 1.0
         if 0 <= b < a:
@@ -47,7 +48,8 @@ def remember(found, who, contact, slot, breaking, position, orientation, n, pair
             m, n = n, n + 1
             pair[m, 0], pair[m, 1], count[m] = a, b, 0
             after[m], first[a] = first[a], m
-        _take(contact[c], sign, slot[a], slot[b] if b >= 0 else -1, breaking, position, orientation, count, point, m)
+        _insert(contact[c], sign, slot[a], slot[b] if b >= 0 else -1, breaking, position, orientation, count, point, m)
+    # Refresh: gap and slide of each point by today's poses; a point beyond the limit in either is dropped.
     kept = written = 0
     for m in range(n):
         a, b = pair[m, 0], pair[m, 1]
@@ -80,9 +82,10 @@ def remember(found, who, contact, slot, breaking, position, orientation, n, pair
 
 
 @compiled(nogil=False, error_model="python")
-def _take(contact, sign, body, other, breaking, position, orientation, count, point, m):
-    """Remember a contact in pair m: instead of the nearest point, if that is near on the first body, or on the wall;
-    else beside the others, or instead of one."""
+def _insert(contact, sign, body, other, breaking, position, orientation, count, point, m):
+    """Add a contact to pair m: in place of the nearest point, if that is near on the first body, or on the wall;
+    otherwise as a further point, or in place of one if there are four."""
+    # The contact's two places: half the depth along the normal to either side, each in its body's frame.
     h = -0.5 * contact[6]
     nx, ny, nz = sign * contact[3], sign * contact[4], sign * contact[5]
     x, y, z = contact[0] + h * nx, contact[1] + h * ny, contact[2] + h * nz
@@ -91,6 +94,7 @@ def _take(contact, sign, body, other, breaking, position, orientation, count, po
     side = ON_B if other < 0 else ON_A
     p, q, r = (u, v, w) if other < 0 else (x, y, z)
     limit = _limit(body, other, breaking)
+    # Does it continue a known point? The nearest within the limit is replaced.
     near, at = limit * limit, -1
     for k in range(count[m]):
         dx, dy, dz = point[m, k, side] - p, point[m, k, side + 1] - q, point[m, k, side + 2] - r
@@ -99,8 +103,8 @@ def _take(contact, sign, body, other, breaking, position, orientation, count, po
             near, at = square, k
     if at < 0:
         at = count[m]
-        if at == MOST:
-            at = _least(point[m], side, p, q, r, -contact[6])
+        if at == MAX_POINTS:
+            at = _replaced_point(point[m], side, p, q, r, -contact[6])
         else:
             count[m] = at + 1
     point[m, at, 0], point[m, at, 1], point[m, at, 2] = x, y, z
@@ -110,15 +114,15 @@ def _take(contact, sign, body, other, breaking, position, orientation, count, po
 
 
 @compiled(nogil=False, error_model="python")
-def _least(points, side, x, y, z, gap):
-    """Which of four points gives way to a fifth: the one without which the others and the new one span most; never the
-    deepest of all. Lengths are taken where they lie on one side."""
+def _replaced_point(points, side, x, y, z, gap):
+    """The one of four points that a fifth replaces: the one without which the others and the new one span most, never
+    the deepest of all. The span is the area of the quadrilateral, half of |diagonal x diagonal|."""
     deepest = -1
-    for k in range(MOST):
+    for k in range(MAX_POINTS):
         if points[k, GAP] < gap:
             gap, deepest = points[k, GAP], k
     most, chosen = -1.0, 0
-    for k in range(MOST):
+    for k in range(MAX_POINTS):
         if k == deepest:
             continue
         i, j, o = 0 if k else 1, 1 if k > 1 else 2, 2 if k > 2 else 3  # the other three
@@ -134,7 +138,7 @@ def _least(points, side, x, y, z, gap):
 
 @compiled(nogil=False, error_model="python")
 def _limit(body, other, breaking):
-    """How far apart two points of these bodies may come."""
+    """Largest distance that the two places of a contact point may reach: the lesser of the two bodies' thresholds."""
     return breaking[body] if other < 0 else min(breaking[body], breaking[other])
 
 
