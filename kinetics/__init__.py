@@ -31,14 +31,14 @@ if TYPE_CHECKING:
         reachable,
         solve,
     )
-    from kinetics.network import Network, Tank
+    from kinetics.network import Condition, Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
     from kinetics.predicting.scanning import Scan, ScanAnswer, ScannedModel, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
+    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, FirstTimes, JumpPath
     from kinetics.sampling import (
         Auto,
         CompositionRejection,
@@ -59,7 +59,7 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
     "kinetics.markov": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
-    "kinetics.network": ("Network", "Tank"),
+    "kinetics.network": ("Condition", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
     "kinetics.markov.passage": (
         *("Passage", "RareEvent", "Committor", "Stationary"),
@@ -68,7 +68,7 @@ _HOMES = {
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
-    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
+    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "FirstTimes", "JumpPath"),
     "kinetics.sampling": (
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
@@ -93,6 +93,7 @@ __all__ = [
     "Collocation",
     "Committor",
     "CompositionRejection",
+    "Condition",
     "Convention",
     "Dense",
     "Direct",
@@ -100,6 +101,7 @@ __all__ = [
     "Ensemble",
     "EnsembleStatistics",
     "FiniteStateProjection",
+    "FirstTimes",
     "General",
     "Growth",
     "Growths",

@@ -1,4 +1,4 @@
-"""Where runs that are made one after another stand between calls of a kernel; plain Python, for all that read it."""
+"""Where runs stand between calls of a kernel, and where they stop; plain Python, for all that read it."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 RUN, PASSED, EVENTS, LOOK = 0, 1, 2, 3  # in `EnsembleWork.notes`
 BEFORE = -1  # in place of the events of a run that has not begun
+HOLDS, FAILS = -1, -2  # where a comparison of a `Stop` leads that decides
 
 
 class EnsembleWork(NamedTuple):
@@ -28,3 +29,31 @@ def ensemble_work(n_species: int) -> EnsembleWork:
     return EnsembleWork(
         np.ones(n_species + 1, dtype=np.int64), np.zeros(3), np.zeros(4, dtype=np.uint64), np.array([0, 0, BEFORE, 0])
     )
+
+
+class Stop(NamedTuple):
+    """The condition at which runs end: comparisons of sums of counts, each of which leads to another, or decides.
+
+    is_watched (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
+    starts (L + 1,), species (n,), weights (n,) : the sum of comparison i has the terms starts[i] to starts[i + 1]
+    low, high (L,) : the sum is to be in between, or one of them
+    yes, no (L,) : the comparison that comes next if it is, and if it is not; or HOLDS or FAILS
+    codes, operands (m,) int32, numbers (m,) : a program in their place, see `programs.Programs`, where the condition
+        compares other things than sums; else empty
+    """
+
+    is_watched: np.ndarray
+    starts: np.ndarray
+    species: np.ndarray
+    weights: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    yes: np.ndarray
+    no: np.ndarray
+    codes: np.ndarray
+    operands: np.ndarray
+    numbers: np.ndarray
+
+    def of_channels(self, channels: np.ndarray) -> "Stop":
+        """A copy for a kernel whose channels (G,) are these of the network."""
+        return self._replace(is_watched=np.append(self.is_watched[channels], False))

@@ -28,7 +28,8 @@ import numpy as np
 from kinetics.kernels.blocks import BLOCK
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 
 REFRESH = 1024  # steps after which L is made afresh
 UNIT = 2.0**-53  # largest relative error of one rounding
@@ -122,7 +123,7 @@ def eight(parts, i):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -220,6 +221,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+        if stop is not None and stop.is_watched[chosen] and holds(stop, counts):
+            outcome = STOPPED
+            break
     seen[0], seen[1] = passed, n_events
     clock[0], work.age[0] = t, age
     return outcome

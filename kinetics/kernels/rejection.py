@@ -26,7 +26,8 @@ import numpy as np
 
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 
 N_OCTAVES = 32
 HEADROOM = 8  # octaves above the largest sum when the bins are laid out
@@ -185,7 +186,7 @@ def pick(target, lowest, highest, sizes, uppers, inverses, masses, members, grou
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -258,16 +259,16 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = OVERFLOW
             break
         is_beyond = False
-        stop = np.uint64(words[event + one])
-        is_joint = stop > 0
+        list_end = np.uint64(words[event + one])
+        is_joint = list_end > 0
         while True:
             if not is_joint:
                 if first == begin:
                     break
                 head = np.uint64(lists[words[first]])
                 first += three
-                stop = np.uint64(words[head])
-            for i in range(begin if is_joint else head + one, stop):
+                list_end = np.uint64(words[head])
+            for i in range(begin if is_joint else head + one, list_end):
                 code = words[i]
                 group = np.uint64(code >> np.uint32(1))
                 part = groups[group].partial
@@ -323,6 +324,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
+        if stop is not None and stop.is_watched[fires] and holds(stop, counts):
+            outcome = STOPPED
+            break
     work.bins[1], work.bins[2], work.total[0] = lowest, highest, total
     seen[0], seen[1] = passed, n_events
     clock[0] = t

@@ -21,7 +21,7 @@ from kinetics.markov.checks import (
     checked_start,
 )
 from kinetics.markov.in_time import BACKWARD, mean_at, one_time, stopped_in
-from kinetics.markov.listing import Condition, listed
+from kinetics.markov.listing import StateCondition, listed
 from kinetics.markov.passage.backward import LimitedValue, expected_integral
 from kinetics.markov.passage.committor import ChainCommittor, committor_of
 from kinetics.markov.passage.first_passage import Passage, passage_to
@@ -29,11 +29,11 @@ from kinetics.markov.passage.projected import ProjectedPassage
 from kinetics.markov.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
 from kinetics.markov.passage.until import always, earned_until, earning_with, until
 from kinetics.markov.paths import drawn_path
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.rewards import earned, named_reward
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.network import Network
+from kinetics.network.predicates import StateNames
 from kinetics.support.arrays import Floats, integers, read_only, some_times
 
 Mask = NDArray[np.bool_]
@@ -122,9 +122,9 @@ class Chain:
         initial: Mapping[str, int] | ArrayLike,
         labels: Mapping[str, Target] | None = None,
         rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
-        stop: Condition | None = None,
+        stop: StateCondition | None = None,
         max_states: int = MAX_STATES,
-        within: Condition | int | None = None,
+        within: StateCondition | int | None = None,
     ) -> Chain:
         """The chain of a network from given counts; its variables are the species, its first state is where it starts.
 

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.markov.passage.entry import nearest_states, reached_states
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.transient import StateSpace
 from kinetics.network import Network
+from kinetics.network.predicates import StateNames
 from kinetics.support.arrays import Ints
 
 Mask = NDArray[np.bool_]
-Condition = str | Callable[[Ints], Mask]
+StateCondition = str | Callable[[Ints], Mask]
 
 
 def listed(
     network: Network,
     initial: Mapping[str, int] | ArrayLike,
-    stop: Condition | None,
-    within: Condition | int | None,
+    stop: StateCondition | None,
+    within: StateCondition | int | None,
     max_states: int,
 ) -> tuple[StateSpace, Mask]:
     """The states of a network, and which of them (N,) are not followed further though the chain goes on there.
@@ -49,7 +49,7 @@ def listed(
     return space, lost
 
 
-def held(condition: Condition, network: Network, states: Ints) -> Mask:
+def held(condition: StateCondition, network: Network, states: Ints) -> Mask:
     """In which states (n, S) of a network a condition holds (n,)."""
     if callable(condition):
         return np.asarray(condition(states), dtype=bool)

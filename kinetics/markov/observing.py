@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.rewards import Reward, named_reward
 from kinetics.network import Network
-from kinetics.network.sums import summed
+from kinetics.network.predicates import weights_of, whole_sums
 from kinetics.support.arrays import Floats, Ints
 
 
@@ -32,13 +31,6 @@ def observing(chain: Chain, network: Network, observables: Mapping[str, Mapping[
     )
 
 
-def state_names(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> StateNames:
-    """What conditions may name in states (N, S), as on the chain of `observing`."""
-    sums = whole_sums(network, observables, counts)
-    columns = np.column_stack([counts, *sums.values()])
-    return StateNames(len(counts), (*network.species, *sums), columns, {})
-
-
 def earned_in(
     network: Network, observables: Mapping[str, Mapping[str, float]], name: str | None, counts: Ints
 ) -> Floats:
@@ -51,19 +43,4 @@ def earned_in(
 
 def _rewards(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Floats]:
     """The sums (N,) that are never negative, in states (N, S)."""
-    return {name: counts @ weights for name, weights in _weights(network, observables) if (weights >= 0).all()}
-
-
-def whole_sums(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Ints]:
-    """Those of the sums that are whole numbers, in states (N, S): values (N,) by name."""
-    return {
-        name: counts @ np.rint(weights).astype(np.int64)
-        for name, weights in _weights(network, observables)
-        if np.array_equal(weights, np.rint(weights))
-    }
-
-
-def _weights(network: Network, observables: Mapping[str, Mapping[str, float]]) -> list[tuple[str, Floats]]:
-    return [
-        (name, summed(network, sum_)[0]) for name, sum_ in observables.items() if name not in network.species_places
-    ]
+    return {name: counts @ weights for name, weights in weights_of(network, observables) if (weights >= 0).all()}

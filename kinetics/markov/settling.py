@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.markov.chain import DEADLOCK, INIT, Chain
-from kinetics.markov.listing import Condition, held
-from kinetics.markov.observing import observing, state_names
+from kinetics.markov.listing import StateCondition, held
+from kinetics.markov.observing import observing
 from kinetics.markov.queries import Query, Settled
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Network
+from kinetics.network.predicates import state_names
 from kinetics.support.arrays import Ints
 
 
@@ -26,8 +27,8 @@ def answering_chains(
     network: Network,
     initial: Mapping[str, int] | ArrayLike,
     observables: Mapping[str, Mapping[str, float]],
-    stop: Condition | None = None,
-    within: Condition | int | None = None,
+    stop: StateCondition | None = None,
+    within: StateCondition | int | None = None,
     max_states: int = MAX_STATES,
 ) -> Iterator[tuple[Chain, list[int]]]:
     """Chains of a network with its observables, each with the places of the queries that it answers.

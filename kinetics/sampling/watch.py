@@ -17,6 +17,7 @@ import numpy as np
 
 from kinetics.kernels import outcomes
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN
+from kinetics.kernels.ensemble_work import Stop as StopTable
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
@@ -55,6 +56,9 @@ class Watch:
     stops : truncated runs by number, as far as they are known
     complete : by number of the first run of a piece, how many of its runs are done
     is_path : whether all events are needed until the end, so that a truncated run is an error at once
+    until : the condition at which runs end, for kernels with the channels of the network; None where there is none.
+        Other runs then go on where one is truncated, and no rate equations forecast how many events are to come
+    reached : (runs,) when the condition first held in each run, tu; inf where it has not
     """
 
     most_events = FIRST_CALL  # of the next call of a kernel
@@ -66,7 +70,10 @@ class Watch:
         max_events: int = MAX_EVENTS,
         first_run: int = 0,
         is_path: bool = False,
+        until: StopTable | None = None,
+        runs: int = 1,
     ) -> None:
+        self.until, self.reached = until, np.full(0 if until is None else runs, np.inf)
         self.grid, self.outlook, self.first_run, self.is_path = grid, outlook, first_run, is_path
         self.max_events = whole_number("max_events", max_events, 1)
         self.is_stopped = threading.Event()
@@ -82,7 +89,7 @@ class Watch:
 
     def needed(self, run: int) -> int:
         """How many times of the grid a run is to pass."""
-        if self._first is None:
+        if self._first is None or self.until is not None:
             return self.grid.size
         more, few, followed, _ = self.limits(0)
         return int(more if run < followed else few)
@@ -93,9 +100,18 @@ class Watch:
         The first runs, up to the one that was truncated, go on to the first time that is left out, so that it is known
         how many reach it; whoever is truncated first in some order of the runs, the figures end at the same time.
         """
-        few, followed = (self.grid.size, 0) if self._first is None else self._first
+        few, followed = (self.grid.size, 0) if self._first is None or self.until is not None else self._first
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
+
+    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[StopTable | None, Floats | None]:
+        """What a kernel with these channels (G,) reads and writes of runs that end at the condition; None without one.
+
+        Returns the condition and a view (runs,) into `reached`.
+        """
+        if self.until is None:
+            return None, None
+        return self.until.of_channels(channels), self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
         """Between calls of a kernel: `hear`, and settle how many events the next call makes.
@@ -123,7 +139,7 @@ class Watch:
         """
         end = float(self.grid[-1])
         again = np.minimum(2 * events, self.max_events)
-        if forecasts and self.outlook is not None:
+        if forecasts and self.outlook is not None and self.until is None:
             totals = np.array(
                 [self.outlook.rates(x[None].astype(float), t).sum() for x, t in zip(counts, times, strict=True)]
             )
@@ -154,7 +170,7 @@ class Watch:
         with self._lock:
             self.stops[run] = Stop(outcome, time, counts.astype(np.int64), events, passed)
             self._first = min(self._first or (passed, run), (passed, run))
-        if self.is_path:
+        if self.is_path or (self.until is not None and self.grid[-1] == np.finfo(float).max):  # there is no horizon
             raise TruncatedRunsError(self._told(self._first, 1))
 
     @property

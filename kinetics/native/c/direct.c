@@ -110,6 +110,20 @@ static void begin(const Model *model, const int64_t *counts, const Room *room)
     room->copies[model->n_species] = 1.0;
 }
 
+/* Whether the condition holds: stopping.holds. */
+static int holds(const Stop *stop, const int64_t *counts)
+{
+    int64_t comparison = 0;
+    while (comparison >= 0) {
+        double total = 0.0;
+        for (int64_t k = stop->starts[comparison]; k < stop->starts[comparison + 1]; k++)
+            total += stop->weights[k] * (double)counts[stop->species[k]];
+        comparison = stop->low[comparison] <= total && total <= stop->high[comparison] ? stop->yes[comparison]
+                                                                                       : stop->no[comparison];
+    }
+    return comparison == HOLDS;
+}
+
 /* Where a run stands. */
 typedef struct {
     double clock[3];
@@ -118,8 +132,8 @@ typedef struct {
 } Standing;
 
 /* Go on with a run until it has passed so many times of the grid, or has had so many events. */
-static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
-                 int64_t *out)
+INLINE int advance(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
+                   Standing *at, int64_t *out, const Stop *stop)
 {
     const int64_t n_species = model->n_species;
     uint64_t *s = at->stream;
@@ -140,13 +154,29 @@ static int go_on(const Model *model, const Room *room, const double *grid, int64
         }
         t = later;
         const double share = uniform(next_word(s, s + 1, s + 2, s + 3));
-        if (!fire(model, room, chosen_channel(room, share * total, total)))
+        const int64_t channel = chosen_channel(room, share * total, total);
+        if (!fire(model, room, channel)) {
             outcome = OVERFLOW_;
-        else
-            n_events++;
+            break;
+        }
+        n_events++;
+        if (stop && stop->is_watched[channel] && holds(stop, room->counts))
+            outcome = STOPPED;
     }
     at->clock[0] = t, at->passed = passed, at->n_events = n_events;
     return outcome;
+}
+
+static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
+                 int64_t *out)
+{
+    return advance(model, room, grid, n_times, last, at, out, NULL);
+}
+
+static int go_on_until(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
+                       Standing *at, int64_t *out, const Stop *stop)
+{
+    return advance(model, room, grid, n_times, last, at, out, stop);
 }
 
 static double *make_room(const Model *model, const int64_t *counts, Room *room)
@@ -170,7 +200,7 @@ enum { RUN, PASSED, EVENTS, LOOK }; /* as in direct.py */
 /* `direct.ensemble`: the outcome, -1 without memory. The grid has n_times times. */
 int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream, int64_t *notes, const int64_t *initial,
            const double *grid, int64_t n_times, const uint64_t *key, int64_t first_run, const int64_t *limits,
-           int64_t runs, int64_t *out, int64_t most)
+           int64_t runs, int64_t *out, int64_t most, const Stop *stop, double *reached)
 {
     Room room;
     Standing at;
@@ -189,7 +219,16 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
         }
         const int64_t made = at.n_events, last = notes[LOOK] < made + most ? notes[LOOK] : made + most;
         const int64_t needed = notes[RUN] < limits[2] ? limits[0] : limits[1];
-        outcome = go_on(model, &room, grid, needed, last, &at, out + notes[RUN] * n_times * model->n_species);
+        int64_t *counts_of_run = out + notes[RUN] * n_times * model->n_species;
+        outcome = stop ? go_on_until(model, &room, grid, needed, last, &at, counts_of_run, stop)
+                       : go_on(model, &room, grid, needed, last, &at, counts_of_run);
+        if (outcome == STOPPED) {
+            reached[notes[RUN]] = at.clock[0];
+            for (; at.passed < needed; at.passed++)
+                memcpy(counts_of_run + at.passed * model->n_species, room.counts,
+                       (size_t)model->n_species * sizeof *counts_of_run);
+            outcome = REACHED_END;
+        }
         most -= at.n_events - made;
         if (outcome == REACHED_END) {
             most--;
@@ -208,7 +247,7 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
 
 /* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
 int events(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream, double *times,
-           int64_t *fired, int64_t most, int64_t *n_events)
+           int64_t *fired, int64_t most, int64_t *n_events, const Stop *stop)
 {
     Room room;
     double t = clock[0], *memory = make_room(model, counts, &room);
@@ -234,6 +273,8 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
         }
         times[*n_events] = t;
         fired[(*n_events)++] = channel;
+        if (stop && stop->is_watched[channel] && holds(stop, room.counts))
+            outcome = STOPPED;
     }
     if (memory)
         memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);

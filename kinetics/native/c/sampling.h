@@ -15,6 +15,16 @@ typedef struct {
     int any_general;
 } Model;
 
+/* The condition at which runs end: see `ensemble_work.Stop`. */
+typedef struct {
+    const char *is_watched; /* (G + 1,) */
+    const int64_t *starts, *species;
+    const double *weights, *low, *high;
+    const int64_t *yes, *no;
+    int64_t n_comparisons;
+} Stop;
+
+#define HOLDS (-1)
 #define MOST_STILL 1000.0 /* events in a row that do not move the clock: as in clock.py */
 
 #endif

@@ -10,9 +10,10 @@ import numpy as np
 
 from kinetics.formats import NetworkModel
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import earned_in, observing, state_names
+from kinetics.markov.observing import earned_in, observing
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
+from kinetics.network.predicates import state_names
 from kinetics.predicting.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
 from kinetics.predicting.scanning.scanned import ScannedModel, digest_of

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.formats import NetworkModel
-from kinetics.markov.observing import earned_in, state_names
-from kinetics.markov.predicates import StateNames
+from kinetics.markov.observing import earned_in
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
+from kinetics.network.predicates import StateNames, state_names
 from kinetics.predicting.scanning.answer import SAMPLED, ScanAnswer
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Auto

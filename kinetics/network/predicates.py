@@ -1,8 +1,9 @@
-"""Conditions on the states of a chain as text, such as `quadmer >= 1 and monomer == 0` or `"done" | !(A > 3)`."""
+"""Conditions on counts as text, such as `quadmer >= 1 and monomer == 0` or `"done" | !(A > 3)`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from kinetics.network.laws.graph import TRUTHS, Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
 from kinetics.network.laws.reading import OURS, Dialect, node_of, shortened
 from kinetics.network.laws.writing import text_of
+from kinetics.network.network import Network
+from kinetics.network.sums import summed
 from kinetics.support.arrays import Floats, Ints
 
 PRISM = Dialect(
@@ -41,7 +44,7 @@ class StateNames:
 
     def holds(self, text: str) -> NDArray[np.bool_]:
         """In which states (N,) the condition holds; a ValueError where it is none, or uses other names."""
-        expression = _read(text)
+        expression = read_condition(text)
         self._check_truth(expression, text)
         return self._values(expression, f"condition {shortened(text)!r}", 0.0)[0] != 0.0
 
@@ -50,7 +53,7 @@ class StateNames:
 
         ValueError: it loses its digits in a state.
         """
-        return self._values(_read(text), f"formula {shortened(text)!r}", LOST)
+        return self._values(read_condition(text), f"formula {shortened(text)!r}", LOST)
 
     def _values(self, expression: Expression, what: str, allowed: float) -> tuple[Floats, float]:
         if expression.reads_time:
@@ -110,13 +113,67 @@ class StateNames:
 
 def names_in(text: str) -> tuple[str, ...]:
     """The variables and labels that a condition names; a ValueError where it is none."""
-    return tuple(_read(text).species)
+    return tuple(read_condition(text).species)
 
 
-def _read(text: str) -> Expression:
+def read_condition(text: str) -> Expression:
+    """The formula of a condition; a ValueError where it is none."""
     graph = Graph()
     return Expression.of(graph.formula(node_of(text, graph, dialect=PRISM)))
 
 
 def _truth(graph: Graph, number: float) -> int:
     return graph.add(Code.EQUAL, (graph.number(1.0), graph.number(number)))
+
+
+def state_names(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> StateNames:
+    """What conditions may name in states (N, S); sums are named where they are whole."""
+    sums = whole_sums(network, observables, counts)
+    columns = np.column_stack([counts, *sums.values()])
+    return StateNames(len(counts), (*network.species, *sums), columns, {})
+
+
+def whole_sums(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Ints]:
+    """Those of the sums that are whole numbers, in states (N, S): values (N,) by name."""
+    return {
+        name: counts @ np.rint(weights).astype(np.int64)
+        for name, weights in weights_of(network, observables)
+        if np.array_equal(weights, np.rint(weights))
+    }
+
+
+def weights_of(network: Network, observables: Mapping[str, Mapping[str, float]]) -> list[tuple[str, Floats]]:
+    """Weights (S,) of each sum by name; those named like a species are left out."""
+    return [
+        (name, summed(network, sum_)[0]) for name, sum_ in observables.items() if name not in network.species_places
+    ]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition on the counts of a network, as text that also may name sums of counts.
+
+    text : comparisons of counts joined by & | ! and brackets, as in "AB >= 8 & !(A == 0)"
+    observables : name -> weight of each species in the sum; those with other than whole weights are left out
+
+    >>> import numpy as np
+    >>> from kinetics import Network
+    >>> dimers = Network.from_text("2 A <-> D, 1, 1")
+    >>> Condition("bodies <= 4", {"bodies": {"A": 1, "D": 1}}).holds(dimers, np.array([[6, 0], [2, 2]])).tolist()
+    [False, True]
+    """
+
+    text: str
+    observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def holds(self, network: Network, counts: Ints) -> NDArray[np.bool_]:
+        """In which of the counts (N, S) it holds; a ValueError where the text is no condition on this network."""
+        return state_names(network, self.observables, counts).holds(self.text)
+
+    def weights(self, network: Network) -> dict[str, dict[int, int]]:
+        """The sum that each name stands for: whole weights by the number of the species."""
+        found = {name: {s: 1} for s, name in enumerate(network.species)}
+        for name, weights in weights_of(network, self.observables):
+            if np.array_equal(weights, np.rint(weights)):
+                found[name] = {int(s): int(weights[s]) for s in np.flatnonzero(weights)}
+        return found
