@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
     from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
     from calibration.estimating.net_path import net_path
-    from calibration.estimating.paper import paper_estimate
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
@@ -41,7 +40,6 @@ _HOMES = {
     "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
     "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
     "calibration.estimating.net_path": ("net_path",),
-    "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
     "kinetics.rates.breaks": ("ShapeParameter",),
@@ -88,7 +86,6 @@ __all__ = [
     "fit_breaks",
     "fit_rates",
     "net_path",
-    "paper_estimate",
     "pooled",
     "rate_model",
 ]

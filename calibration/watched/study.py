@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +13,6 @@ from typing import Any
 from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
-from calibration.estimating.paper import paper_estimate
 from calibration.watched.reading import read_watched
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
@@ -63,11 +61,6 @@ class WatchedStudy:
         """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
         return diagnose(self.paths, None if self.break_models is None else self.break_models.chosen)
 
-    @cached_property
-    def paper_rates(self) -> dict[str, float]:
-        """The paper's own estimator on the same runs."""
-        return paper_estimate(self.paths)
-
     @property
     def source(self) -> str:
         """Where the rates come from, in words."""
@@ -84,7 +77,6 @@ class WatchedStudy:
     @cached_property
     def rates(self) -> Rates:
         """The estimates with their evidence, ready to be saved."""
-        paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
         evidence = {
             "network": self.name,
             **self.settings,
@@ -92,7 +84,6 @@ class WatchedStudy:
             "versions": {name: version(name) for name in ("wellmixed", "numpy")},
             "doubtful_tests": self.diagnosis.doubtful,
             **({"coarse_looks": self.diagnosis.looks.sentence} if self.diagnosis.looks.channels else {}),
-            "paper_estimator": paper,
         }
         return rates_with_breaks(self.calibration, self.break_models, evidence)
 

@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from kinetics.formats import NetworkModel
-    from kinetics.markov import Chain, ChainAnswer
+    from kinetics.markov import Chain
     from kinetics.markov.derivatives import Derivatives
+    from kinetics.support.answer import Answer
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
@@ -114,7 +115,7 @@ def ask(
         told = model.network, model.initial, model.observables
         # What is written is the whole chain, which then answers all questions.
         chains = answering_chains([] if out_file else queries, *told, stop, within, max_states)
-    found: dict[int, tuple[ChainAnswer, Derivatives | None]] = {}
+    found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
     with instead_of_many_states(INSTEAD), progress_line() as progress:
         progress("listing states")
@@ -130,7 +131,7 @@ def ask(
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
         listed = [
-            {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
+            {"question": text, **answer.to_dict(), "sensitivity": slope and slope.to_dict()}
             for text, answer, slope in answers
         ]
         echo_json({"model": asked.source, "states": states, "rates": rates, "answers": listed})

@@ -123,7 +123,7 @@ def scan(
     """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
 
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
-    Questions are those of `wellmixed ask`. Exact answers have limits that are proven unless the column `answered` says
+    Questions are those of `wellmixed ask`. Exact answers have bounds that are proven unless the column `kind` says
     otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
     Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
     points, for which the table says why.

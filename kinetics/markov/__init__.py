@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov.answers import ChainAnswer, ChainDistribution, ChainPath
+    from kinetics.markov.answers import ChainDistribution, ChainPath
     from kinetics.markov.chain import Chain
     from kinetics.markov.checks import Reward
     from kinetics.markov.explicit_files import read_explicit, write_explicit
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kinetics.markov.sensitivity import Sensitivity, passage_sensitivity, sensitivity_to
 
 _HOMES = {
-    "kinetics.markov.answers": ("ChainAnswer", "ChainDistribution", "ChainPath"),
+    "kinetics.markov.answers": ("ChainDistribution", "ChainPath"),
     "kinetics.markov.chain": ("Chain",),
     "kinetics.markov.checks": ("Reward",),
     "kinetics.markov.explicit_files": ("read_explicit", "write_explicit"),
@@ -27,7 +27,6 @@ _HOMES = {
 
 __all__ = [
     "Chain",
-    "ChainAnswer",
     "ChainDistribution",
     "ChainPath",
     "Reward",

@@ -1,66 +1,14 @@
-"""What a chain answers: a number with its limits, or a distribution with its error."""
+"""The distribution of a chain over time, and single runs of it."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.support.arrays import Floats, Ints, read_only
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown
-
-LOPSIDED = 100.0  # how much wider the upper side is where the chain may be lost
-
-
-@dataclass(frozen=True)
-class ChainAnswer:
-    """A number with its limits.
-
-    low, high : limits of the true value; all roundings and truncations, and those of the rates, included
-    is_bound : whether the limits are proven; otherwise they are an estimate
-    method : how it was found
-    cpu_seconds : time that took
-
-    >>> from math import exp
-    >>> from kinetics import Chain
-    >>> answer = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0).until([False, True], by=10.0)
-    >>> answer.low <= 1 - exp(-1) <= answer.high, answer.high - answer.low < 1e-12, answer.is_bound
-    (True, True, True)
-    """
-
-    value: float
-    low: float
-    high: float
-    is_bound: bool
-    method: str
-    cpu_seconds: float
-
-    @classmethod
-    def of(cls, limited: LimitedValue, method: str, cpu_seconds: float) -> ChainAnswer:
-        """The answer of a value with limits."""
-        return cls(*limited, method, cpu_seconds)
-
-    def wider(self, relative: float) -> ChainAnswer:
-        """The same of something, none of it negative, that has a relative error of its own."""
-        more = 1.001 * relative
-        return replace(self, low=self.low * (1.0 - more), high=self.high * (1.0 + more))
-
-    def capped(self) -> ChainAnswer:
-        """The same of a probability: at most 1."""
-        return replace(self, value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
-
-    def __str__(self) -> str:
-        kind = "proven" if self.is_bound else "estimated"
-        if self.high == math.inf:
-            return f"at least {self.low:.12g} ({kind}; {self.method})"
-        if self.high - self.value > LOPSIDED * (self.value - self.low):
-            return f"{self.low:.12g} to {self.high:.12g} ({kind}; {self.method})"
-        wide = max(self.high - self.value, self.value - self.low)
-        relative = f", {wide / abs(self.value):.1e} of it" if self.value and wide else ""
-        return f"{self.value:.12g} (+- {wide:.1e}{relative}, {kind}; {self.method})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

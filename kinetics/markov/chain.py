@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov.answers import ChainAnswer, ChainDistribution, ChainPath
+from kinetics.markov.answers import ChainDistribution, ChainPath
 from kinetics.markov.checks import (
     Reward,
     checked_mask,
@@ -22,7 +22,7 @@ from kinetics.markov.checks import (
 )
 from kinetics.markov.in_time import BACKWARD, mean_at, one_time, stopped_in
 from kinetics.markov.listing import StateCondition, listed
-from kinetics.markov.passage.backward import LimitedValue, expected_integral
+from kinetics.markov.passage.backward import expected_integral
 from kinetics.markov.passage.committor import ChainCommittor, committor_of
 from kinetics.markov.passage.first_passage import Passage, passage_to
 from kinetics.markov.passage.projected import ProjectedPassage
@@ -34,7 +34,9 @@ from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Tran
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.network import Network
 from kinetics.network.predicates import StateNames
+from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Floats, integers, read_only, some_times
+from kinetics.support.tables import counted
 
 Mask = NDArray[np.bool_]
 INIT, DEADLOCK = "init", "deadlock"  # as PRISM calls them
@@ -55,7 +57,7 @@ class Chain:
     lost : states at the edge of a part of a larger chain: entered truly, but what happens from there is not known.
         Limits then hold whatever that is, and `value` counts nothing of it
 
-    Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `ChainAnswer`, with limits that
+    Targets are conditions as text, labels by name, or truths (N,). Methods answer by a `Answer`, with limits that
     are proven unless it says otherwise; small probabilities come with a relative error. ValueError: what is no chain,
     label, reward or target, or a question without a finite answer.
 
@@ -239,7 +241,7 @@ class Chain:
         through: Target | None = None,
         by: float | None = None,
         method: ListingMethod | None = None,
-    ) -> ChainAnswer:
+    ) -> Answer:
         """Probability of reaching the target on the way through given states alone (by default any), by a time or ever.
 
         by : tu; None for ever, by linear equations, solved by iteration, elimination or sparse LU
@@ -249,41 +251,41 @@ class Chain:
         goal = self.states(target)
         ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
 
-        def reached(goals: Mask) -> ChainAnswer:
+        def reached(goals: Mask) -> Answer:
             if by is None:
                 return self._answer(lambda: until(*self._begun, ways, goals).limited, EQUATIONS)
             return self._in_time(goals, goals | ~ways, by, method)
 
         return self._either_way(reached, goal, self._lost & ways & ~goal)
 
-    def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> ChainAnswer:
+    def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> Answer:
         """Probability of not leaving the states, until a time or ever."""
         wanted = self.states(states)
 
-        def stays(kept: Mask) -> ChainAnswer:
+        def stays(kept: Mask) -> Answer:
             if by is None:
                 return self._answer(lambda: always(*self._begun, kept).limited, EQUATIONS)
             return self._in_time(kept, ~kept, by, method)
 
         return self._either_way(stays, wanted & ~self._lost, self._lost & wanted)
 
-    def _either_way(self, question: Callable[[Mask], ChainAnswer], certain: Mask, unsure: Mask) -> ChainAnswer:
+    def _either_way(self, question: Callable[[Mask], Answer], certain: Mask, unsure: Mask) -> Answer:
         """The answer for the certain states, with an upper limit for the unsure ones as well."""
         low = question(certain)
         if not unsure.any():
             return low
         high = question(certain | unsure)
         seconds = low.cpu_seconds + high.cpu_seconds
-        return replace(low, high=high.high, is_bound=low.is_bound and high.is_bound, cpu_seconds=seconds)
+        return replace(low, high=high.high, kind=weakest(low, high), cpu_seconds=seconds)
 
     @property
     def _begun(self) -> tuple[Transitions, Floats]:
         return self.transitions, np.asarray(self.initial)
 
-    def _in_time(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None) -> ChainAnswer:
+    def _in_time(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None) -> Answer:
         """The probability of `held` at a time, of the chain that is stopped."""
         chain, space = self.transitions.stopped(stops), stopped_in(self._space, stops)
-        return mean_at(chain, self._begun[1], held.astype(float), one_time("by", by), space, method).capped()
+        return mean_at(chain, self._begun[1], held.astype(float), one_time("by", by), space, method).clipped()
 
     def reward(
         self,
@@ -292,7 +294,7 @@ class Chain:
         up_to: float | None = None,
         until: Target | None = None,
         stationary: bool = False,
-    ) -> ChainAnswer:
+    ) -> Answer:
         """Mean of a reward: its rate `at` a time, its total `up_to` a time or `until` a target, or its rate in the end.
 
         name : of the reward; of a variable, for its value; None for the only one
@@ -308,7 +310,7 @@ class Chain:
         if at is not None:
             now = one_time("at", at)
             return earned(
-                lambda values: mean_at(*self._begun, values, now, self._space).wider(given.error),
+                lambda values: mean_at(*self._begun, values, now, self._space).inflated(given.error),
                 np.asarray(given.rates),
                 self._lost,
                 given.most,
@@ -318,17 +320,17 @@ class Chain:
         if up_to is not None:
             end = one_time("up_to", up_to)
 
-            def total(values: Floats) -> ChainAnswer:
-                return self._answer(lambda: expected_integral(*self._begun, values, end).wider(rounded), BACKWARD)
+            def total(values: Floats) -> Answer:
+                return self._answer(lambda: expected_integral(*self._begun, values, end).inflated(rounded), BACKWARD)
 
             return earned(total, earning, self._lost, given.most)
         if until is not None:
             goal = self.states(until)
             unsure = self._lost & ~goal
             way = (*self._begun, earning, goal | unsure)
-            found = self._answer(lambda: earned_until(*way).limited.wider(rounded), EQUATIONS)
+            found = self._answer(lambda: earned_until(*way).limited.inflated(rounded), EQUATIONS)
             return replace(found, high=np.inf) if unsure.any() else found
-        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).wider(rounded), EQUATIONS)
+        return self._answer(lambda: mean_in_the_end(self.stationary(), earning).inflated(rounded), EQUATIONS)
 
     def reward_asked(
         self, name: str | None, at: float | None, up_to: float | None, until: Target | None, stationary: bool
@@ -347,11 +349,11 @@ class Chain:
             return None
         return np.asarray(reward.impulses[self.transitions.rows, self.transitions.columns]).ravel()
 
-    def in_the_end(self, states: Target) -> ChainAnswer:
+    def in_the_end(self, states: Target) -> Answer:
         """Probability of the states after infinite time."""
         held = self.states(states)
         found = self._answer(lambda: mean_in_the_end(self.stationary(), held.astype(float)), EQUATIONS)
-        return found.capped()
+        return found.clipped()
 
     def stationary(self) -> ChainStationary:
         """The distribution after infinite time, with a relative error a state."""
@@ -404,7 +406,7 @@ class Chain:
             raise ValueError("the target is never reached; there are no such runs")
         return drawn_path(found.transitions, weights / weights.sum(), np.inf, seed, run, chances)
 
-    def _answer(self, question: Callable[[], LimitedValue], method: str) -> ChainAnswer:
+    def _answer(self, question: Callable[[], Answer], method: str) -> Answer:
         began = time.process_time()
-        limited = question()
-        return ChainAnswer.of(limited, method, time.process_time() - began)
+        found = question()
+        return replace(found, method=method, cpu_seconds=time.process_time() - began, why=counted(len(self), "state"))

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.answers import ChainAnswer
-from kinetics.markov.passage.backward import LimitedValue, expected_at, steps_until, that_matter
+from kinetics.markov.passage.backward import expected_at, steps_until, that_matter
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.markov.transient.dense import MAX_DENSE
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, real_number, rising_times
+from kinetics.support.tables import counted
 
 BACKWARD = "uniformisation, backwards"
 MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a small chain forwards by squaring
@@ -43,18 +44,20 @@ def mean_at(
     end: float,
     space: StateSpace | None = None,
     method: ListingMethod | None = None,
-) -> ChainAnswer:
+) -> Answer:
     """Mean of `values` (N,), none negative, at a time, tu, with limits.
 
     method : a solving method for the pass, forwards, whose error is absolute; by default it is backwards, with a
         relative one, or by `Transient` where that would take too many steps
     """
+    size = counted(transitions.size, "state")
     began, most = time.process_time(), MANY_STEPS if transitions.size <= MAX_DENSE else MAX_STEPS
     if method is None and steps_to(transitions, start, values, end, most) <= most:
-        return ChainAnswer.of(expected_at(transitions, start, values, end), BACKWARD, time.process_time() - began)
+        found = expected_at(transitions, start, values, end)
+        return replace(found, method=BACKWARD, cpu_seconds=time.process_time() - began, why=size)
     chosen = method or Transient()
     rows, error, is_bound = chosen.probabilities(transitions, start, np.array([end]), space)
     value = float(rows[0] @ values)
     slack = 1.001 * (error + ROUNDOFF * transitions.size) * float(values.max())
-    limited = LimitedValue(value, max(value - slack, 0.0), value + slack, is_bound)
-    return ChainAnswer.of(limited, chosen.name, time.process_time() - began)
+    seconds = time.process_time() - began
+    return Answer(value, max(value - slack, 0.0), value + slack, kind_of(is_bound), chosen.name, seconds, size)

@@ -21,10 +21,10 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.answers import ChainAnswer
 from kinetics.markov.chain import Chain
 from kinetics.network.laws.reading import LONGEST, shortened
 from kinetics.network.predicates import StateNames, names_in
+from kinetics.support.answer import Answer
 
 Answer_co = TypeVar("Answer_co", covariant=True)
 FRAME = re.compile(r'(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\}\s*)?=\s*\?\s*\[(.*)\]', re.DOTALL)
@@ -154,7 +154,7 @@ class RewardQuery:
 Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery
 
 
-def ask(chain: Chain, question: str) -> ChainAnswer:
+def ask(chain: Chain, question: str) -> Answer:
     """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer.
 
     question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too

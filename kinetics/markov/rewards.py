@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov.answers import ChainAnswer
 from kinetics.markov.checks import Reward, checked_reward
+from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Floats
 
 TIME = "time"
@@ -36,9 +36,7 @@ def named_reward(
     raise ValueError(f"{came}; there are {there}")
 
 
-def earned(
-    mean: Callable[[Floats], ChainAnswer], rates: Floats, lost: NDArray[np.bool_], most: float | None
-) -> ChainAnswer:
+def earned(mean: Callable[[Floats], Answer], rates: Floats, lost: NDArray[np.bool_], most: float | None) -> Answer:
     """Mean of what is earned at `rates` (N,), where `mean` answers for any values (N,).
 
     Where the chain is lost (N,), it is nothing at least, and at most the larger of `most` and what any state here earns
@@ -53,4 +51,4 @@ def earned(
     # what is lost may come back, and then earn what states here do
     more = np.inf if most is None else 1.001 * max(most, float(rates[~lost].max(initial=0.0))) * away.high
     seconds = known.cpu_seconds + away.cpu_seconds
-    return replace(known, high=known.high + more, is_bound=known.is_bound and away.is_bound, cpu_seconds=seconds)
+    return replace(known, high=known.high + more, kind=weakest(known, away), cpu_seconds=seconds)

@@ -30,12 +30,12 @@ from kinetics.markov.derivatives import (
 )
 from kinetics.markov.derivatives.squaring import MAX_SQUARED
 from kinetics.markov.in_time import mean_at, one_time, steps_to, stopped_in
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.network import Network
 from kinetics.network.sums import Counted, summed
+from kinetics.support.answer import Answer, kind_of, weakest
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
 from kinetics.support.cli.progress import forecast
 from kinetics.support.tables import rough
@@ -133,7 +133,7 @@ class Sensitivity:
 
         def slopes() -> Slopes:
             found = self._chain.passage(target)
-            sd = LimitedValue.within(found.sd, found.sd_error, found.is_bound)
+            sd = Answer.within(found.sd, found.sd_error, found.is_bound)
             return slopes_sd(self._entries, self._start, goal, sd)
 
         return self._answer(slopes, EQUATIONS)
@@ -153,7 +153,7 @@ class Sensitivity:
                 f"the target is reached with probability {found.probability:.6g} only, so q = {q:g} is never reached; "
                 f"ask for a smaller q"
             )
-        quantile = LimitedValue(float(found.quantile(q)), float(low), float(high), found.is_bound)
+        quantile = Answer(float(found.quantile(q)), float(low), float(high), kind_of(found.is_bound))
         # the smaller of the probabilities of being there and of being on the way is known better
         held, sign = (goal, 1.0) if q <= 0.5 else (~goal, -1.0)
         cdf = self._at(held[None, :].astype(float), quantile.value, stops=goal)[0]
@@ -172,8 +172,8 @@ class Sensitivity:
         space = stopped_in(self._chain.space, goal)
         found, bend = (mean_at(chain, self._start, values, at, space) for values in (into, steep))
         rounded = ROUNDOFF * (chain.roundings + np.bincount(chain.rows, minlength=1).max() + 2.0)
-        limited = LimitedValue(found.value, found.low, found.high, found.is_bound and bend.is_bound).wider(rounded)
-        return Density(limited, 1.001 * bend.high, 1.001 * float(into.max()), 1.001 * float(chain.exits.max()))
+        density = replace(found, kind=weakest(found, bend)).inflated(rounded)
+        return Density(density, 1.001 * bend.high, 1.001 * float(into.max()), 1.001 * float(chain.exits.max()))
 
     @property
     def _largest_share(self) -> float:
@@ -292,4 +292,4 @@ def passage_sensitivity(
 
 
 def _probability(found: Derivatives) -> Derivatives:
-    return replace(found, answer=found.answer.capped())
+    return replace(found, answer=found.answer.clipped())

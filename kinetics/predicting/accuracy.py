@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kinetics.support.answer import CONFIDENCE, PROVEN
 from kinetics.support.arrays import Floats, real_number
 
 KINDS = ("mean", "sd", "distribution")
@@ -152,10 +153,14 @@ class Reached:
         return f"{sure}, proven" if self.is_proven else f"{sure}, by the normal distribution of means of many runs"
 
     @property
+    def kind(self) -> str:
+        """The kind of bound that the error is, as of an `Answer`."""
+        return PROVEN if self.confidence == 1.0 else CONFIDENCE
+
+    @property
     def headline(self) -> str:
         """The accuracy in a few words."""
-        kind = "proven" if self.confidence == 1.0 else f"{100 * self.confidence:g} % confidence"
-        return f"{self.asked.of} within {self.asked.words(self.error)}, {kind}"
+        return f"{self.asked.of} within {self.asked.words(self.error)}, {self.kind}"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -180,8 +185,7 @@ class Reached:
             "of": self.asked.of,
             "error": self.error,
             "reached": self.is_reached,
-            "proven": self.is_proven,
-            "confidence": self.confidence,
+            "kind": self.kind,
             "guarantee": self.guarantee,
             "rare_events": self.seldom,
             "chosen": self.chosen,

@@ -25,7 +25,7 @@ Schema = dict[str, Any]
 # By the ends of their paths: objects whose keys are data, such as names of species; objects that may have more keys.
 MAPS = (
     *("/initial", "/conserved", "/shape", "/slopes", "mechanics/reference", "/floor", "/composition", "/versions"),
-    *("runs/final", "runs/events", "tanks/events", "/paper_estimator", "/quantiles", "/sensitivity_quantiles"),
+    *("runs/final", "runs/events", "tanks/events", "/quantiles", "/sensitivity_quantiles"),
     *("grow/series", "/curves", "rates/classes", "/pathways", "/refusals", "/refused", "/plans"),
 )
 OPEN = ("/evidence", "study/points", "study/times", "/request")

@@ -172,7 +172,7 @@ def yields(book: RuleBook) -> dict[str, Any]:
         "low": round(found.low, 4),
         "high": round(found.high, 4),
         "method": found.method,
-        "size": found.size,
+        "size": int(found.why.split()[0]),
         "yield_cpu": _since(began),
     }
 

@@ -33,7 +33,6 @@ from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
 from kinetics.markov.passage.backward import (
     LEFT_OUT,
     LOST,
-    LimitedValue,
     expected_at,
     jump_rate,
     one_step,
@@ -45,6 +44,7 @@ from kinetics.markov.passage.until import earning_with
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import pieces
 
@@ -100,7 +100,7 @@ def slopes_up_to(
     chain = kept.entries.transitions
     if time == 0.0 or not chain.rates.any():
         value, is_bound = float(start @ total) * time, time == 0.0 or entries.transitions.is_certified
-        return Slopes.none(LimitedValue.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
+        return Slopes.none(Answer.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
     (first, window), error = _window(chain, time)
     tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain)
     error += ROUNDOFF * (window.size + 2) + rounded
@@ -207,9 +207,7 @@ class Passes:
             direct = entries.by_channel(chain.rates * worth * found.spent[chain.rows] / scale)
             relative += ROUNDOFF * (entries.most + rounded)
             value, wide = value + direct, wide + 1.01 * relative * direct
-        answer = LimitedValue.within(
-            mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale
-        )
+        answer = Answer.within(mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale)
         return Slopes(answer, value * scale, wide * scale, chain.is_certified)
 
     def _back(self, values: Floats) -> Back:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.passage.backward import LimitedValue
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import figure, text_table
@@ -35,7 +35,7 @@ class Derivatives(Shown):
     """
 
     parameters: tuple[str, ...]
-    answer: LimitedValue
+    answer: Answer
     value: Floats
     low: Floats
     high: Floats
@@ -77,7 +77,7 @@ class Derivatives(Shown):
         low, high = self.elasticity_limits
         return {
             "parameters": self.parameters,
-            "answer": self.answer._asdict(),
+            "answer": self.answer.to_dict(),
             "value": self.value,
             "low": self.low,
             "high": self.high,

@@ -103,7 +103,7 @@ def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, w
     """
     chain, (values, rounded) = entries.transitions, earning_with(entries.transitions, earning, worth)
     rest = stationary_of(chain, start)
-    answer = mean_in_the_end(rest, values).wider(rounded)
+    answer = mean_in_the_end(rest, values).inflated(rounded)
     value, wide = np.zeros(entries.n_channels), np.zeros(entries.n_channels)
     ends = np.zeros(chain.size)
     share = BoundedSolution(rest.probabilities, (rest.error + 2.0 * ROUNDOFF) * rest.probabilities)
@@ -161,7 +161,7 @@ def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = N
     if worth is not None:
         parts = _direct(stopped, times, worth)
         value, wide = value + parts[0], wide + parts[1]
-    return Slopes(ending.limited.wider(rounded), value, 1.01 * wide + UNDERFLOW, solved.chain.is_certified)
+    return Slopes(ending.limited.inflated(rounded), value, 1.01 * wide + UNDERFLOW, solved.chain.is_certified)
 
 
 def _on_the_way(solved: OnTheWay, rounded: float) -> tuple[BoundedSolution, BoundedSolution]:

@@ -13,6 +13,7 @@ And |df / dt| is at most the mean of exits h + Q h, which itself grows by 4 max(
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import factorial, sqrt
 from typing import NamedTuple
 
@@ -20,10 +21,10 @@ import numpy as np
 
 from kinetics.markov.derivatives.eventually import everywhere, flow_sums
 from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations
 from kinetics.markov.passage.until import UNDERFLOW, Mask, OnTheWay, earned_until
 from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 
 LARGEST_ORDER = 20  # of a moment: factorials up to here are exact
@@ -53,11 +54,11 @@ def slopes_moment(entries: ChannelEntries, start: Floats, target: Mask, order: i
     wide = 1.01 * wide + (order + 2) * ROUNDOFF * whole * np.sum([np.abs(each) for each, _ in parts], axis=0)
     mean, relative = BoundedSolution(*(each[solved.way] for each in values[-1])).mean(solved.first)
     is_bound = solved.chain.is_certified
-    answer = LimitedValue.within(whole * mean, relative + 2.0 * ROUNDOFF, is_bound)
+    answer = Answer.within(whole * mean, relative + 2.0 * ROUNDOFF, is_bound)
     return Slopes(answer, value, wide + UNDERFLOW, is_bound)
 
 
-def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedValue) -> Slopes:
+def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: Answer) -> Slopes:
     """Slopes of the standard deviation of the time, tu, to a target (N,) that is certain, by two moments.
 
     sd : the standard deviation itself, which is known
@@ -65,9 +66,9 @@ def slopes_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: LimitedV
     >>> import numpy as np
     >>> from kinetics import Network, reachable
     >>> from kinetics.markov.derivatives import ChannelEntries, slopes_sd
-    >>> from kinetics.markov.passage.backward import LimitedValue
+    >>> from kinetics.support.answer import Answer
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> sd = LimitedValue(0.5, 0.5, 0.5, is_bound=True)
+    >>> sd = Answer(0.5, 0.5, 0.5)
     >>> slopes_sd(entries, np.array([1.0, 0.0]), np.array([False, True]), sd).value.round(9).tolist()
     [-0.5]
     """
@@ -90,18 +91,18 @@ class Density(NamedTuple):
     most : the largest rate into the target, 1/tu; exits : out of any state before
 
     >>> from kinetics.markov.derivatives import Density
-    >>> from kinetics.markov.passage.backward import LimitedValue
-    >>> Density(LimitedValue(1.0, 1.0, 1.0, True), steepest=2.0, most=2.0, exits=2.0).value.value  # k / 2, k = 2
+    >>> from kinetics.support.answer import Answer
+    >>> Density(Answer(1.0, 1.0, 1.0), steepest=2.0, most=2.0, exits=2.0).value.value  # k / 2, k = 2
     1.0
     """
 
-    value: LimitedValue
+    value: Answer
     steepest: float
     most: float
     exits: float
 
 
-def slopes_quantile(cdf: Slopes, quantile: LimitedValue, density: Density, share: float = 1.0) -> Slopes:
+def slopes_quantile(cdf: Slopes, quantile: Answer, density: Density, share: float = 1.0) -> Slopes:
     """Slopes of a quantile, tu, from those of the distribution function there.
 
     share : the largest d ln(rate) / d ln(parameter)
@@ -109,23 +110,23 @@ def slopes_quantile(cdf: Slopes, quantile: LimitedValue, density: Density, share
     >>> from math import log
     >>> import numpy as np
     >>> from kinetics.markov.derivatives import Density, Slopes, slopes_quantile
-    >>> from kinetics.markov.passage.backward import LimitedValue
+    >>> from kinetics.support.answer import Answer
     >>> half = log(2) / 2  # the median of an exponential time of rate 2
-    >>> cdf = Slopes(LimitedValue(0.5, 0.5, 0.5, True), np.array([half]), np.zeros(1), is_bound=True)
-    >>> density = Density(LimitedValue(1.0, 1.0, 1.0, True), steepest=2.0, most=2.0, exits=2.0)
-    >>> slopes_quantile(cdf, LimitedValue(half, half, half, True), density).value.round(6).tolist()  # less by as much
+    >>> cdf = Slopes(Answer(0.5, 0.5, 0.5), np.array([half]), np.zeros(1), is_bound=True)
+    >>> density = Density(Answer(1.0, 1.0, 1.0), steepest=2.0, most=2.0, exits=2.0)
+    >>> slopes_quantile(cdf, Answer(half, half, half), density).value.round(6).tolist()  # less by as much
     [-0.346574]
     """
     found, most, exits = density.value, density.most, density.exits
     away = 1.001 * max(quantile.high - quantile.value, quantile.value - quantile.low)
     bend = away * (density.steepest + 4.0 * most * exits**2 * away)
-    around = LimitedValue(found.value, max(found.low - bend, 0.0), found.high + bend, found.is_bound)
+    around = replace(found, low=max(found.low - bend, 0.0), high=found.high + bend)
     steeper = share * away * (around.high + sqrt(most * around.high * exits * quantile.high))
     is_bound = cdf.is_bound and found.is_bound and quantile.is_bound
     return _over(Slopes(quantile, 0.0 - cdf.value, cdf.wide + 1.01 * steeper, is_bound), around, 1.0)
 
 
-def _over(slopes: Slopes, by: LimitedValue, times: float) -> Slopes:
+def _over(slopes: Slopes, by: Answer, times: float) -> Slopes:
     """Slopes over a number that is known between limits, so many times; infinitely wide where it may be 0."""
     if by.low <= 0.0:
         value = slopes.value / (times * by.value) if by.value else np.zeros_like(slopes.value)

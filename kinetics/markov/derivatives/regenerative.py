@@ -79,5 +79,4 @@ def by_cycles(entries: ChannelEntries, start: Floats, way: Mask, back: int, firs
 
 def _both(slopes: Slopes) -> tuple[Near, Near]:
     """The answer and its derivatives."""
-    value, low, high, _ = slopes.answer
-    return Near(np.array(value), np.array(max(value - low, high - value))), Near(slopes.value, slopes.wide)
+    return Near(np.array(slopes.answer.value), np.array(slopes.answer.error)), Near(slopes.value, slopes.wide)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.transient.transitions import Transitions, totals
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
 
 
@@ -27,13 +27,13 @@ class Slopes(NamedTuple):
     (1.0, [0.0])
     """
 
-    answer: LimitedValue
+    answer: Answer
     value: Floats
     wide: Floats
     is_bound: bool
 
     @classmethod
-    def none(cls, answer: LimitedValue, n_channels: int) -> Slopes:
+    def none(cls, answer: Answer, n_channels: int) -> Slopes:
         """The slopes of an answer that no rate changes, all 0."""
         return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 

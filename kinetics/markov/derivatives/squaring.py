@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.transient.certificate import (
     ABOVE,
     STEP_BITS,
@@ -33,6 +32,7 @@ from kinetics.markov.transient.dense import LARGEST
 from kinetics.markov.transient.fixedpoint import FixedPoint
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.states import StateSpace
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 
 MAX_SQUARED = 500  # states, some thirty seconds: three times what the dense method takes with its proof
@@ -86,7 +86,7 @@ def slopes_by_squaring(
         wrong = ROUNDOFF * (chain.roundings + entries.most + 10.0) * np.abs(brought)
         wide = scale * entries.by_channel(wrong + 2.0 * rates * time * at.means_error)
         mean, relative = float(reached @ share), 2.0 * ROUNDOFF * (chain.size + 4)
-        answer = LimitedValue.within(mean * scale, relative, is_exact, ABOVE * at.power_error * scale)
+        answer = Answer.within(mean * scale, relative, is_exact, ABOVE * at.power_error * scale)
         slopes.append(Slopes(answer, scale * entries.by_channel(brought), ABOVE * wide, is_exact))
     return slopes
 

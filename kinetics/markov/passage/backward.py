@@ -8,14 +8,16 @@ doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import pieces
 
@@ -25,37 +27,13 @@ SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays e
 LOOK = 16  # steps between two looks at whether more of them matter, at first
 
 
-class LimitedValue(NamedTuple):
-    """A value of at least 0, its limits, and whether these are proven."""
-
-    value: float
-    low: float
-    high: float
-    is_bound: bool
-
-    @classmethod
-    def within(cls, value: float, relative: float, is_bound: bool, absolute: float = 0.0) -> LimitedValue:
-        """The value with limits by a relative and an absolute error."""
-        wide = relative * value * 1.001 + absolute
-        return cls(value, max(value - wide, 0.0), value + wide, is_bound)
-
-    def capped(self) -> LimitedValue:
-        """The same of a probability: at most 1."""
-        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
-
-    def wider(self, relative: float) -> LimitedValue:
-        """The same, where what was added up has a relative error of its own."""
-        more = 1.001 * relative
-        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
-
-
 def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> float:
     """Steps that a pass backwards takes until a time, tu."""
     mean = jump_rate(transitions, spare) * time
     return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
 
 
-def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of `values` (N,), none negative, over the states at a time, tu.
 
     The steps are q t and a margin for the tails; ValueError where they are too many.
@@ -63,7 +41,7 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
     return BackwardPass(transitions, start, values).at(time)
 
 
-def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
     return BackwardPass(transitions, start, values).integral(time)
 
@@ -77,7 +55,7 @@ class BackwardPass:
 
     def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
         at_once = float(start @ values)
-        self._at_once = LimitedValue.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
+        self._at_once = Answer.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
         self._chain, begins, worth = that_matter(transitions, start, values)
         self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
         self._now, self._before = worth / self._scale, np.empty(worth.size)
@@ -88,10 +66,10 @@ class BackwardPass:
         self._tops: list[float] = []  # the largest value after each block
         self._is_settled = False
 
-    def at(self, time: float) -> LimitedValue:
+    def at(self, time: float) -> Answer:
         """The mean at a time, tu."""
         if time == 0.0 or not self._chain.rates.any():
-            return self._at_once._replace(is_bound=time == 0.0 or self._at_once.is_bound)
+            return self._at_once if time > 0.0 else replace(self._at_once, kind=PROVEN)
         first, weights = self._window(time)
         shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
         shares[first:], doubts[first:] = weights, weights_errors(self._rate * time, first, weights.size)
@@ -101,13 +79,14 @@ class BackwardPass:
         wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, 1.0)
 
-    def integral(self, time: float) -> LimitedValue:
+    def integral(self, time: float) -> Answer:
         """The mean of the integral from 0 to a time, tu."""
         if time == 0.0:
-            return LimitedValue(0.0, 0.0, 0.0, True)
+            return Answer(0.0, 0.0, 0.0)
         if not self._chain.rates.any():
-            value, low, high, is_bound = self._at_once
-            return LimitedValue(value * time, low * time, high * time, is_bound).wider(2.0 * ROUNDOFF)
+            once = self._at_once
+            whole = replace(once, value=once.value * time, low=once.low * time, high=once.high * time)
+            return whole.inflated(2.0 * ROUNDOFF)
         first, weights = self._window(time)
         # of the number of steps N: P(N > n), whose sum over n is its mean
         tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
@@ -130,9 +109,9 @@ class BackwardPass:
             )
         return poisson_window(self._rate * time, LEFT_OUT)
 
-    def _within(self, value: float, wrong: float, unit: float) -> LimitedValue:
+    def _within(self, value: float, wrong: float, unit: float) -> Answer:
         lost = LOST * self._scale * unit
-        return LimitedValue.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
+        return Answer.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
 
     def _known(self, shares: Floats, time: float) -> tuple[Floats, Floats, float]:
         """Means (n,) before so many steps that the sum of shares (n_steps,) of them is known; their relative errors.

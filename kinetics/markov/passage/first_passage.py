@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.markov.passage.arrival import Arrival
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import mean_over
 from kinetics.markov.passage.entry import reached_states
@@ -21,6 +20,7 @@ from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import Transitions, totals
 from kinetics.network import Network
 from kinetics.network.sums import Counted, in_words, summed
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
@@ -182,13 +182,15 @@ class Passage(Shown, Tabular):
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 
 
-def _at(times: ArrayLike, question: Callable[[float], LimitedValue]) -> tuple[Floats, Floats, Floats]:
+def _at(times: ArrayLike, question: Callable[[float], Answer]) -> tuple[Floats, Floats, Floats]:
     """Values (...) at times (...), and their limits."""
     asked = np.asarray(times, dtype=float)
     flat = reals("times", asked.ravel(), (None,), minimum=0)
     latest = question(float(flat.max(initial=0.0)))  # one pass serves all
     found = [latest if time == flat.max() else question(float(time)) for time in flat]
-    values, low, high = np.array([each[:3] for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    values, low, high = (
+        np.array([(each.value, each.low, each.high) for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    )
     return values, low, high
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
 from kinetics.markov.passage.entry import reached_states
@@ -20,6 +19,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
 from kinetics.network import Network
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
@@ -207,12 +207,12 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
     return ChainStationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
 
 
-def mean_in_the_end(rest: ChainStationary, values: Floats) -> LimitedValue:
+def mean_in_the_end(rest: ChainStationary, values: Floats) -> Answer:
     """Mean of values (N,), none negative, after infinite time."""
     value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (values.size + 1)
     # of states that are held in the end, however rarely
     lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
-    return LimitedValue.within(value, error, rest.is_bound, lost)
+    return Answer.within(value, error, rest.is_bound, lost)
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.equations import equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import Transitions, totals
+from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats
 
 UNDERFLOW = 1e-290  # what probabilities may lose below
 Mask = NDArray[np.bool_]
-CERTAIN = LimitedValue(1.0, 1.0, 1.0, True)
-IMPOSSIBLE = LimitedValue(0.0, 0.0, 0.0, True)
+CERTAIN = Answer(1.0, 1.0, 1.0)
+IMPOSSIBLE = Answer(0.0, 0.0, 0.0)
 
 
 class OnTheWay(NamedTuple):
@@ -60,7 +61,7 @@ class OnTheWay(NamedTuple):
 class Ending(NamedTuple):
     """A value, and how it was solved for: None where no rate matters."""
 
-    limited: LimitedValue
+    limited: Answer
     solved: OnTheWay | None = None
 
 
@@ -72,18 +73,18 @@ def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) 
     chain = transitions.stopped(target | ~through)
     leads, seen = chain.leading_to(target), chain.reached_from(start > 0)
     if not (leads & seen).any():
-        return Ending(IMPOSSIBLE._replace(is_bound=chain.is_certified))
+        return Ending(replace(IMPOSSIBLE, kind=kind_of(chain.is_certified)))
     if leads[seen].all():
-        return Ending(CERTAIN._replace(is_bound=chain.is_certified))
+        return Ending(replace(CERTAIN, kind=kind_of(chain.is_certified)))
     at_once = float(start[target].sum())
     if not start[leads & ~target].any():
-        return Ending(LimitedValue.within(at_once, ROUNDOFF * start.size, chain.is_certified))
+        return Ending(Answer.within(at_once, ROUNDOFF * start.size, chain.is_certified))
     way = leads & seen & ~target
     solved = OnTheWay.of(chain, start, way, target.astype(float), np.zeros(start.size))
     reached, relative = solved.mean()
     error = relative + ROUNDOFF * (start.size + 1)
-    found = LimitedValue.within(at_once + reached, error, chain.is_certified, UNDERFLOW)
-    return Ending(found.capped(), solved)
+    found = Answer.within(at_once + reached, error, chain.is_certified, UNDERFLOW)
+    return Ending(found.clipped(), solved)
 
 
 def always(transitions: Transitions, start: Floats, states: Mask) -> Ending:
@@ -109,7 +110,7 @@ def earned_until(transitions: Transitions, start: Floats, earning: Floats, targe
     if not start[way].any():
         return Ending(IMPOSSIBLE)
     solved = OnTheWay.of(chain, start, way, np.zeros(start.size), earning)
-    return Ending(LimitedValue.within(*solved.mean(), chain.is_certified), solved)
+    return Ending(Answer.within(*solved.mean(), chain.is_certified), solved)
 
 
 def earning_with(transitions: Transitions, earning: Floats, worth: Floats | None) -> tuple[Floats, float]:

@@ -12,13 +12,13 @@ import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, StructureEvent, check, derive
 from kinetics.predicting.ranking.yield_and_first_time import (
-    Figure,
     Question,
     YieldAndFirstTime,
     load_kernels,
     yield_and_first_time,
 )
 from kinetics.rates import ClassRates
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.cli.progress import stage
 
@@ -47,8 +47,8 @@ class RankedBook:
     drawn: Floats
     cpu_seconds: float
 
-    def figure(self, measure: Measure) -> Figure:
-        """The figure that `measure` ranks by."""
+    def answer(self, measure: Measure) -> Answer:
+        """The answer that `measure` ranks by."""
         return self.result.yield_ if measure == "yield" else self.result.first
 
     def from_rates(self, measure: Measure) -> tuple[float, float] | None:

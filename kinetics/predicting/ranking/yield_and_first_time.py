@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 
@@ -12,47 +11,19 @@ import numpy as np
 from kinetics.markov.passage.restricted import restricted_passage
 from kinetics.markov.transient import Transient
 from kinetics.network import Network
-from kinetics.network.laws import Event
 from kinetics.network.laws.expression import quoted
-from kinetics.network.sparse_tables import SparseTable
-from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
+from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.intervals import student_quantile
+from kinetics.support.tables import counted
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
-TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
-DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A mean over runs, and how well it is known.
-
-    value, sd : mean, and spread of a single run
-    low, high : 95 % interval of the mean by Monte Carlo; of an exact figure its numerical error, a bound or,
-        where the chain is stiff and has over 500 states, an estimate
-    method : `exact` or `ssa`
-    size : states of an exact figure, runs of a sampled one
-    cpu_seconds : what it cost; figures from the same runs share their cost
-    """
-
-    value: float
-    sd: float
-    low: float
-    high: float
-    method: str
-    size: int
-    cpu_seconds: float
-
-    @property
-    def error(self) -> float:
-        """How far the interval reaches from the value at most."""
-        return max(self.value - self.low, self.high - self.value)
+WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
 
 
 @dataclass(frozen=True)
@@ -84,11 +55,16 @@ class YieldAndFirstTime:
         mean exists and both methods estimate the same (the restricted mean of survival analysis)
     reached : probability of a first target by the horizon
     yield_ : targets at the horizon, as a fraction of those possible
+    first_sd, yield_sd : spread of first and yield_ from run to run
+
+    Answers from the same runs share their cost.
     """
 
-    first: Figure
-    reached: Figure
-    yield_: Figure
+    first: Answer
+    reached: Answer
+    yield_: Answer
+    first_sd: float
+    yield_sd: float
 
 
 def yield_and_first_time(
@@ -107,16 +83,15 @@ def yield_and_first_time(
     """
     load_kernels()
     passage = amount = None
-    if max_states and (like is None or like.first.method == "exact"):
+    if max_states and (like is None or like.first.kind != CONFIDENCE):
         passage = _exact_passage(question, max_states)
-    if max_states and (like is None or like.yield_.method == "exact"):
+    if max_states and (like is None or like.yield_.kind != CONFIDENCE):
         amount = _exact_yield(question, max_states)
-    if passage is not None and amount is not None:
-        return YieldAndFirstTime(*passage, amount)
-    first, reached, sampled = _sampled(question, runs, seed, first_run)
-    if passage is not None:
-        first, reached = passage
-    return YieldAndFirstTime(first, reached, sampled if amount is None else amount)
+    if passage is None or amount is None:
+        *sampled_passage, sampled_amount = _sampled(question, runs, seed, first_run)
+        passage, amount = passage or sampled_passage, amount or sampled_amount
+    (first, first_sd), (reached, _), (yield_, yield_sd) = *passage, amount
+    return YieldAndFirstTime(first, reached, yield_, first_sd, yield_sd)
 
 
 @cache
@@ -129,7 +104,7 @@ def load_kernels() -> None:
     _sampled(question, 2, 0, 0)
 
 
-def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure] | None:
+def _exact_passage(question: Question, max_states: int) -> list[WithSpread] | None:
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
     network, end = question.network, question.horizon
@@ -139,14 +114,14 @@ def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure]
     except ValueError:
         return None
     cost = time.process_time() - began
-    sd = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5
-    return (
-        _exact(found.mean, found.sd, found.mean_error, end, found.n_states, cost),
-        _exact(found.reached, sd, found.reached_error, 1.0, found.n_states, cost),
-    )
+    sd, kind = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5, kind_of(found.is_bound)
+    return [
+        (_exact(found.mean, found.mean_error, end, kind, found.n_states, cost), found.sd),
+        (_exact(found.reached, found.reached_error, 1.0, kind, found.n_states, cost), sd),
+    ]
 
 
-def _exact_yield(question: Question, max_states: int) -> Figure | None:
+def _exact_yield(question: Question, max_states: int) -> WithSpread | None:
     """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
@@ -157,97 +132,33 @@ def _exact_yield(question: Question, max_states: int) -> Figure | None:
     mean, sd, high = (
         table[0, question.target] / question.possible for table in (end.mean(), end.sd(), end.mean_bounds()[1])
     )
-    return _exact(float(mean), float(sd), float(high - mean), 1.0, len(end.space), time.process_time() - began)
+    kind, cost = kind_of(end.is_bound), time.process_time() - began
+    return _exact(float(mean), float(high - mean), 1.0, kind, len(end.space), cost), float(sd)
 
 
-def _exact(value: float, sd: float, error: float, top: float, states: int, cost: float) -> Figure:
-    return Figure(value, sd, max(value - error, 0.0), min(value + error, top), "exact", states, cost)
+def _exact(value: float, error: float, top: float, kind: str, states: int, cost: float) -> Answer:
+    size = counted(states, "state")
+    return Answer(value, max(value - error, 0.0), min(value + error, top), kind, "exact", cost, size)
 
 
-def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[Figure, Figure, Figure]:
-    """First target, probability of it by the horizon, and yield, from the same runs.
-
-    The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
-    paths where the method that takes an event is far dearer, as it is with thousands of channels.
-    """
+def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[WithSpread, WithSpread, WithSpread]:
+    """First target, probability of it by the horizon, and yield, from the same runs, those of `sample_path`."""
     n, end = whole_number("runs", runs, 2), question.horizon
     began = time.process_time()
-    network, noting = question.network, _noting(question)
-    size = NetworkSize.of(network)
-    is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
-    forecast_runs(network, path_method(network), question.initial, np.array([end]), n)
-    times, targets = (_from_paths if is_dear else _noted)(question, noting, n, seed, first_run)
-    is_reached = ~np.isnan(times)
-    first = np.where(is_reached, times, end)
+    network, start, method = question.network, question.initial, path_method(question.network)
+    forecast_runs(network, method, start, np.array([end]), n)
+    until = f"{quoted(network.species[question.target])} >= 1"
+    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    targets = method.simulate(network, start, [end], n, seed, first_run=first_run).counts[:, 0, question.target]
     cost = time.process_time() - began
     return (
-        _mean(first, end, cost),
-        _mean(is_reached.astype(float), 1.0, cost),
+        _mean(found.observed, end, cost),
+        _mean(found.is_reached.astype(float), 1.0, cost),
         _mean(targets / question.possible, 1.0, cost),
     )
 
 
-def _noted(question: Question, noting: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from the network that notes."""
-    start, end = np.append(question.initial, 0), question.horizon
-    counts = path_method(noting).simulate(noting, start, [end], runs, seed, first_run=first_run).counts[:, 0]
-    ticks = counts[:, -1] - 1.0  # 0 at the start, then rounded up
-    times = np.maximum(ticks - 0.5, 0.0) / TICKS * end
-    return np.where(ticks >= 0, times, np.nan), counts[:, question.target]
-
-
-def _from_paths(question: Question, _: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from whole paths."""
-    network, end = question.network, question.horizon
-    method, target = path_method(network), network.species[question.target]
-    times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
-    made = method.sample_paths(network, question.initial, end, seed, first_run)
-    for i, path in zip(range(runs), made, strict=False):
-        times[i], targets[i] = path.first_time(target), path.at([end])[0, question.target]
-    return times, targets
-
-
-def _noting(question: Question) -> Network:
-    """The network with one more species, whose count notes the time of the first target, in ticks from 1.
-
-    An event sets it and no channel needs it, so the runs are those of the network itself, and the kernel makes them
-    all in one call.
-    """
-    network, target = question.network, question.network.species[question.target]
-    name = _free_name("noted", network.species)
-    first = Event(
-        _free_name("first target", [event.name for event in network.events]),
-        f"{quoted(target)} >= 1 and {name} < 1",
-        {name: f"1 + ceil(t / {float(question.horizon)!r} * {TICKS})"},
-        was_true=False,
-    )
-    reactants, changes = (
-        SparseTable(table.starts, table.columns, table.copies, table.n_columns + 1)
-        for table in (network.sparse_reactants, network.sparse_stoichiometry)
-    )
-    return Network.from_sparse(
-        (*network.species, name),
-        network.channels,
-        reactants,
-        changes,
-        network.ways,
-        network.known_rates,
-        network.combinations,
-        laws=network.laws,
-        events=(*network.events, first),
-        at_zero=network.at_zero,
-        time_unit=network.time_unit,
-    )
-
-
-def _free_name(name: str, taken: Collection[str]) -> str:
-    """The name, with underscores behind it until it is not among those taken."""
-    while name in taken:
-        name += "_"
-    return name
-
-
-def _mean(values: Floats, top: float, cost: float) -> Figure:
+def _mean(values: Floats, top: float, cost: float) -> WithSpread:
     """Mean of values between 0 and `top` with Student's interval.
 
     Where all runs agree the spread shows nothing; the interval then allows for a share of other runs that n alike ones
@@ -261,4 +172,4 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
         mean, sd = float(values[0]), 0.0  # sums of like values round
         share = 1 - TAIL ** (1 / n)
         low, high = mean - share * mean, mean + share * (top - mean)
-    return Figure(mean, sd, max(low, 0.0), min(high, top), "ssa", n, cost)
+    return Answer(mean, max(low, 0.0), min(high, top), CONFIDENCE, "ssa", cost, counted(n, "run")), sd

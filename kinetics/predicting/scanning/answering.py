@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from kinetics.markov.observing import earned_in, observing
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network.predicates import state_names
-from kinetics.predicting.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
 from kinetics.predicting.scanning.scanned import ScannedModel, digest_of
+from kinetics.support.answer import Answer
 from kinetics.support.stream_keys import seed_of
 
 
@@ -49,7 +49,7 @@ class Asked:
         return seed_of(f"scan {self.seed} {digest_of(model)}")
 
 
-def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[ScanAnswer]:
+def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[Answer]:
     """The answers at one point; those that a question does not have there say why."""
     model = scanned.at(point)
     try:
@@ -58,7 +58,7 @@ def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) 
             return exact
         return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
     except ValueError as error:
-        return [ScanAnswer.none(str(error)) for _ in asked.questions]
+        return [Answer.none(str(error)) for _ in asked.questions]
 
 
 def check_asked(model: NetworkModel, asked: Asked) -> None:
@@ -83,7 +83,7 @@ def check_asked(model: NetworkModel, asked: Asked) -> None:
         names.holds(asked.within)
 
 
-def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
+def _exact(model: NetworkModel, asked: Asked) -> list[Answer] | None:
     """The answers of the chain; None where it has too many states, or none because rates depend on time."""
     if not asked.max_states or not _is_homogeneous(model):
         return None
@@ -98,12 +98,9 @@ def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
     for _, query in asked.queries:
         try:
             answer = query.of(chain)
+            found.append(replace(answer, cpu_seconds=answer.cpu_seconds + listed))
         except ValueError as error:
-            found.append(ScanAnswer.none(str(error), states=len(chain)))
-            continue
-        kind = PROVEN if answer.is_bound else ESTIMATED
-        seconds = answer.cpu_seconds + listed
-        found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
+            found.append(Answer.none(str(error)))
     return found
 
 

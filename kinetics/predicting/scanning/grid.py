@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from kinetics.formats import NetworkModel
 from kinetics.network import Network
-from kinetics.predicting.scanning.answer import ScanAnswer
 from kinetics.predicting.scanning.answering import Asked, answers_at, check_asked, tell_questions
 from kinetics.predicting.scanning.crews import crew, results
 from kinetics.predicting.scanning.kept import KeptAnswers
@@ -19,6 +18,7 @@ from kinetics.predicting.scanning.result import RESERVED, Scan, grid_points
 from kinetics.predicting.scanning.scanned import ScannedModel
 from kinetics.predicting.scanning.values import check_size
 from kinetics.sampling.streamed import unbroken
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, whole_number
 from kinetics.support.cli.progress import forecast, span
 from kinetics.support.tables import counted
@@ -80,10 +80,10 @@ def scan(
     check_asked(scanned.at(points[0]), asked)
     keys = [asked.key(scanned.at(point)) for point in points]
     kept = KeptAnswers(folder, asked)
-    answers: list[tuple[ScanAnswer, ...] | None] = [kept.get(key) for key in keys]
+    answers: list[tuple[Answer, ...] | None] = [kept.get(key) for key in keys]
     missing = [number for number, found in enumerate(answers) if found is None]
 
-    def take(number: int, found: Sequence[ScanAnswer]) -> None:
+    def take(number: int, found: Sequence[Answer]) -> None:
         with unbroken():
             kept.add(keys[number], found)
             answers[number] = tuple(found)

@@ -13,15 +13,15 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from kinetics.predicting.scanning.answer import NUMBERS, ScanAnswer
 from kinetics.predicting.scanning.answering import Asked
+from kinetics.support.answer import Answer
 from kinetics.support.output import append_line
 
-FORMAT = 2  # raised by hand when the same question would get another answer
+NUMBERS = ("value", "low", "high", "cpu_seconds")  # of an answer
+FORMAT = 3  # raised by hand when the same question would get another answer
 SHOWN = 16  # of the digits of a SHA-256
 
 
@@ -30,7 +30,7 @@ class KeptAnswers:
 
     def __init__(self, folder: str | Path | None, asked: Asked) -> None:
         self.path: Path | None = None
-        self.found: dict[str, tuple[ScanAnswer, ...]] = {}
+        self.found: dict[str, tuple[Answer, ...]] = {}
         if folder is None:
             return
         place = Path(folder)
@@ -42,15 +42,15 @@ class KeptAnswers:
             lines = self.path.read_bytes().decode(errors="replace").split("\n")
             self.found = dict(point for line in lines if (point := _read(line, len(asked.questions))) is not None)
 
-    def get(self, key: str) -> tuple[ScanAnswer, ...] | None:
+    def get(self, key: str) -> tuple[Answer, ...] | None:
         """The answers at a point, if they are there."""
         return self.found.get(sha256(f"{FORMAT} {key}"))
 
-    def add(self, key: str, answers: Sequence[ScanAnswer]) -> None:
+    def add(self, key: str, answers: Sequence[Answer]) -> None:
         """Keep the answers at a point."""
         if self.path is None:
             return
-        content = {"key": sha256(f"{FORMAT} {key}"), "answers": [_plain(asdict(each)) for each in answers]}
+        content = {"key": sha256(f"{FORMAT} {key}"), "answers": [_plain(each.to_dict()) for each in answers]}
         append_line(self.path, json.dumps({**content, "check": _checksum(content)}, allow_nan=False))
 
 
@@ -59,14 +59,14 @@ def sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _read(line: str, n_questions: int) -> tuple[str, tuple[ScanAnswer, ...]] | None:
+def _read(line: str, n_questions: int) -> tuple[str, tuple[Answer, ...]] | None:
     """Key and answers of a line; None where it is none, or damaged."""
     try:
         content = json.loads(line)
         check = content.pop("check")
         if check != _checksum(content) or len(content["answers"]) != n_questions:
             return None
-        answers = tuple(ScanAnswer(**_numbers(each)) for each in content["answers"])
+        answers = tuple(Answer(**_numbers(each)) for each in content["answers"])
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
     return str(content["key"]), answers

@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov import Chain, ChainAnswer, Reward
+from kinetics.markov import Chain, Reward
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, refusal, relative
 
 DIGITS = 1e-13
 
 
-def within(answer: ChainAnswer, exact: float | Fraction) -> float:
+def within(answer: Answer, exact: float | Fraction) -> float:
     """Relative error of an answer; infinite where the right one lies outside its limits, or these are not proven."""
     near = Fraction(exact) * Fraction(1, 2**52)  # as far as the right answer may itself be rounded
     holds = Fraction(answer.low) - near <= Fraction(exact) <= Fraction(answer.high) + near

@@ -122,7 +122,6 @@ def test_calibrate_says_so_first_in_every_form(written):
     page = (written / "report.html").read_text(encoding="utf-8")
     assert page.index("Looks are coarse") < page.index("Propensity = rate")
     assert "crowded model" not in page
-    assert "the paper's estimator" not in page  # of its cubes
     assert "the tank" not in page
     assert (written / "report_looks.csv").read_text().startswith("channel,resolution,rate,fall,bias,corrected,per_look")
     assert 'coarse_looks = "Looks are coarse' in (written / "rates.toml").read_text(encoding="utf-8")

@@ -35,7 +35,7 @@ def test_a_book_as_json():
     assert answer["question"] == WITHIN
     assert answer["low"] <= answer["value"] <= answer["high"]
     assert abs(answer["value"] - float(known.cdf(100.0))) < 1e-13
-    assert answer["is_bound"] is other["is_bound"] is True
+    assert answer["kind"] == other["kind"] == "proven"
     assert data["states"] > 20
 
 

@@ -31,7 +31,7 @@ def test_a_network_file(place):
     data = done.json
     assert data["over"] == {"k1": pytest.approx([1e-4, 1e-3, 1e-2]), "B": [5.0, 10.0]}
     assert (data["points"], data["complete"], len(data["rows"])) == (6, True, 12)
-    assert {row["answered"] for row in data["rows"]} == {"proven"}
+    assert {row["kind"] for row in data["rows"]} == {"proven"}
     assert "6 points, 3 still to be answered; those tried took" in done.err
     asked = run_here("ask", "model.rxn", "--set", "k1=1e-3", "--initial", "B=5", ASK[1], ASK[3], "--json", cwd=place)
     rows = [row for row in data["rows"] if row["k1"] == pytest.approx(1e-3) and row["B"] == 5]
@@ -74,7 +74,7 @@ def test_sampled_by_workers(place):
     twice = json.loads(done.stdout)
     for one, other in zip(once["rows"], twice["rows"], strict=True):
         assert one | {"cpu_seconds": 0} == other | {"cpu_seconds": 0}
-    assert {row["answered"] for row in once["rows"]} == {"sampled"}
+    assert {row["kind"] for row in once["rows"]} == {"95 % confidence"}
     assert "by 2 workers in 1/2 of that" in done.stderr
 
 

@@ -61,7 +61,7 @@ def test_class_rates_are_saved_with_their_break_model(model, tmp_path):
 def test_books_are_ranked_under_any_break_model(model):
     made = rank([LINE.book], ClassRates.of_rates(LINE, rates_file(model)), 8, 100.0, runs=100, draws=2)
     (book,) = made.books
-    assert 0 < book.figure("yield").value < 1
+    assert 0 < book.answer("yield").value < 1
     assert len(book.drawn) == 2
 
 

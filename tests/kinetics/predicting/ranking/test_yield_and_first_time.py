@@ -32,14 +32,14 @@ def test_two_cubes_follow_the_closed_form(horizon):
     reached = 1 - exp(-rate * horizon)
     amount = rate / (rate + q) * (1 - exp(-(rate + q) * horizon))
     for figure, value, sd in (
-        (result.first, mean, (square - mean**2) ** 0.5),
-        (result.reached, reached, (reached * (1 - reached)) ** 0.5),
-        (result.yield_, amount, (amount * (1 - amount)) ** 0.5),
+        (result.first, mean, result.first_sd / (square - mean**2) ** 0.5),
+        (result.reached, reached, 1.0),
+        (result.yield_, amount, result.yield_sd / (amount * (1 - amount)) ** 0.5),
     ):
         assert figure.value == pytest.approx(value, rel=1e-10)
-        assert figure.sd == pytest.approx(sd, rel=1e-5, abs=1e-9)
+        assert sd == pytest.approx(1.0, rel=1e-5)
         assert figure.low <= value <= figure.high
-        assert (figure.method, figure.size) == ("exact", 2)
+        assert (figure.kind, figure.why) == ("proven", "2 states")
 
 
 @pytest.mark.parametrize(("book", "cubes", "horizon"), [(LINE4, 12, 300.0), (T5, 10, 2000.0), (T5_BAR, 10, 50.0)])
@@ -51,11 +51,11 @@ def test_exact_figures_agree_with_the_other_solvers(book, cubes, horizon):
     mean = quad(law.survival, 0, horizon, epsabs=1e-9)[0]
     square = quad(lambda t: 2 * t * law.survival(t), 0, horizon, epsabs=1e-7)[0]
     assert result.first.value == pytest.approx(mean, rel=1e-9)
-    assert result.first.sd == pytest.approx((square - mean**2) ** 0.5, rel=1e-6)
+    assert result.first_sd == pytest.approx((square - mean**2) ** 0.5, rel=1e-6)
     assert result.reached.value == pytest.approx(float(law.cdf(horizon)), rel=1e-10)
     end = solve(asked.network, Transient(), asked.initial, [horizon])
     assert result.yield_.value == pytest.approx(end.mean()[0, asked.target] / asked.possible, rel=1e-10)
-    assert result.yield_.sd == pytest.approx(end.sd()[0, asked.target] / asked.possible, rel=1e-8)
+    assert result.yield_sd == pytest.approx(end.sd()[0, asked.target] / asked.possible, rel=1e-8)
 
 
 def test_sampled_figures_agree_with_exact_ones():
@@ -67,11 +67,13 @@ def test_sampled_figures_agree_with_exact_ones():
     allowed = norm.isf(FALSE_ALARM / 6)
 
     def distances(exact):
-        pairs = ((getattr(sampled, name), getattr(exact, name)) for name in ("first", "reached", "yield_"))
-        return np.array([abs(s.value - e.value) / (e.sd / runs**0.5) for s, e in pairs])
+        chance = exact.reached.value
+        sds = {"first": exact.first_sd, "reached": (chance * (1 - chance)) ** 0.5, "yield_": exact.yield_sd}
+        gaps = [abs(getattr(sampled, name).value - getattr(exact, name).value) for name in sds]
+        return np.array(gaps) / (np.array(list(sds.values())) / runs**0.5)
 
-    assert {sampled.first.method, sampled.yield_.method} == {"ssa"}
-    assert sampled.yield_.size == runs
+    assert {sampled.first.kind, sampled.yield_.kind} == {"95 % confidence"}
+    assert sampled.yield_.why == f"{runs} runs"
     assert (distances(yield_and_first_time(asked, 2, 0)) < allowed).all()
     assert (distances(yield_and_first_time(wrong, 2, 0)) > allowed).any()
 
@@ -138,9 +140,9 @@ def test_horizons_of_any_scale_are_sampled_and_none_is_refused():
 
 def test_like_runs_have_no_spread_at_any_horizon():
     """2000 times 1e-12 sum to a little less than 2e-9, which is no spread."""
-    found = yield_and_first_time(decay(horizon=1e-12), 2000, 0, max_states=0).first
-    assert (found.value, found.sd, found.high) == (1e-12, 0.0, 1e-12)
-    assert found.low == pytest.approx(1e-12 * 0.025 ** (1 / 2000), rel=1e-9, abs=0.0)
+    found = yield_and_first_time(decay(horizon=1e-12), 2000, 0, max_states=0)
+    assert (found.first.value, found.first_sd, found.first.high) == (1e-12, 0.0, 1e-12)
+    assert found.first.low == pytest.approx(1e-12 * 0.025 ** (1 / 2000), rel=1e-9, abs=0.0)
 
 
 def test_names_that_noting_takes_may_be_in_use():
@@ -175,7 +177,7 @@ def test_each_figure_is_exact_where_its_own_chain_is_small_enough():
     """On the way to the first target there are fewer states than in all."""
     asked = question(LINE4, TABLE3, 60, 2000.0)
     result = yield_and_first_time(asked, 10, 0, max_states=1000)
-    assert (result.first.method, result.first.size) == ("exact", 621)
+    assert (result.first.kind, result.first.why) == ("proven", "621 states")
     assert result.yield_.method == "ssa"
     assert (
         yield_and_first_time(asked, 10, 0, like=result).yield_.method == "ssa"

@@ -4,10 +4,10 @@ import pytest
 
 from kinetics.predicting.scanning.answering import Asked
 from kinetics.predicting.scanning.kept import KeptAnswers
-from kinetics.predicting.scanning.result import ScanAnswer
+from kinetics.support.answer import CONFIDENCE, Answer
 
 ASKED = Asked(("E[A] @ 1",), 10, None, 20, 0)
-ANSWER = ScanAnswer(0.1 + 0.2, 0.25, float("inf"), "sampled", "ssa", 0.01, 0.02, None, 20)
+ANSWER = Answer(0.1 + 0.2, 0.25, float("inf"), CONFIDENCE, "ssa", 0.01, "20 runs")
 
 
 def keep(folder, *keys):

@@ -1,7 +1,4 @@
-"""The estimator of the paper (eqs 12 to 15), the mean of inverse waiting times: for comparison only.
-
-It maximises no likelihood and has no intervals, so it is no `RateModel`; `estimate` stands in its place.
-"""
+"""The estimator of the paper (eqs 12 to 15): the mean over initial states of inverse mean waiting times."""
 
 from __future__ import annotations
 
@@ -14,23 +11,14 @@ from kinetics.support.arrays import Floats
 
 
 def paper_estimate(paths: Sequence[JumpPath]) -> dict[str, float]:
-    """The paper's own estimator (eqs 12-15), in our convention (per docking way): for comparison only.
+    """Rate constants by the paper's eqs 12 to 15, in our convention (per docking way).
 
     For each initial state a clock runs while the system is in that state, on through restarts and runs of the same
     kind. From the mean wait between the firings of a channel, the rate in that state is 1 / (mean wait * ways * h), and
     these rates are averaged over the initial states. The last, censored wait is dropped, so the mean of n waits is too
     short: the rate is too high by n / (n - 1) on average, which averaging over initial states does not cure. The rate
-    is nan for a channel that never fired first. Returns channel -> rate constant, 1/tu. ValueError: no runs
-
-    >>> from calibration import estimate, paper_estimate
-    >>> from kinetics import JumpPath, Network
-    >>> decay = Network.from_text("decay: A -> 0, 1")
-    >>> paths = [JumpPath(decay, {"A": 1}, [2.0], [0], end=2.0), JumpPath(decay, {"A": 1}, [], [], end=6.0)]
-    >>> paper_estimate(paths), estimate(paths)["decay"].rate  # the second run, in which nothing happened, is lost
-    ({'decay': 0.5}, 0.125)
+    is nan for a channel that never fired first. Returns channel -> rate constant, 1/tu.
     """
-    if not paths:
-        raise ValueError("no runs to estimate from; give at least one path")
     groups: dict[bytes, list[JumpPath]] = {}
     for path in paths:
         groups.setdefault(path.initial.tobytes() + path.open_channels.tobytes(), []).append(path)
