@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from kinetics.support.arrays import Ints
 
 MOST = 1_000_000  # states
+MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Follow the chain --within some of them, which gives limits; start from fewer copies, or sample by "
-    '`wellmixed scan`, whose question R{"time"}=? [ F ... ] is the mean time'
+    "Follow the chain --within some of them, which gives limits; start from fewer copies, or sample the time: --method "
+    "ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -50,6 +51,28 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     default=1,
     show_default=True,
     help="Number of its copies to wait for.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["exact", "ssa"]),
+    default="exact",
+    show_default=True,
+    help="Solve for the time, or sample it: for networks of any size.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=1000,
+    show_default=True,
+    help="Number of independent runs that are sampled.",
+)
+@click.option(
+    "--horizon",
+    metavar="TIME",
+    type=click.FloatRange(min=0, min_open=True),
+    default=np.inf,
+    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
 )
 @click.option(
     "--draws",
@@ -74,6 +97,9 @@ def passage(
     edges: tuple[float, float, float] | None,
     species: str,
     copies: int,
+    method: str,
+    runs: int,
+    horizon: float,
     draws: int,
     within: str | int | None,
     with_sensitivity: bool,
@@ -84,8 +110,9 @@ def passage(
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
-    time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
+    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
+    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
+    time is sampled at these rate constants, and the intervals show the number of runs alone.
     A network with too many states is followed --within some of them, which gives limits.
     """
     from kinetics.predicting import predict_passage
@@ -93,6 +120,11 @@ def passage(
     began = time.process_time()
     begin = start(**asked._asdict(), edges=edges)
     counted = begin.counted(species)
+    if method == "ssa":
+        if within is not None or with_sensitivity:
+            raise ValueError("--method ssa takes neither --within nor --sensitivity; leave them out")
+        _sampled(begin, species, copies, (runs, seed, horizon), plot_files, as_json)
+        return
     if within is not None:
         if plot_files or with_sensitivity:
             raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
@@ -213,6 +245,68 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
     except ValueError as refusal:  # too stiff
         return Sensitivities(mean, sd, {}, str(refusal))
     return Sensitivities(mean, sd, quantiles, "")
+
+
+def _sampled(
+    begin: Start,
+    species: str,
+    copies: int,
+    asked: tuple[int, int, float],
+    plot_files: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """First times of runs that end with the passage, at the rates of the file or their posterior means."""
+    from kinetics.network import Condition
+    from kinetics.network.laws.expression import quoted
+    from kinetics.runs import TruncatedRunsError
+    from kinetics.sampling import simulate
+    from kinetics.sampling.watch import MAX_EVENTS
+
+    began = time.process_time()
+    (runs, seed, horizon), model = asked, begin.model
+    until = Condition(f"{quoted(species)} >= {copies}", {species: begin.counted(species)})
+    with progress_line() as progress:
+        progress(f"sampling {runs} runs")
+        try:
+            most = MAX_EVENTS if horizon < np.inf else MOST_EVENTS
+            found = simulate(model.network, "auto", model.initial, horizon, runs, seed, max_events=most, until=until)
+        except TruncatedRunsError as error:
+            told = error.truncation
+            raise ValueError(
+                f"{until.text} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', told.time_unit)}, where "
+                f"it was truncated: {told.cause}; give a --horizon, at which runs end"
+            ) from error
+    for plot_file in plot_files:
+        from kinetics.support import plots
+
+        plots.save(plot_file, found.plot)
+    quantiles = {q: found.quantile(q) for q in QUANTILES}
+    if as_json:
+        names = ("value", "low", "high")
+        echo_json(
+            {
+                "species": species,
+                "copies": copies,
+                "method": found.method,
+                "runs": runs,
+                "censored": found.censored,
+                "horizon": horizon,
+                "time_unit": model.network.time_unit,
+                "mean": dict(zip(names, (found.mean, *found.mean_interval()), strict=True)),
+                "probability": None if found.truncated else dict(zip(names, found.reached_by(horizon), strict=True)),
+                "quantiles": {q: dict(zip(names, each, strict=True)) for q, each in quantiles.items()},
+                "truncated": None if found.truncated is None else found.truncated.to_dict(),
+                "seed": seed,
+                "notes": begin.notes,
+                "cpu_seconds": time.process_time() - began,
+            }
+        )
+        return
+    click.echo(f"{found.summary().text}; runs by {found.method}")
+    title = of_unit("quantiles with 95 % intervals", model.network.time_unit)
+    click.echo(f"{title}: " + ", ".join(f"{q:g}: {a:.4g} [{b:.4g}, {c:.4g}]" for q, (a, b, c) in quantiles.items()))
+    for note in begin.in_words:
+        click.echo(note)
 
 
 def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
