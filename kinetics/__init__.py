@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov import Chain, Reward, Sensitivity
-    from kinetics.markov.passage import (
-        Committor,
-        Passage,
-        RareEvent,
-        Stationary,
-        committor,
-        first_passage,
-        rare_event,
-        stationary,
-    )
+    from kinetics.markov import Chain, Reward, Sensitivity, committor, first_passage, stationary
+    from kinetics.markov.passage import Committor, Passage, RareEvent, Stationary, rare_event
     from kinetics.markov.transient import (
         Collocation,
         Dense,
@@ -31,11 +22,11 @@ if TYPE_CHECKING:
         reachable,
         solve,
     )
-    from kinetics.network import Condition, Network, Tank
+    from kinetics.network import Model, Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, ScannedModel, scan
+    from kinetics.predicting.scanning import Scan, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
     from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, FirstTimes, JumpPath
@@ -59,13 +50,10 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.network": ("Condition", "Network", "Tank"),
-    "kinetics.markov": ("Chain", "Reward", "Sensitivity"),
+    "kinetics.markov": ("Chain", "Reward", "Sensitivity", "committor", "first_passage", "stationary"),
+    "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
-    "kinetics.markov.passage": (
-        *("Passage", "RareEvent", "Committor", "Stationary"),
-        *("first_passage", "rare_event", "committor", "stationary"),
-    ),
+    "kinetics.markov.passage": ("Passage", "RareEvent", "Committor", "Stationary", "rare_event"),
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
@@ -74,7 +62,7 @@ _HOMES = {
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.predicting.scanning": ("Scan", "ScannedModel", "scan"),
+    "kinetics.predicting.scanning": ("Scan", "scan"),
     "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
@@ -95,7 +83,6 @@ __all__ = [
     "Collocation",
     "Committor",
     "CompositionRejection",
-    "Condition",
     "Convention",
     "Dense",
     "Direct",
@@ -110,6 +97,7 @@ __all__ = [
     "JumpPath",
     "Leaping",
     "Lockstep",
+    "Model",
     "Network",
     "PartialPropensities",
     "Passage",
@@ -120,7 +108,6 @@ __all__ = [
     "Rates",
     "Reward",
     "Scan",
-    "ScannedModel",
     "Sensitivity",
     "StateSpace",
     "Stationary",

@@ -196,7 +196,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*PREDICT, "--cubes", "6", "--times", "-5"], "times holds -5.0; expected at least 0"),
         ([*PREDICT, "--cubes", "6", "--method", "magic"], "'magic' is not one of 'ssa', "),
         ([*PREDICT, "--cubes", "6", "--csv", "no/table.csv"], "the folder of no/table.csv does not exist"),
-        ([*PASSAGE, "--species", "quad"], "--species quad: neither a species nor an observable; did you mean quadmer?"),
+        ([*PASSAGE, "--species", "quad"], "'quad' is neither a species nor an observable; did you mean quadmer?"),
         ([*PASSAGE], "Missing option '--species'"),
         (
             ["passage", "nobook", *PASSAGE[2:], "--species", "dimer"],

@@ -190,7 +190,7 @@ READS_OWN = {
     "kinetics/commands/compile.py": "/proc",
     "kinetics/kernels/compiled.py": "our sources",
     "kinetics/formats/outside.py": "what a program made in a folder of ours",
-    "kinetics/predicting/scanning/kept.py": "points of scans, each with its checksum",
+    "kinetics/predicting/scanning/checkpoints.py": "points of scans, each with its checksum",
     "mechsim/runs/store.py": "runs, with their checksums",
     "mechsim/runs/turns.py": "the same, locked",
     "mechsim/inspection/pictures/movie.py": "a film that ffmpeg made in a folder of ours",

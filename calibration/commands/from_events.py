@@ -69,7 +69,7 @@ def study_of_events(
         if name not in SHARED:
             raise ValueError(f"{option} is about mechanics runs, and --events makes none; leave one of them out")
     from calibration.watched.study import watched_study
-    from kinetics.commands.start import is_network_file, network_of_book
+    from kinetics.commands.models import is_network_file, network_of_book
     from kinetics.formats import read
     from kinetics.network import Tank
 

@@ -207,7 +207,7 @@ def _passage(
     network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
 ) -> _Passage:
     """The exact distribution, or that of SSA runs where the states are too many."""
-    from kinetics.markov.passage import first_passage
+    from kinetics.markov import first_passage
     from kinetics.markov.passage.elimination import TooLargeError
 
     try:

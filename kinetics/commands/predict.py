@@ -10,19 +10,18 @@ import click
 import numpy as np
 
 from kinetics.commands.methods import MethodName, within_budget
-from kinetics.commands.start import instead_of_many_states, start
+from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     NumbersCommand,
     csv_option,
     echo_json,
     json_option,
+    model_options,
     picture_of,
     plot_option,
     seed_option,
-    starting_options,
-    tank_option,
     time_grid,
 )
 from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
@@ -41,8 +40,7 @@ INSTEAD = (
 
 
 @click.command(cls=NumbersCommand)
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--duration",
     metavar="T",
@@ -118,8 +116,7 @@ INSTEAD = (
 @seed_option
 @json_option
 def predict(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     duration: float | None,
     times: tuple[float, ...],
     shown: tuple[str, ...],
@@ -157,28 +154,26 @@ def predict(
     from kinetics.predicting import predict as make
 
     asked_for = _accuracy(accuracy, accuracy_of)
-    begin = start(**asked._asdict(), edges=edges)
-    if (with_elasticity or elasticity_files) and begin.rates is None:
+    model, rates, tank = given = described(asked)
+    if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
-    grid, sums = time_grid(duration, times), begin.shown(shown)
+    grid, sums = time_grid(duration, times), shown_of(model, shown)
     most = BUDGET if budget is None else budget
     chosen = None if method is None else within_budget(method, 60 * most)
     with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
-            begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
-            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
+            model, rates, None, grid, chosen, runs, seed, draws, threads, progress,
+            sums, tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
         )  # fmt: skip
         found = None
-        if begin.rates is not None and (with_elasticity or elasticity_files):
+        if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
 
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
-            found = count_elasticities(
-                begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank
-            )
+            found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums, tank)
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     for plot_file in plot_files:
@@ -196,9 +191,8 @@ def predict(
             {
                 "book": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "method": method or "auto",
                 "method_used": made.method,
                 "runs": made.runs,
@@ -215,12 +209,12 @@ def predict(
                 "error": made.error,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "elasticities": None if found is None else found.to_dict(),
-                "notes": (*begin.notes, *made.notes),
+                "notes": (*model.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
-        click.echo(_prediction_table(made, begin.in_words))
+        click.echo(_prediction_table(made, remarks(*given)))
         if found is not None:
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:

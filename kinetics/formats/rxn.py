@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from kinetics.formats.base import Format
 from kinetics.formats.massaction import linear_weights
-from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.scaling import model_of
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Graph
 from kinetics.network.laws.reading import node_of
@@ -31,7 +31,7 @@ class ReactionLines(Format):
     name: ClassVar[str] = "rxn"
     suffixes: ClassVar[tuple[str, ...]] = (".rxn",)
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The file's network with its parameters, its counts and its observables."""
         text = text_in(path, MAX_BYTES)
         try:
@@ -51,7 +51,7 @@ class ReactionLines(Format):
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}, {error}") from None
 
-    def text(self, model: NetworkModel) -> str:
+    def text(self, model: Model) -> str:
         """The model as lines, parameters and formulas with their names; a ValueError for events."""
         return "\n".join(_lines(model)) + "\n"
 
@@ -63,7 +63,7 @@ def _weights(name: str, formula: Expression, species: Sequence[str]) -> Mapping[
     return found
 
 
-def _lines(model: NetworkModel) -> list[str]:
+def _lines(model: Model) -> list[str]:
     network = model.network
     if network.events:
         raise ValueError(f"a file of reactions has no events; {network.events[0].name!r} does not fit")

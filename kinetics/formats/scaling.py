@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kinetics.formats.model import CLOSE, NetworkModel
-from kinetics.network import Network
+from kinetics.formats.base import CLOSE
+from kinetics.network import Model, Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
@@ -24,7 +24,7 @@ def model_of(
     observables: Mapping[str, Mapping[str, float]],
     notes: Sequence[str] = (),
     formulas: Mapping[str, str] | None = None,
-) -> NetworkModel:
+) -> Model:
     """The model of a file whose network and amounts at time 0 are in its own units.
 
     copies_per_unit : None for a unit that is a copy; fractions of a copy are then refused, with a hint to give it
@@ -54,7 +54,7 @@ def model_of(
     stated = dict(zip(counts, whole.tolist(), strict=True))
     formulas_of = {name: each for name, each in network.given.initial.items() if isinstance(each, Expression)}
     network = network.with_given(replace(network.given, initial=stated | formulas_of))
-    return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
+    return Model(network, whole, observables, tuple(remarks), formulas or {})
 
 
 def is_count(amount: float) -> bool:

@@ -13,7 +13,7 @@ from math import factorial
 
 import numpy as np
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
@@ -53,20 +53,19 @@ def prism_names(names: Sequence[str], taken: Collection[str] = ()) -> dict[str, 
     return dict(zip(names, spelled_apart(names, plain, taken), strict=True))
 
 
-def prism_text(
-    network: Network, initial: Ints, most: Ints, observables: Mapping[str, Mapping[str, float]] | None = None
-) -> str:
-    """The model of a network from counts (S,), with at most so many (S,) copies of each species.
+def prism_text(model: Model, most: Ints) -> str:
+    """A model in the language of PRISM, with at most so many (S,) copies of each species.
 
     ValueError: rates depend on time, there are events, or a rate law uses a function that PRISM has not
 
     >>> import numpy as np
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.markov import prism_text
-    >>> text = prism_text(Network.from_text("make: A -> B, 2"), np.array([5, 0]), np.array([5, 5]))
+    >>> text = prism_text(Model(Network.from_text("make: A -> B, 2"), {"A": 5}), np.array([5, 5]))
     >>> [line.strip() for line in text.splitlines() if "->" in line]
     ["[] n_A >= 1 -> 2.0 * 1.0 * n_A : (n_A' = n_A - 1) & (B' = B + 1);"]
     """
+    network, initial = model.network, model.initial
     network.check_homogeneous()
     names = prism_names(network.species)
     tops = np.maximum(most, initial).tolist()
@@ -76,7 +75,7 @@ def prism_text(
         for name, top, count in zip(network.species, tops, initial.tolist(), strict=True)
     ]
     commands = [_command(network, channel, names) for channel in range(len(network.channels))]
-    sums = {name: {name: 1.0} for name in network.species} | dict(observables or {})
+    sums = {name: {name: 1.0} for name in network.species} | dict(model.observables)
     spelled = prism_names(list(sums))
     rewards = [
         f'rewards "{spelled[name]}"\n  true : '

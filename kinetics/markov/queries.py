@@ -2,7 +2,7 @@
 
     P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, G<=100, U<=100
     S=? [ phi ]                                         after infinite time
-    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, rate in the end
+    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, steady rate
     E[name] @ t                                         the first of these for short: the mean of a count at a time
     R{"time"}=? [ F phi ]                               mean time until phi
 
@@ -47,7 +47,7 @@ class Answering(Protocol[Answer_co]):
         """P=? [ G<=by states ]."""
         ...
 
-    def in_the_end(self, states: str) -> Answer_co:
+    def steady_state(self, states: str) -> Answer_co:
         """S=? [ states ]."""
         ...
 
@@ -123,7 +123,7 @@ class StationaryQuery:
 
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
-        return chain.in_the_end(self.states)
+        return chain.steady_state(self.states)
 
     @property
     def settled(self) -> Settled | None:
@@ -142,8 +142,8 @@ class RewardQuery:
 
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
-        in_the_end = self.at is None and self.up_to is None and self.until is None
-        return chain.reward(self.name, self.at, self.up_to, self.until, in_the_end)
+        stationary = self.at is None and self.up_to is None and self.until is None
+        return chain.reward(self.name, self.at, self.up_to, self.until, stationary)
 
     @property
     def settled(self) -> Settled | None:

@@ -26,7 +26,19 @@ def library() -> ctypes.CDLL | None:
 
 
 VOID = (
-    *("tabulate", "find", "neighbours", "reach", "advance", "mix", "absorb", "earned", "occupied", "corrected"),
+    *(
+        "tabulate",
+        "find",
+        "neighbours",
+        "reach",
+        "advance",
+        "mix",
+        "absorb",
+        "retreat",
+        "earned",
+        "occupied",
+        "corrected",
+    ),
     *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
 )
 

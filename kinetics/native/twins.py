@@ -322,6 +322,23 @@ def absorb(
         markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
+def retreat(
+    begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats, starts: Ints,
+    chances: Floats, now: Floats, before: Floats, means: Floats,
+) -> None:  # fmt: skip
+    """Steps backwards, with a mean before each: `markov.retreat`."""
+    moves = filled(ChainMoves, begins, targets, shares, stays, stays.size) if is_built() else None
+    first, weights = given(starts, np.int64), given(chances, float)
+    for part in pieces(means.size, 2.0 * (shares.size + stays.size)):
+        out = means[part]
+        if moves is not None:
+            call("retreat", moves, first, weights, first.size, now, before, out, out.size)
+            continue
+        from kinetics.kernels import markov
+
+        markov.retreat(begins, targets, shares, stays, first, weights, now, before, out)
+
+
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
     """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
     n, width, changes = exits.size, band.shape[1] // 2, 0

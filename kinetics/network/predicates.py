@@ -15,6 +15,7 @@ from kinetics.network.laws.graph import TRUTHS, Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
 from kinetics.network.laws.reading import OURS, Dialect, node_of, shortened
 from kinetics.network.laws.writing import text_of
+from kinetics.network.model import Model
 from kinetics.network.network import Network
 from kinetics.network.sums import summed
 from kinetics.support.arrays import Floats, Ints
@@ -126,27 +127,27 @@ def _truth(graph: Graph, number: float) -> int:
     return graph.add(Code.EQUAL, (graph.number(1.0), graph.number(number)))
 
 
-def state_names(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> StateNames:
-    """What conditions may name in states (N, S); sums are named where they are whole."""
-    sums = whole_sums(network, observables, counts)
+def state_names(model: Model, counts: Ints) -> StateNames:
+    """What conditions may name in states (N, S); observables are named where they are whole sums."""
+    sums = whole_sums(model, counts)
     columns = np.column_stack([counts, *sums.values()])
-    return StateNames(len(counts), (*network.species, *sums), columns, {})
+    return StateNames(len(counts), (*model.network.species, *sums), columns, {})
 
 
-def whole_sums(network: Network, observables: Mapping[str, Mapping[str, float]], counts: Ints) -> dict[str, Ints]:
+def whole_sums(model: Model, counts: Ints) -> dict[str, Ints]:
     """Those of the sums that are whole numbers, in states (N, S): values (N,) by name."""
     return {
         name: counts @ np.rint(weights).astype(np.int64)
-        for name, weights in weights_of(network, observables)
+        for name, weights in weights_of(model)
         if np.array_equal(weights, np.rint(weights))
     }
 
 
-def weights_of(network: Network, observables: Mapping[str, Mapping[str, float]]) -> list[tuple[str, Floats]]:
-    """Weights (S,) of each sum by name; those named like a species are left out."""
-    return [
-        (name, summed(network, sum_)[0]) for name, sum_ in observables.items() if name not in network.species_places
-    ]
+def weights_of(model: Model) -> list[tuple[str, Floats]]:
+    """Weights (S,) of each observable by name; those named like a species are left out."""
+    network = model.network
+    sums = {name: sum_ for name, sum_ in model.observables.items() if name not in network.species_places}
+    return [(name, summed(network, sum_)[0]) for name, sum_ in sums.items()]
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,7 @@ class Condition:
 
     >>> import numpy as np
     >>> from kinetics import Network
+    >>> from kinetics.network.predicates import Condition
     >>> dimers = Network.from_text("2 A <-> D, 1, 1")
     >>> Condition("bodies <= 4", {"bodies": {"A": 1, "D": 1}}).holds(dimers, np.array([[6, 0], [2, 2]])).tolist()
     [False, True]
@@ -168,12 +170,12 @@ class Condition:
 
     def holds(self, network: Network, counts: Ints) -> NDArray[np.bool_]:
         """In which of the counts (N, S) it holds; a ValueError where the text is no condition on this network."""
-        return state_names(network, self.observables, counts).holds(self.text)
+        return state_names(Model(network, observables=self.observables), counts).holds(self.text)
 
     def weights(self, network: Network) -> dict[str, dict[int, int]]:
         """The sum that each name stands for: whole weights by the number of the species."""
         found = {name: {s: 1} for s, name in enumerate(network.species)}
-        for name, weights in weights_of(network, self.observables):
+        for name, weights in weights_of(Model(network, observables=self.observables)):
             if np.array_equal(weights, np.rint(weights)):
                 found[name] = {int(s): int(weights[s]) for s in np.flatnonzero(weights)}
         return found

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from kinetics.network import Condition, Network
+from kinetics.network import Network
+from kinetics.network.predicates import Condition
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling import SamplingMethod
 from kinetics.sampling.watch import MAX_EVENTS

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
@@ -139,10 +139,10 @@ class Prediction(Shown, Tabular):
 
 
 def predict(
-    network: Network,
-    rates: Rates | BookRates | None,
-    initial: Counts,
-    times: ArrayLike,
+    model: Model | Network,
+    rates: Rates | BookRates | None = None,
+    initial: Counts | None = None,
+    times: ArrayLike = (),
     method: SamplingMethod | SolvingMethod | str | None = None,
     runs: int | None = None,
     seed: int = 0,
@@ -157,7 +157,8 @@ def predict(
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
-    rates : None for the network's own, which are taken as known, so that there is no interval
+    rates : None for the model's own, which are taken as known, so that there is no interval
+    initial : counts at time 0 that go before the model's; None for these
     method : a sampling or solving method, or its name; Auto() by default
     runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
         each draw
@@ -196,26 +197,27 @@ def predict(
     _check_choice(accuracy, method, runs, budget)
     method = Auto() if method is None else method_of(method)
     least = RUNS if runs is None else runs
-    posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
-    model = network if rates is None else rates.expected(network, tank)
-    shown = model if observables is None else observables.network
+    given = Model.of(model, initial)
+    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, tank)
+    network, start = given.network if rates is None else rates.expected(given.network, tank), given.initial
+    shown = network if observables is None else observables.network
     # first, because it may be refused, and sampling takes long
-    solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
+    solved = None if isinstance(method, SamplingMethod) else method.solve(network, start, times)
     answer = (
         None
         if accuracy is None
-        else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
+        else _reach(network, start, times, observables, accuracy, seed, threads, budget, report)
     )
     name = method.name
     if answer is None and isinstance(method, SamplingMethod):
-        name = method.name_for(model, initial)
+        name = method.name_for(network, start)
     notes, spread, is_complete = list(evidence_notes(rates)), None, True
     sampling = method if isinstance(method, SamplingMethod) else Auto()
     if posterior is not None:
         weights = None if observables is None else observables.weights
         at_least = least if solved is None and answer is None else 1
         spread = runs_over_draws(
-            posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report, max_events
+            posterior, shown, weights, start, times, at_least, draws, sampling, seed, threads, report, max_events
         )
         is_complete = spread.statistics.is_complete
         if not is_complete:
@@ -232,10 +234,10 @@ def predict(
         result = spread.statistics
         notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
     else:
-        forecast_runs(model, sampling, initial, some_times(times), least, threads, max_events)
-        sampling = sampling if observables is None else observables.sampling(sampling, model)
+        forecast_runs(network, sampling, start, some_times(times), least, threads, max_events)
+        sampling = sampling if observables is None else observables.sampling(sampling, network)
         result = simulate_statistics(
-            shown, sampling, initial, times, least, seed, threads,
+            shown, sampling, start, times, least, seed, threads,
             covariances=False, progress=lambda done: report(f"{done} of {least} runs"), max_events=max_events,
         )  # fmt: skip
         is_complete = result.is_complete

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
+from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits, student_interval
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
-from kinetics.support.tables import figure, in_unit
+from kinetics.support.tables import counted, figure, in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,9 +52,8 @@ class FirstTimes(Shown, Tabular):
     >>> found = simulate(binding, "ssa", {"A": 20, "B": 10}, 50.0, runs=400, seed=1, until="AB >= 6")
     >>> found
     <FirstTimes: AB >= 6 first held at 7.74 on average, in 400 of 400 runs>
-    >>> share, low, high = found.reached_by(5.0)
-    >>> low < share < high
-    True
+    >>> print(found.reached_by(5.0))
+    0.3625 [0.315331, 0.411686] (95 % confidence; ssa; 400 runs)
     """
 
     network: Network
@@ -98,15 +98,29 @@ class FirstTimes(Shown, Tabular):
         is_part = (spans > 0) & (curve.probability > 0)
         return float((spans[is_part] * curve.probability[is_part]).sum())
 
-    def mean_interval(self, level: float = LEVEL) -> tuple[float, float]:
-        """Interval of `mean` by Student's t; nan for a single run, for truncated runs, and for an infinite mean."""
-        if self._cut_short.size or not np.isfinite(self.mean):
-            return float("nan"), float("nan")
-        low, high = student_interval(self.observed, level)
-        return max(float(low), 0.0), min(float(high), self.horizon)
+    def answer(self, what: str | float, level: float = LEVEL) -> Answer:
+        """The `mean`, the `probability` that the condition ever holds, or holds by the horizon, or a quantile.
 
-    def reached_by(self, time: float, level: float = LEVEL) -> tuple[float, float, float]:
-        """Probability that the condition has held by a time, with limits by Clopper & Pearson (1934).
+        what : "mean", "probability", or the probability of a quantile, above 0 and below 1
+        The interval of the mean is Student's; nan for a single run, for truncated runs and for an infinite mean. The
+        interval of a quantile q holds the times at which that of the survival curve holds 1 - q (Brookmeyer & Crowley
+        1982, doi:10.2307/2530286); its ends are inf beyond what was observed.
+        """
+        if what == "probability":
+            return self.reached_by(self.horizon, level)
+        if what == "mean":
+            low = high = np.nan
+            if not self._cut_short.size and np.isfinite(self.mean):
+                low, high = student_interval(self.observed, level)
+            return self._answer(self.mean, max(float(low), 0.0), min(float(high), self.horizon))
+        if not (isinstance(what, float) and 0 < what < 1):
+            raise ValueError(f"{what!r}; expected 'mean', 'probability', or a probability between 0 and 1")
+        curve = self.survival(level)
+        times = np.append(curve.times, np.inf)
+        return self._answer(*(float(times[(part > 1 - what).sum()]) for part in curve[1:]))
+
+    def reached_by(self, time: float, level: float = LEVEL) -> Answer:
+        """Probability that the condition has held by a time, with bounds by Clopper & Pearson (1934).
 
         ValueError: runs were not observed for so long
         """
@@ -114,8 +128,10 @@ class FirstTimes(Shown, Tabular):
         if not 0 <= time <= until:
             raise ValueError(f"time = {time:g}; runs were observed from 0 to {in_unit(f'{until:g}', self._unit)}")
         hits = int((self.times <= time).sum())
-        low, high = binomial_limits(hits, self.runs, level)
-        return hits / self.runs, float(low), float(high)
+        return self._answer(hits / self.runs, *map(float, binomial_limits(hits, self.runs, level)))
+
+    def _answer(self, value: float, low: float, high: float) -> Answer:
+        return Answer(value, low, high, CONFIDENCE, self.method, why=counted(self.runs, "run"))
 
     def survival(self, level: float = LEVEL) -> Survival:
         """Survival curve by Kaplan & Meier (1958), doi:10.1080/01621459.1958.10501452, from time 0 on.
@@ -139,23 +155,10 @@ class FirstTimes(Shown, Tabular):
         is_known = (curve > 0) & (curve < 1)
         return Survival(times, curve, np.where(is_known, low, curve), np.where(is_known, high, curve))
 
-    def quantile(self, q: float, level: float = LEVEL) -> tuple[float, float, float]:
-        """The time by which the condition has held with probability q, and its interval; inf beyond what was observed.
-
-        The interval holds the times at which that of the survival curve holds 1 - q (Brookmeyer & Crowley 1982,
-        doi:10.2307/2530286).
-        """
-        if not 0 < q < 1:
-            raise ValueError(f"q = {q}; expected a probability between 0 and 1")
-        curve = self.survival(level)
-        first = (np.append(curve.times, np.inf)[(part > 1 - q).sum()] for part in curve[1:])
-        value, low, high = (float(time) for time in first)
-        return value, low, high
-
     @property
     def median(self) -> float:
         """The time by which the condition has held in half of the runs; inf beyond what was observed."""
-        return self.quantile(0.5)[0]
+        return self.answer(0.5).value
 
     @property
     def _unit(self) -> str:
@@ -177,14 +180,12 @@ class FirstTimes(Shown, Tabular):
 
     def summary(self) -> ResultTable:
         """Mean, median and probability with their 95 % intervals."""
-        spans = (self.mean, *self.mean_interval()), self.quantile(0.5)
-        mean, median = (f"{figure(value)} [{figure(low)}, {figure(high)}]" for value, low, high in spans)
+        mean, median = (_with_bounds(self.answer(what)) for what in ("mean", 0.5))
         name = f"mean of the time, or {self.horizon:g} where later" if self._is_restricted else "mean"
         values = {name: mean, "median": median}
         if not self._cut_short.size:
-            low, high = binomial_limits(self.runs - self.censored, self.runs)
             when = f"by {self.horizon:g}" if np.isfinite(self.horizon) else "ever"
-            values[f"probability {when}"] = f"{1 - self.censored / self.runs:.4g} [{low:.4g}, {high:.4g}]"
+            values[f"probability {when}"] = _with_bounds(self.answer("probability"))
         values["runs censored"] = f"{self.censored} of {self.runs}"
         notes = ["95 % intervals" + (f"; times in {self._unit}" if self._unit else "")]
         if self.truncated is not None:
@@ -206,3 +207,7 @@ class FirstTimes(Shown, Tabular):
         last = self.horizon if np.isfinite(self.horizon) and self.censored else curve.times[-1]
         ended = Survival(np.append(curve.times, last), *(np.append(part, part[-1]) for part in curve[1:]))
         return plots.survival(ax, *ended, self.condition, self._unit)
+
+
+def _with_bounds(answer: Answer) -> str:
+    return f"{figure(answer.value)} [{figure(answer.low)}, {figure(answer.high)}]"

@@ -46,8 +46,8 @@ class SamplingMethod(ABC):
     takes_events: ClassVar[bool] = False
     takes_until: ClassVar[bool] = False  # a condition at which runs end: its sampler heeds `Watch.until`
     most_reactants: ClassVar[float] = inf  # of a channel
-    most_species: ClassVar[float] = inf
-    most_channels: ClassVar[float] = inf
+    max_species: ClassVar[float] = inf
+    max_channels: ClassVar[float] = inf
     most_factors: ClassVar[float] = 1e7  # channels times reactants of the largest, a table; up to 4 reactants, any
     start_cost: ClassVar[float] = 2e4  # processor time of a run without events, ns
     is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
@@ -73,8 +73,8 @@ class SamplingMethod(ABC):
             return f"the network has {odd[0]}{more}; the method {self.name!r} takes {takes}: use 'general', or 'auto'"
         size = NetworkSize.of(network) if size is None else size
         for what, here, most in (
-            ("species", size.n_species, self.most_species),
-            ("channels", size.n_channels, self.most_channels),
+            ("species", size.n_species, self.max_species),
+            ("channels", size.n_channels, self.max_channels),
         ):
             if here > most:
                 return f"the network has {here} {what}; the method {self.name!r} takes at most {most}: use 'auto'"
@@ -264,9 +264,9 @@ class SamplingMethod(ABC):
 
 
 def _horizon(times: ArrayLike) -> float:
-    """The last time until which runs are followed that end at a condition."""
+    """The last time until which runs are followed that end at a condition; inf for none."""
     last = np.atleast_1d(np.asarray(times))[-1:].tolist()
-    return inf if last == [inf] else float(some_times(last)[-1])
+    return inf if last in ([], [inf]) else float(some_times(last)[-1])
 
 
 def check_numbers(runs: int, threads: int | None, first_run: int) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.kernels.ensemble_work import LOOK, ensemble_work
-from kinetics.network import Condition, Network
+from kinetics.network import Network
+from kinetics.network.predicates import Condition
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, stream_key
 from kinetics.sampling.direct import RecomputingSampler
@@ -113,7 +114,8 @@ def first_times_of_draws(
 ) -> Iterator[Floats]:
     """When a condition first holds in each run (runs,), tu, under each of `constants` (D, R), 1/tu.
 
-    The times of runs in which it does not hold by `end` are inf. The runs are those of `simulate_draws`, and end there; a ValueError where the condition holds at the start.
+    The times of runs in which it does not hold by `end` are inf. The runs are those of `simulate_draws`, and end there;
+    a ValueError where the condition holds at the start.
 
     >>> from kinetics import Network
     >>> from kinetics.sampling import first_times_of_draws

@@ -45,7 +45,7 @@ class Lockstep(SamplingMethod):
     name: ClassVar[str] = "lockstep"
     start_cost: ClassVar[float] = 50.0
     takes_until: ClassVar[bool] = True
-    most_channels: ClassVar[float] = 2000
+    max_channels: ClassVar[float] = 2000
     is_for_ensembles: ClassVar[bool] = True
 
     def prepared(self, network: Network) -> Sampler:

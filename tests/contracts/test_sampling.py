@@ -14,8 +14,9 @@ from scipy.linalg import expm
 from scipy.stats import binom, poisson
 
 from kinetics import Transient, first_passage
-from kinetics.network import Condition, Network
+from kinetics.network import Network
 from kinetics.network.laws import Event, hill
+from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.sampling.base import SamplingMethod
@@ -325,7 +326,7 @@ def test_bad_input_is_refused(method):
 def test_limits_are_where_the_traits_say(method):
     """A network at a limit is taken, and one beyond it is refused with both numbers."""
     size, net = NetworkSize(1, 1, 1, 1.0, 1), decay()
-    for trait, field in (("most_species", "n_species"), ("most_channels", "n_channels")):
+    for trait, field in (("max_species", "n_species"), ("max_channels", "n_channels")):
         most = getattr(method, trait)
         if most < np.inf:
             at, beyond = (NetworkSize(**(vars(size) | {field: most + more})) for more in (0, 1))

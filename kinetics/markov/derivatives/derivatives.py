@@ -29,8 +29,8 @@ class Derivatives(Shown):
     cpu_seconds : time that took
 
     >>> from kinetics import Chain, Network, Sensitivity
-    >>> slopes = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).in_the_end("B == 1")
-    >>> slopes.value.round(9).tolist(), slopes.elasticity.round(9).tolist(), slopes.is_bound  # 0.4 * 0.6, and over 0.4
+    >>> gradient = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).steady_state("B == 1")
+    >>> gradient.value.round(9).tolist(), gradient.elasticity.round(9).tolist(), gradient.is_bound  # 0.4 * 0.6
     ([0.24, -0.24], [0.6, -0.6], True)
     """
 

@@ -28,6 +28,7 @@ class Arrival:
         self._transitions, self._start, self._target = transitions, start, target
         self.chain = DiscreteChain.of(transitions)
         self._absorption = Absorption(self.chain, start)
+        self._known: dict[float, tuple[Answer, Answer]] = {}  # by time: a quantile and its bounds ask for the same ones
 
     def cdf(self, time: float) -> Answer:
         """Probability of having entered it by a time, tu."""
@@ -41,6 +42,8 @@ class Arrival:
 
     def _common(self, time: float) -> tuple[Answer, Answer]:
         """Cdf and survival, with absolute errors."""
+        if time in self._known:
+            return self._known[time]
         steps = self.chain.steps_until(time, TOLERANCE)
         if steps > MAX_STEPS:
             raise ValueError(
@@ -53,6 +56,7 @@ class Arrival:
         cdf, survival = (
             Answer(value, max(value - error, 0.0), min(value + error, 1.0), kind) for value in (absorbed, alive)
         )
+        self._known[time] = cdf, survival
         return cdf, survival
 
     def _finer(self, common: Answer, backwards: BackwardPass, time: float) -> Answer:

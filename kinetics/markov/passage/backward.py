@@ -17,9 +17,9 @@ import numpy as np
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.native import twins
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
@@ -56,9 +56,9 @@ class BackwardPass:
     def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
         at_once = float(start @ values)
         self._at_once = Answer.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
-        self._chain, begins, worth = that_matter(transitions, start, values)
-        self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
-        self._now, self._before = worth / self._scale, np.empty(worth.size)
+        self._chain, begins, last = that_matter(transitions, start, values)
+        self._rate, self._scale = jump_rate(self._chain), float(last.max(initial=0.0)) or 1.0
+        self._now, self._before = last / self._scale, np.empty(last.size)
         self._begins = np.flatnonzero(begins)
         self._chances = begins[self._begins]
         self._blocks: list[Floats] = []  # of means before each step
@@ -99,6 +99,21 @@ class BackwardPass:
         wrong = float(terms @ errors) + 1.01 * float(wrongs[: means.size] @ means) / self._rate + rest
         wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, time)
+
+    def second_moments(self, time: float) -> tuple[float, float]:
+        """Means of the integrals of 2 t and 2 (time - t) times the values, for t from 0 to a time, tu; no bounds."""
+        if not self._chain.rates.any():
+            return self._at_once.value * time**2, self._at_once.value * time**2
+        first, weights = self._window(time)
+        tails = np.ones(first + weights.size)
+        tails[first:] = sums_after(weights)
+        # 2 t Poisson(n; q t) has the integral 2 (n + 1) P(N > n + 1) / q**2, the other that of all later tails
+        growing = np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
+        found = []
+        for shares in (growing, sums_after(tails)):
+            means, *_ = self._known(2.0 / self._rate**2 * shares, time)
+            found.append(float(2.0 / self._rate**2 * (shares[: means.size] @ means)))
+        return found[0], found[1]
 
     def _window(self, time: float) -> tuple[int, Floats]:
         steps = steps_until(self._chain, time)
@@ -142,21 +157,18 @@ class BackwardPass:
 
     def _step_back(self) -> None:
         """One more block of steps, longer the more there are."""
-        from kinetics.kernels import markov
-
         done = self._ends[-1] if self._ends else 0
         arrays, roundings = self._arrays
         means = np.empty(LOOK + done // 64)
-        for part in pieces(means.size, 2.0 * (arrays[1].size + self._now.size)):
-            markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means[part])
+        twins.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
         self._blocks.append(means)
         self._ends.append(done + means.size)
         self._tops.append(float(self._now.max()))
         self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
 
     @cached_property
-    def _arrays(self) -> tuple[tuple[Any, ...], float]:
-        """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+    def _arrays(self) -> tuple[tuple[Any, Any, Any, Any], float]:
+        """P as `twins.retreat` reads it, and how many roundings of a result a step with it adds at most."""
         moves, stays, roundings = one_step(self._chain)
         return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
 

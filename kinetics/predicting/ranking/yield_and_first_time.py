@@ -3,48 +3,32 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from kinetics.markov.passage.restricted import restricted_passage
+from kinetics.markov.chain import Chain
+from kinetics.markov.network_questions import chain_to
+from kinetics.markov.passage.backward import BackwardPass, steps_until
+from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
-from kinetics.network import Network
+from kinetics.markov.transient.uniformisation import STEP_SECONDS
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import quoted
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
-from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.cli.progress import forecast
 from kinetics.support.intervals import student_quantile
-from kinetics.support.tables import counted
+from kinetics.support.tables import counted, rough
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
 WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
-
-
-@dataclass(frozen=True)
-class Question:
-    """The question to a network: its yield and first time, from where, of what, and until when.
-
-    initial : (S,) counts at time 0
-    target : index of the target species
-    possible : largest number of its copies that the tank could hold
-    horizon : tu, above 0
-    """
-
-    network: Network
-    initial: Ints
-    target: int
-    possible: int
-    horizon: float
-
-    def __post_init__(self) -> None:
-        if not 0 < self.horizon < np.inf:
-            raise ValueError(f"horizon = {self.horizon:g}; expected a positive number of tu")
 
 
 @dataclass(frozen=True)
@@ -68,27 +52,35 @@ class YieldAndFirstTime:
 
 
 def yield_and_first_time(
-    question: Question,
+    model: Model,
+    target: str,
+    possible: int,
+    horizon: float,
     runs: int,
     seed: int,
     max_states: int = MAX_STATES,
     first_run: int = 0,
     like: YieldAndFirstTime | None = None,
 ) -> YieldAndFirstTime:
-    """Exact where the states are few enough, each figure for itself; else from `runs` sampled runs.
+    """Yield and first time of the target: exact if the states are few enough, each for itself; else from `runs` runs.
 
+    target : its species
+    possible : largest number of its copies that the tank could hold
+    horizon : tu, above 0
     max_states : solved exactly up to these; 0 for sampled figures only
     first_run : number of the first run; with one seed, runs of different numbers are independent
     like : the answers at other rates; what was too large there is not tried again
     """
+    if not 0 < horizon < np.inf:
+        raise ValueError(f"horizon = {horizon:g}; expected a positive number of tu")
     load_kernels()
     passage = amount = None
     if max_states and (like is None or like.first.kind != CONFIDENCE):
-        passage = _exact_passage(question, max_states)
+        passage = _exact_passage(model, target, horizon, max_states)
     if max_states and (like is None or like.yield_.kind != CONFIDENCE):
-        amount = _exact_yield(question, max_states)
+        amount = _exact_yield(model, target, possible, horizon, max_states)
     if passage is None or amount is None:
-        *sampled_passage, sampled_amount = _sampled(question, runs, seed, first_run)
+        *sampled_passage, sampled_amount = _sampled(model, target, possible, horizon, runs, seed, first_run)
         passage, amount = passage or sampled_passage, amount or sampled_amount
     (first, first_sd), (reached, _), (yield_, yield_sd) = *passage, amount
     return YieldAndFirstTime(first, reached, yield_, first_sd, yield_sd)
@@ -98,63 +90,77 @@ def yield_and_first_time(
 def load_kernels() -> None:
     """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
     network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
-    question = Question(network, np.array([1]), 0, 1, 1.0)
-    _exact_passage(question, MAX_STATES)
-    _exact_yield(question, MAX_STATES)
-    _sampled(question, 2, 0, 0)
+    model = Model(network, np.array([1]))
+    _exact_passage(model, "x", 1.0, MAX_STATES)
+    _exact_yield(model, "x", 1, 1.0, MAX_STATES)
+    _sampled(model, "x", 1, 1.0, 2, 0, 0)
 
 
-def _exact_passage(question: Question, max_states: int) -> list[WithSpread] | None:
+def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
-    network, end = question.network, question.horizon
-    target = network.species[question.target]
     try:
-        found = restricted_passage(network, question.initial, target, end, 1, max_states, MAX_SECONDS)
+        chain, goal = chain_to(model, None, target, 1, max_states)
+        steps = steps_until(chain.transitions, end)
+        seconds = 2.0 * steps * STEP_SECONDS * (chain.transitions.rates.size + len(chain))
+        if not seconds <= MAX_SECONDS:
+            return None
+        forecast(seconds, f"{rough(steps)} steps over {len(chain)} states")
+        first, reached, sd = first_by(chain, goal, end)
     except ValueError:
         return None
-    cost = time.process_time() - began
-    sd, kind = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5, kind_of(found.is_bound)
-    return [
-        (_exact(found.mean, found.mean_error, end, kind, found.n_states, cost), found.sd),
-        (_exact(found.reached, found.reached_error, 1.0, kind, found.n_states, cost), sd),
-    ]
+    chance, cost = reached.value, time.process_time() - began
+    found = {"method": "exact", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
+    return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
 
 
-def _exact_yield(question: Question, max_states: int) -> WithSpread | None:
+def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
+    """Mean of min(T, horizon), tu, with T the time until the goal (N,); P(T <= horizon); sd of the first.
+
+    Two questions to the chain: for how long it is outside the goal, and whether it is inside at the horizon.
+    """
+    outside, inside = (BackwardPass(chain.transitions, chain.initial, held.astype(float)) for held in (~goal, goal))
+    first, reached = outside.integral(horizon), inside.at(horizon).clipped()
+    square, left_square = outside.second_moments(horizon)[0], inside.second_moments(horizon)[1]
+    left = inside.integral(horizon).value
+    # from the moments of the time, or of what it leaves of the horizon, whichever loses less by the difference
+    variance = min((square, square - first.value**2), (left_square, left_square - left**2))[1]
+    first = replace(first, value=min(first.value, horizon), high=min(first.high, horizon))
+    return first, reached, max(variance, 0.0) ** 0.5
+
+
+def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
     """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
     try:
-        end = method.solve(question.network, question.initial, [question.horizon])
+        end = method.solve(model.network, model.initial, [horizon])
     except ValueError:
         return None
-    mean, sd, high = (
-        table[0, question.target] / question.possible for table in (end.mean(), end.sd(), end.mean_bounds()[1])
-    )
-    kind, cost = kind_of(end.is_bound), time.process_time() - began
-    return _exact(float(mean), float(high - mean), 1.0, kind, len(end.space), cost), float(sd)
+    place = model.network.index(target)
+    mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
+    low, top, cost = float(mean) - float(high - mean), min(float(high), 1.0), time.process_time() - began
+    size = counted(len(end.space), "state")
+    return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "exact", cost, size), float(sd)
 
 
-def _exact(value: float, error: float, top: float, kind: str, states: int, cost: float) -> Answer:
-    size = counted(states, "state")
-    return Answer(value, max(value - error, 0.0), min(value + error, top), kind, "exact", cost, size)
-
-
-def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[WithSpread, WithSpread, WithSpread]:
+def _sampled(
+    model: Model, target: str, possible: int, end: float, runs: int, seed: int, first_run: int
+) -> tuple[WithSpread, WithSpread, WithSpread]:
     """First target, probability of it by the horizon, and yield, from the same runs, those of `sample_path`."""
-    n, end = whole_number("runs", runs, 2), question.horizon
+    n = whole_number("runs", runs, 2)
     began = time.process_time()
-    network, start, method = question.network, question.initial, path_method(question.network)
+    network, start, method = model.network, model.initial, path_method(model.network)
     forecast_runs(network, method, start, np.array([end]), n)
-    until = f"{quoted(network.species[question.target])} >= 1"
+    until = f"{quoted(target)} >= 1"
     found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
-    targets = method.simulate(network, start, [end], n, seed, first_run=first_run).counts[:, 0, question.target]
+    targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (
         _mean(found.observed, end, cost),
         _mean(found.is_reached.astype(float), 1.0, cost),
-        _mean(targets / question.possible, 1.0, cost),
+        _mean(targets / possible, 1.0, cost),
     )
 
 

@@ -2,7 +2,6 @@
 
 from kinetics.predicting.scanning.grid import scan
 from kinetics.predicting.scanning.result import Scan
-from kinetics.predicting.scanning.scanned import ScannedModel
 from kinetics.predicting.scanning.values import read_values
 
-__all__ = ["Scan", "ScannedModel", "read_values", "scan"]
+__all__ = ["Scan", "read_values", "scan"]

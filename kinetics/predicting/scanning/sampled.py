@@ -9,10 +9,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from kinetics.formats import NetworkModel
 from kinetics.markov.observing import earned_in
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
-from kinetics.network import Condition
+from kinetics.network import Model
+from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import Auto
 from kinetics.sampling.forecast import forecast_runs
@@ -36,7 +36,7 @@ def check_ends(question: str, query: Query) -> None:
         raise ValueError(f"{question!r} cannot be sampled: {LASTS}")
 
 
-def sampled_answers(model: NetworkModel, questions: Sequence[tuple[str, Query]], runs: int, seed: int) -> list[Answer]:
+def sampled_answers(model: Model, questions: Sequence[tuple[str, Query]], runs: int, seed: int) -> list[Answer]:
     """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by runs
     that end where it is decided.
 
@@ -79,7 +79,7 @@ def _timed(queries: Sequence[Q], sampled: Callable[[Sequence[Q]], tuple[list[Flo
     return {query: _answer(query, values, method, seconds) for query, values in zip(queries, samples, strict=True)}
 
 
-def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
+def _at_times(model: Model, queries: Sequence[RewardQuery], runs: int, seed: int) -> tuple[list[Floats], str]:
     """Values (runs,) of each reward at its time."""
     times = np.array(sorted({float(query.at or 0.0) for query in queries}))
     method = Auto().choose(model.network, model.initial)
@@ -88,13 +88,10 @@ def _at_times(model: NetworkModel, queries: Sequence[RewardQuery], runs: int, se
         raise TruncatedRunsError(made.truncated)
     counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
-    return [
-        earned_in(model.network, model.observables, query.name, counts[:, t])
-        for t, query in zip(rows, queries, strict=True)
-    ], method.name
+    return [earned_in(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
 
 
-def _decided(model: NetworkModel, query: UntilQuery | AlwaysQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
+def _decided(model: Model, query: UntilQuery | AlwaysQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
     """Whether each run fulfils a question (runs,), 1 or 0: it ends where that is decided."""
     method, observables = path_method(model.network), model.observables
     target, through = (query.target, query.through) if isinstance(query, UntilQuery) else (None, query.states)
@@ -109,7 +106,7 @@ def _decided(model: NetworkModel, query: UntilQuery | AlwaysQuery, runs: int, se
     return [fulfils.astype(float)], method.name
 
 
-def _earned(model: NetworkModel, query: RewardQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
+def _earned(model: Model, query: RewardQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
     """The total (runs,) that each path earns up to a time, or until a condition holds."""
     method, network, last = path_method(model.network), model.network, float(query.up_to or 0.0)
     until = None
@@ -121,7 +118,7 @@ def _earned(model: NetworkModel, query: RewardQuery, runs: int, seed: int) -> tu
         if until is not None and path.end == last:
             raise ValueError(f"run {i} ends where {query.until} can never hold: the mean is infinite")
         held = np.diff(np.concatenate([[0.0], path.times, [path.end]]))
-        totals[i] = np.cumsum(held * earned_in(network, model.observables, query.name, path.states))[-1]
+        totals[i] = np.cumsum(held * earned_in(model, query.name, path.states))[-1]
     return [totals], method.name
 
 

@@ -14,7 +14,8 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 from calibration.estimating.diagnosing.diagnosis import diagnose
 from calibration.estimating.estimate import estimate
 from calibration.watched.study import watched_study
-from kinetics.formats import NetworkModel, read, write
+from kinetics import Model
+from kinetics.formats import read, write
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.rates.breaks import Expansion, break_model
@@ -185,7 +186,7 @@ def test_the_command_with_one_run(wellmixed_here, tmp_path):
 def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, suffix):
     network = line_network()
     file = tmp_path / f"line{suffix}"
-    write(NetworkModel(network, network.state({"monomer": 60}), {}), file)
+    write(Model(network, network.state({"monomer": 60}), {}), file)
     known = read(file).network
     renamed = dict(zip(network.channels, known.channels, strict=True))
     text = tables[0].read_text()

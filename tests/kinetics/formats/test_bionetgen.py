@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics.formats import FORMATS, SUFFIXES, read, write
+from kinetics.formats.base import Model
 from kinetics.formats.formulas import number
-from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 from wellmixed import main
 
@@ -108,13 +108,13 @@ def test_the_same_as_the_engine_of_the_format(tmp_path):
 def test_what_a_net_file_cannot_say(tmp_path):
     squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
     with pytest.raises(ValueError, match="n squared, which it cannot say"):
-        write(NetworkModel(squares, [3, 0]), tmp_path / "out.net")
+        write(Model(squares, [3, 0]), tmp_path / "out.net")
     assert not (tmp_path / "out.net").exists()
     law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
     with pytest.raises(ValueError, match="law of channel 'turn'"):
-        write(NetworkModel(law, [3, 0]), tmp_path / "out.net")
+        write(Model(law, [3, 0]), tmp_path / "out.net")
     with pytest.raises(ValueError, match=r"must end in .*\.net"):
-        write(NetworkModel(law, [3, 0]), tmp_path / "out.csv")
+        write(Model(law, [3, 0]), tmp_path / "out.csv")
 
 
 GOOD = """begin parameters

@@ -39,7 +39,7 @@ def test_tiny_probabilities_have_digits():
     steps, rate, t = 14, 1e-3, 0.1
     chain = Chain(np.diag(np.full(steps, rate), 1) + np.diag(np.full(steps, 1.0), -1), 0)
     answer = chain.until(np.arange(steps + 1) == steps, by=t)
-    exact = exact_law(np.asarray(chain.generator), chain.initial, t, stopped=(steps,))[steps]
+    exact = exact_law(chain.transitions.generator().toarray(), chain.initial, t, stopped=(steps,))[steps]
     assert 0 < answer.value < 1e-60
     assert holds(answer, exact)
     assert answer.high - answer.low < 1e-11 * answer.value

@@ -276,6 +276,8 @@ def test_steps_of_a_chain_are_the_same():
     for steps in (4, 5):
         empty = np.empty(steps), np.empty(steps), np.empty(steps)
         assert_same(twins.absorb, markov.absorb, (*arrays, vectors[0].copy(), *empty))
+        begin, now = (np.array([3, 0]), np.array([0.25, 0.75])), (vectors[1].copy(), np.empty(200))
+        assert_same(twins.retreat, markov.retreat, (*arrays, *begin, *now, np.empty(steps)))
 
 
 @pytest.mark.parametrize("is_occupation", [False, True])

@@ -21,6 +21,10 @@ SOME = made([1.0, 3.0, np.nan, np.nan], [1.0, 3.0, 4.0, 4.0], 4.0)
 CUT = made([6, 6, 6, np.nan, 7, np.nan, 10, np.nan], [6, 6, 6, 6, 7, 9, 10, 10], 20.0)
 
 
+def bounds(answer):
+    return answer.low, answer.high
+
+
 def test_all_reached():
     curve = ALL.survival()
     assert curve.times.tolist() == [0.0, 1.0, 2.0, 5.0]
@@ -29,11 +33,12 @@ def test_all_reached():
     assert_allclose(curve.low, 1 - high)
     assert_allclose(curve.high, 1 - low)
     assert ALL.mean == 2.5
-    assert ALL.mean_interval() == pytest.approx((0.0, student_interval(ALL.times)[1]))
-    assert ALL.quantile(0.5)[0] == ALL.median == 2.0
-    assert ALL.quantile(0.75)[0] == 2.0
-    assert ALL.quantile(0.76)[0] == 5.0
-    assert ALL.reached_by(2.0) == pytest.approx((0.75, *np.array(binomial_limits(3, 4))))
+    assert bounds(ALL.answer("mean")) == pytest.approx((0.0, student_interval(ALL.times)[1]))
+    assert ALL.answer(0.5).value == ALL.median == 2.0
+    assert ALL.answer(0.75).value == 2.0
+    assert ALL.answer(0.76).value == 5.0
+    assert ALL.reached_by(2.0).value == 0.75
+    assert bounds(ALL.reached_by(2.0)) == pytest.approx(tuple(map(float, binomial_limits(3, 4))))
 
 
 def test_censored_at_the_horizon():
@@ -41,8 +46,8 @@ def test_censored_at_the_horizon():
     assert SOME.mean == 3.0
     assert "mean of the time, or 4 where later" in str(SOME)
     assert SOME.median == 3.0
-    assert SOME.quantile(0.6)[0] == np.inf
-    assert SOME.reached_by(4.0)[0] == 0.5
+    assert SOME.answer(0.6).value == np.inf
+    assert SOME.reached_by(4.0).value == SOME.answer("probability").value == 0.5
     with pytest.raises(ValueError, match="observed from 0 to 4"):
         SOME.reached_by(4.5)
 
@@ -56,7 +61,7 @@ def test_cut_short_by_hand():
     assert (curve.low <= curve.probability).all()
     assert (curve.probability <= curve.high).all()
     assert CUT.mean == pytest.approx(6 + 5 / 8 * 1 + 15 / 32 * 3 + 15 / 64 * 10)
-    assert np.isnan(CUT.mean_interval()).all()
+    assert np.isnan(bounds(CUT.answer("mean"))).all()
     assert CUT.median == 7.0
 
 
@@ -69,5 +74,5 @@ def test_the_table_has_a_row_a_run():
     assert ax.get_xlabel().startswith("time")
     assert ax.get_ylabel() == "probability of not having been reached"
     assert ax.get_xlim()[1] > 4.0
-    with pytest.raises(ValueError, match="q = 1"):
-        SOME.quantile(1)
+    with pytest.raises(ValueError, match="1; expected 'mean', 'probability'"):
+        SOME.answer(1)

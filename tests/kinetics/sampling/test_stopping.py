@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from kinetics import Condition, Network
+from kinetics import Network
 from kinetics.kernels.stopping import holds
+from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import Direct
 from kinetics.sampling.stopping import stop_at

@@ -6,7 +6,6 @@ import pytest
 from scipy.stats import poisson
 
 from kinetics import Chain, FiniteStateProjection, Sensitivity, Transient, first_passage, solve, stationary
-from kinetics.markov.passage.restricted import restricted_passage
 from kinetics.markov.transient import SOLVING_METHODS, Collocation, Dense
 from kinetics.markov.transient.poisson import poisson_tails, poisson_window
 from kinetics.markov.transient.states import reachable
@@ -105,8 +104,6 @@ def test_questions_under_laws():
     assert passage.error > 100.0 * exact.error
     low, high = passage.cdf_bounds([3.0])
     assert low[0] < exact.cdf([3.0])[0] < high[0]
-    assert restricted_passage(closed("0.3 * A"), [9, 0], "B", 2.0, 7).is_bound
-    assert not restricted_passage(closed(NOTHING_KNOWN.replace("S", "A")), [9, 0], "B", 2.0, 7).is_bound
 
 
 @pytest.mark.parametrize("method", [Dense(), Collocation(), Transient()], ids=lambda method: method.name)

@@ -12,7 +12,7 @@ import pytest
 from distributed import LocalCluster
 
 from kinetics import Network, scan
-from kinetics.predicting.scanning.crews import crew, results
+from kinetics.predicting.scanning.executors import executor_of, results
 
 
 def test_a_dask_cluster_gives_the_same_numbers():
@@ -27,14 +27,14 @@ def test_a_dask_cluster_gives_the_same_numbers():
 
 SCRIPT = """
 from kinetics import Network, scan
-from kinetics.predicting.scanning.crews import crew
+from kinetics.predicting.scanning.executors import executor_of
 {}
 """
 UNGUARDED = 'scan(Network.from_text("A -> 0, k", k=1.0), {"k": [1, 2, 3, 4, 5]}, "E[A] @ 1", workers=2)'
 GUARDED = """
 import os, time
 if __name__ == "__main__":
-    with crew(1 + 1, None) as pool:
+    with executor_of(1 + 1, None) as pool:
         print(pool.submit(os.getpid).result(), flush=True)
         time.sleep(60)
 """
@@ -80,7 +80,7 @@ def die(number):
 
 
 def test_a_worker_that_dies_is_told_and_one_that_does_not_is_heard():
-    with crew(2, None) as pool:
+    with executor_of(2, None) as pool:
         assert sorted(results(pool, die, [(1,), (2,)])) == [(0, 1), (1, 2)]
-    with pytest.raises(ChildProcessError, match="start again with fewer workers"), crew(2, None) as pool:
+    with pytest.raises(ChildProcessError, match="start again with fewer workers"), executor_of(2, None) as pool:
         list(results(pool, die, [(3,)]))

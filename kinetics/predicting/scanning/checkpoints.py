@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from kinetics.predicting.scanning.answering import Asked
+from kinetics.predicting.scanning.answering import ScanRequest
 from kinetics.support.answer import Answer
 from kinetics.support.output import append_line
 
@@ -25,10 +25,10 @@ FORMAT = 3  # raised by hand when the same question would get another answer
 SHOWN = 16  # of the digits of a SHA-256
 
 
-class KeptAnswers:
+class Checkpoints:
     """The answers that are on disk, by the key of their point; None as the folder keeps nothing."""
 
-    def __init__(self, folder: str | Path | None, asked: Asked) -> None:
+    def __init__(self, folder: str | Path | None, asked: ScanRequest) -> None:
         self.path: Path | None = None
         self.found: dict[str, tuple[Answer, ...]] = {}
         if folder is None:

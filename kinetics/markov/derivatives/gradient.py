@@ -11,7 +11,7 @@ from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
 
 
-class Slopes(NamedTuple):
+class Gradient(NamedTuple):
     """The derivatives of an answer by the logarithm of all rates of each of C channels.
 
     answer : the value itself
@@ -20,9 +20,9 @@ class Slopes(NamedTuple):
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_until
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_until
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> found = slopes_until(entries, np.array([1.0, 0.0]), np.array([True, True]), np.array([False, True]))
+    >>> found = gradient_until(entries, np.array([1.0, 0.0]), np.array([True, True]), np.array([False, True]))
     >>> found.answer.value, found.value.tolist()  # B is certain, whatever the rate
     (1.0, [0.0])
     """
@@ -33,8 +33,8 @@ class Slopes(NamedTuple):
     is_bound: bool
 
     @classmethod
-    def none(cls, answer: Answer, n_channels: int) -> Slopes:
-        """The slopes of an answer that no rate changes, all 0."""
+    def none(cls, answer: Answer, n_channels: int) -> Gradient:
+        """The gradient of an answer that no rate changes, all 0."""
         return cls(answer, np.zeros(n_channels), np.zeros(n_channels), answer.is_bound)
 
 

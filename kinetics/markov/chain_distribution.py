@@ -1,4 +1,4 @@
-"""The distribution of a chain over time, and single runs of it."""
+"""The distribution of a chain over its states at several times."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.support.arrays import Floats, Ints, read_only
+from kinetics.support.answer import kind_of
+from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown
 
 
@@ -17,7 +18,7 @@ class ChainDistribution(Shown):
 
     times : (T,) tu
     probabilities : (T, N), none negative
-    error : limit on the absolute error summed over all states, at any time
+    error : bound on the absolute error summed over all states, at any time
     is_bound : whether `error` is proven; otherwise it is an estimate
 
     >>> from kinetics import Chain
@@ -48,8 +49,7 @@ class ChainDistribution(Shown):
         """The likeliest states at the last time."""
         last = self.probabilities[-1]
         order = np.argsort(-last, kind="stable")[:MOST_TIMES]
-        kind = "proven" if self.is_bound else "estimated"
-        notes = [f"error of all probabilities together {self.error:.1g}, {kind}"]
+        notes = [f"error of all probabilities together {self.error:.1g}, {kind_of(self.is_bound)}"]
         rows = [(str(row), f"{last[row]:.6g}") for row in order]
         return ResultTable(self.headline, ("state", f"probability at {self.times[-1]:g}"), rows, notes)
 
@@ -58,31 +58,9 @@ class ChainDistribution(Shown):
         return self.probabilities @ np.asarray(values, dtype=float)
 
     def mean_bounds(self, values: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of `mean`: at worst all of the error lies between the largest and smallest value."""
+        """Lower and upper bounds of `mean`: at worst all of the error lies between the largest and smallest value."""
         table = np.asarray(values, dtype=float)
         top = np.abs(table).max(axis=0)
         mean = self.mean(table)
         slack = (self.error + 2.0**-52 * len(table)) * top
         return mean - slack, mean + slack
-
-
-@dataclass(frozen=True, eq=False)
-class ChainPath:
-    """One run of a chain: its states (n + 1,) and the times (n + 1,), tu, at which it enters them; then until `end`.
-
-    >>> from kinetics import Chain
-    >>> path = Chain([[0.0, 1.0], [0.0, 0.0]], initial=0).sample_path(end=1e3, seed=1)
-    >>> path.states.tolist(), path.at([0.0, 1e3]).tolist()
-    ([0, 1], [0, 1])
-    """
-
-    times: Floats
-    states: Ints
-    end: float
-
-    def at(self, times: ArrayLike) -> Ints:
-        """The states (...) at `times` (...), tu."""
-        asked = np.asarray(times, dtype=float)
-        if asked.size and not (asked.min() >= 0.0 and asked.max() <= self.end):
-            raise ValueError(f"times from {asked.min():g} to {asked.max():g} tu; the run is from 0 to {self.end:g} tu")
-        return self.states[np.searchsorted(self.times, asked, side="right") - 1]

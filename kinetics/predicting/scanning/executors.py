@@ -19,7 +19,7 @@ ANSWER_WITHIN = 10  # s, for a scheduler
 
 
 @contextmanager
-def crew(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+def executor_of(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
     """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
 
     OSError: no scheduler answers at the address. ChildProcessError: a worker ended before it had answered.
