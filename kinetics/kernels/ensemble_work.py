@@ -35,21 +35,15 @@ class Stop(NamedTuple):
     """The condition at which runs end: comparisons of sums of counts, each of which leads to another, or decides.
 
     is_watched (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
-    starts (L + 1,), species (n,), weights (n,) : the sum of comparison i has the terms starts[i] to starts[i + 1]
-    low, high (L,) : the sum is to be in between, or one of them
-    yes, no (L,) : the comparison that comes next if it is, and if it is not; or HOLDS or FAILS
-    codes, operands (m,) int32, numbers (m,) : a program in their place, see `programs.Programs`, where the condition
+    table (n,) : comparisons one after the other: low, high, yes, no, number of terms, and of each term species and
+        weight. Where the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
+        that at `no`; or these are HOLDS or FAILS. One array, because each costs a kernel time. Empty for a program
+    codes, operands (m,) int32, numbers (m,) : a program in its place, see `programs.Programs`, where the condition
         compares other things than sums; else empty
     """
 
     is_watched: np.ndarray
-    starts: np.ndarray
-    species: np.ndarray
-    weights: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    yes: np.ndarray
-    no: np.ndarray
+    table: np.ndarray
     codes: np.ndarray
     operands: np.ndarray
     numbers: np.ndarray

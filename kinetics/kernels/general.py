@@ -194,13 +194,15 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     n_channels, n_times, n_blocks = model.change_starts.size - 1, grid.size, work.sums.size
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = REACHED_END  # here: nothing went wrong so far
     if work.notes[0] == 0:
         work.notes[0] = 1
         outcome = settle(model, work, counts, t)
-        if stop is not None and outcome == REACHED_END and holds(stop, counts):
+        if stop is not None and outcome == REACHED_END and holds(stop, table, counts):
             outcome = STOPPED
     for draw in range(waits.size):
         if outcome != REACHED_END:
@@ -225,7 +227,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not is_candidate:
             is_turn = first_due(work, t) >= 0 or (model.clocked.size > 0 and has_turned(model, work, counts, t))
             outcome = settle(model, work, counts, t) if is_turn else open_window(model, work, counts, t)
-            if stop is not None and is_turn and outcome == REACHED_END and holds(stop, counts):
+            if stop is not None and is_turn and outcome == REACHED_END and holds(stop, table, counts):
                 outcome = STOPPED
             continue
 
@@ -265,7 +267,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and stop.is_watched[chosen] and not model.is_waking[chosen] and holds(stop, counts):
+        if stop is not None and is_watched[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
         first, last = model.reader_starts[chosen], model.reader_starts[chosen + 1]
@@ -286,7 +288,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = settle(model, work, counts, t)
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
-        if stop is not None and model.is_waking[chosen] and outcome == REACHED_END and holds(stop, counts):
+        if stop is not None and model.is_waking[chosen] and outcome == REACHED_END and holds(stop, table, counts):
             outcome = STOPPED  # after the events that this firing has set off
     seen[0], seen[1] = passed, n_events
     clock[0] = t

@@ -83,6 +83,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species, readers, touched = model.species, model.readers, model.touched
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
@@ -128,7 +130,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and stop.is_watched[chosen] and holds(stop, counts):
+        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     seen[0], seen[1] = passed, n_events

@@ -133,6 +133,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     change_starts, change_owners, change_copies = model.change_starts, model.change_owners, model.change_copies
     species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
@@ -221,7 +223,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and stop.is_watched[chosen] and holds(stop, counts):
+        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     seen[0], seen[1] = passed, n_events

@@ -194,6 +194,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     channels, factors, words, lists = model.channels, model.factors, model.words, model.lists
     groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
@@ -324,7 +326,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
-        if stop is not None and stop.is_watched[fires] and holds(stop, counts):
+        if stop is not None and is_watched[fires] and holds(stop, table, counts):
             outcome = STOPPED
             break
     work.bins[1], work.bins[2], work.total[0] = lowest, highest, total

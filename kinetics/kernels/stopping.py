@@ -3,26 +3,28 @@
 import numpy as np
 
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.ensemble_work import HOLDS
+from kinetics.kernels.ensemble_work import FAILS, HOLDS
 from kinetics.kernels.programs import Programs, values
 
 
 @compiled
-def holds(stop, counts):
-    """Whether the condition of a `Stop` holds at counts (S,) or more.
+def holds(stop, table, counts):
+    """Whether the condition of a `Stop`, which has this table, holds at counts (S,) or more.
 
     Comparisons follow each other as in an evaluation of the text from left to right that ends where it is decided.
     """
-    if stop.codes.size > 0:
-        return program_holds(stop, counts)
-    comparison = np.int64(0)
-    while comparison >= 0:
+    place = np.int64(0)
+    if table.size == 0:
+        place = np.int64(HOLDS if program_holds(stop, counts) else FAILS)
+    while place >= 0:
         total = 0.0  # exact: weights are whole
-        for k in range(stop.starts[comparison], stop.starts[comparison + 1]):
-            total += stop.weights[k] * counts[stop.species[k]]
-        is_inside = stop.low[comparison] <= total <= stop.high[comparison]
-        comparison = stop.yes[comparison] if is_inside else stop.no[comparison]
-    return comparison == HOLDS
+        term, end = place + 5, place + 5 + 2 * np.int64(table[place + 4])
+        while term < end:
+            total += table[term + 1] * counts[np.int64(table[term])]
+            term += 2
+        is_inside = table[place] <= total <= table[place + 1]
+        place = np.int64(table[place + 2] if is_inside else table[place + 3])
+    return place == HOLDS
 
 
 @compiled

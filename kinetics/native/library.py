@@ -66,10 +66,7 @@ class StopTable(Structure):
 
     _fields_ = [
         ("is_watched", POINTER(c_char)),
-        *((name, POINTER(c_int64)) for name in ("starts", "species")),
-        *((name, POINTER(c_double)) for name in ("weights", "low", "high")),
-        *((name, POINTER(c_int64)) for name in ("yes", "no")),
-        ("n_comparisons", c_int64),
+        ("table", POINTER(c_double)),
     ]
 
 

@@ -100,7 +100,7 @@ def _has_program(stop: Stop | None) -> bool:
 
 
 def _table(stop: Stop | None) -> Any:
-    return None if stop is None else filled(StopTable, *stop[:8], stop.low.size)
+    return None if stop is None else filled(StopTable, stop.is_watched, stop.table)
 
 
 def events(

@@ -39,19 +39,18 @@ def _table(condition: Condition, network: Network) -> Stop:
     rows = _compared(formula, names)
     if rows is None:
         return _with_program(condition, network)
+    begins = np.cumsum([0, *(5 + 2 * len(row.weights) for row in rows)])
+    table: list[float] = []
+    for row in rows:
+        leads = (float(begins[each]) if each >= 0 else each for each in (row.yes, row.no))
+        terms = (number for term in row.weights.items() for number in term)
+        table += [row.low, row.high, *leads, len(row.weights), *terms]
     species = np.array([s for row in rows for s in row.weights], dtype=np.int64)
-    return Stop(
-        _changes_any(network, species),
-        np.cumsum([0, *(len(row.weights) for row in rows)]),
-        species,
-        np.array([weight for row in rows for weight in row.weights.values()], dtype=float),
-        *(np.array(column, dtype=float) for column in zip(*((row.low, row.high) for row in rows), strict=True)),
-        *(np.array(column, dtype=np.int64) for column in zip(*((row.yes, row.no) for row in rows), strict=True)),
-        *(np.empty(0, kind) for kind in (np.int32, np.int32, float)),
-    )
+    empty = (np.empty(0, kind) for kind in (np.int32, np.int32, float))
+    return Stop._make([_changes_any(network, species), np.array(table, dtype=float), *empty])
 
 
-class _Row(NamedTuple):
+class _Comparison(NamedTuple):
     """One comparison: whole weights by species, between which their sum is to be, and what comes next."""
 
     weights: dict[int, int]
@@ -61,7 +60,7 @@ class _Row(NamedTuple):
     no: int
 
 
-def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> list[_Row] | None:
+def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> list[_Comparison] | None:
     """Comparisons in the order of the text; None where one is not of sums of counts.
 
     Each leads on as in an evaluation that ends where it is decided: the left part of an `and` to the right one if it
@@ -71,7 +70,7 @@ def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> l
     sizes: list[int] = []  # comparisons in each node
     for code, parts, _ in formula:
         sizes.append(sum(sizes[part] for part in parts) if code in (Code.AND, Code.OR, Code.NOT) else 1)
-    rows: dict[int, _Row] = {}
+    rows: dict[int, _Comparison] = {}
     waiting = [(len(formula) - 1, 0, HOLDS, FAILS)]
     while waiting:
         place, at, yes, no = waiting.pop()
@@ -92,7 +91,7 @@ def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> l
     return [rows[at] for at in range(len(rows))]
 
 
-def _row(code: Code, sum_: Sum, names: Mapping[str, dict[int, int]], yes: int, no: int) -> _Row | None:
+def _row(code: Code, sum_: Sum, names: Mapping[str, dict[int, int]], yes: int, no: int) -> _Comparison | None:
     """The comparison of a sum with 0; None where whole weights would be too large."""
     weights: dict[int, Fraction] = {}
     for name, weight in sum_.items():
@@ -104,10 +103,10 @@ def _row(code: Code, sum_: Sum, names: Mapping[str, dict[int, int]], yes: int, n
     if max(map(abs, whole.values()), default=0) > LARGEST or abs(limit) > LARGEST_LIMIT:
         return None
     if code == Code.LESS:
-        return _Row(whole, -inf, ceil(limit) - 1, yes, no)
+        return _Comparison(whole, -inf, ceil(limit) - 1, yes, no)
     if code == Code.LESS_EQUAL:
-        return _Row(whole, -inf, floor(limit), yes, no)
-    return _Row(whole, ceil(limit), floor(limit), *((yes, no) if code == Code.EQUAL else (no, yes)))
+        return _Comparison(whole, -inf, floor(limit), yes, no)
+    return _Comparison(whole, ceil(limit), floor(limit), *((yes, no) if code == Code.EQUAL else (no, yes)))
 
 
 def _sums(formula: Sequence[Node]) -> list[Sum | None]:
@@ -173,8 +172,7 @@ def _with_program(condition: Condition, network: Network) -> Stop:
     return Stop._make(
         [
             _changes_any(network, species),
-            np.zeros(1, dtype=np.int64),
-            *(np.empty(0, kind) for kind in (np.int64, float, float, float, np.int64, np.int64)),
+            np.empty(0),
             *(np.array(column, kind) for column, kind in zip(columns, (np.int32, np.int32, float), strict=True)),
         ]
     )

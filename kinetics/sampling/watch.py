@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.kernels import outcomes
-from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN
-from kinetics.kernels.ensemble_work import Stop as StopTable
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN, Stop
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
@@ -36,7 +35,7 @@ REASON = {
 }
 
 
-class Stop(NamedTuple):
+class CutRun(NamedTuple):
     """A run that does not come to its end: why, when, its counts (S,) then, its events or those forecast, and how many
     times of the grid it has passed."""
 
@@ -70,7 +69,7 @@ class Watch:
         max_events: int = MAX_EVENTS,
         first_run: int = 0,
         is_path: bool = False,
-        until: StopTable | None = None,
+        until: Stop | None = None,
         runs: int = 1,
     ) -> None:
         self.until, self.reached = until, np.full(0 if until is None else runs, np.inf)
@@ -78,7 +77,7 @@ class Watch:
         self.max_events = whole_number("max_events", max_events, 1)
         self.is_stopped = threading.Event()
         self.complete: dict[int, int] = {}
-        self.stops: dict[int, Stop] = {}
+        self.stops: dict[int, CutRun] = {}
         self._first: tuple[int, int] | None = None  # times passed and number of the first run that was truncated
         self._lock = threading.Lock()
 
@@ -104,7 +103,7 @@ class Watch:
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
 
-    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[StopTable | None, Floats | None]:
+    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop | None, Floats | None]:
         """What a kernel with these channels (G,) reads and writes of runs that end at the condition; None without one.
 
         Returns the condition and a view (runs,) into `reached`.
@@ -168,7 +167,7 @@ class Watch:
         """A run is truncated; other runs need not go further than it has come."""
         passed = int(np.searchsorted(self.grid, time))
         with self._lock:
-            self.stops[run] = Stop(outcome, time, counts.astype(np.int64), events, passed)
+            self.stops[run] = CutRun(outcome, time, counts.astype(np.int64), events, passed)
             self._first = min(self._first or (passed, run), (passed, run))
         if self.is_path or (self.until is not None and self.grid[-1] == np.finfo(float).max):  # there is no horizon
             raise TruncatedRunsError(self._told(self._first, 1))

@@ -113,15 +113,15 @@ static void begin(const Model *model, const int64_t *counts, const Room *room)
 /* Whether the condition holds: stopping.holds. */
 static int holds(const Stop *stop, const int64_t *counts)
 {
-    int64_t comparison = 0;
-    while (comparison >= 0) {
+    int64_t place = 0;
+    while (place >= 0) {
+        const double *row = stop->table + place, *end = row + TERMS + 2 * (int64_t)row[N_TERMS];
         double total = 0.0;
-        for (int64_t k = stop->starts[comparison]; k < stop->starts[comparison + 1]; k++)
-            total += stop->weights[k] * (double)counts[stop->species[k]];
-        comparison = stop->low[comparison] <= total && total <= stop->high[comparison] ? stop->yes[comparison]
-                                                                                       : stop->no[comparison];
+        for (const double *term = row + TERMS; term < end; term += 2)
+            total += term[1] * (double)counts[(int64_t)term[0]];
+        place = (int64_t)(row[LOW] <= total && total <= row[HIGH] ? row[YES] : row[NO]);
     }
-    return comparison == HOLDS;
+    return place == HOLDS;
 }
 
 /* Where a run stands. */

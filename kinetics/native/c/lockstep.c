@@ -230,35 +230,36 @@ static int is_stuck(Work *work, int64_t lane)
 /* Whether the condition holds in a lane: stopping.holds. */
 static int holds(const Work *work, const Stop *stop, int64_t lane)
 {
-    int64_t comparison = 0;
-    while (comparison >= 0) {
+    int64_t place = 0;
+    while (place >= 0) {
+        const double *row = stop->table + place, *end = row + TERMS + 2 * (int64_t)row[N_TERMS];
         double total = 0.0;
-        for (int64_t k = stop->starts[comparison]; k < stop->starts[comparison + 1]; k++)
-            total += stop->weights[k] * work->counts[stop->species[k]][lane];
-        comparison = stop->low[comparison] <= total && total <= stop->high[comparison] ? stop->yes[comparison]
-                                                                                       : stop->no[comparison];
+        for (const double *term = row + TERMS; term < end; term += 2)
+            total += term[1] * work->counts[(int64_t)term[0]][lane];
+        place = (int64_t)(row[LOW] <= total && total <= row[HIGH] ? row[YES] : row[NO]);
     }
-    return comparison == HOLDS;
+    return place == HOLDS;
 }
 
 /* Whether no run is to end, as far as a single comparison of all lanes at once shows it. */
 CLONES static int none_holds(Work *work, const Stop *stop, int64_t active)
 {
-    if (stop->n_comparisons != 1)
+    const double *row = stop->table;
+    if (row[YES] >= 0.0 || row[NO] >= 0.0)
         return 0;
     double *total = work->part;
     for (int64_t lane = 0; lane < active; lane++)
         total[lane] = 0.0;
-    for (int64_t k = 0; k < stop->starts[1]; k++) {
-        const double weight = stop->weights[k], *counts = work->counts[stop->species[k]];
+    for (int64_t k = 0; k < (int64_t)row[N_TERMS]; k++) {
+        const double weight = row[TERMS + 2 * k + 1], *counts = work->counts[(int64_t)row[TERMS + 2 * k]];
         for (int64_t lane = 0; lane < active; lane++)
             total[lane] += weight * counts[lane];
     }
-    const double low = stop->low[0], high = stop->high[0];
+    const double low = row[LOW], high = row[HIGH];
     int64_t n_inside = 0;
     for (int64_t lane = 0; lane < active; lane++)
         n_inside += (low <= total[lane]) & (total[lane] <= high);
-    return stop->yes[0] == HOLDS ? n_inside == 0 : n_inside == active;
+    return row[YES] == HOLDS ? n_inside == 0 : n_inside == active;
 }
 
 /* `lockstep.lockstep`. The grid has n_times times. */

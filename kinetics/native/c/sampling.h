@@ -15,13 +15,11 @@ typedef struct {
     int any_general;
 } Model;
 
-/* The condition at which runs end: see `ensemble_work.Stop`. */
+/* The condition at which runs end: see `ensemble_work.Stop`, whose table has these entries of a comparison. */
+enum { LOW, HIGH, YES, NO, N_TERMS, TERMS };
 typedef struct {
     const char *is_watched; /* (G + 1,) */
-    const int64_t *starts, *species;
-    const double *weights, *low, *high;
-    const int64_t *yes, *no;
-    int64_t n_comparisons;
+    const double *table;
 } Stop;
 
 #define HOLDS (-1)

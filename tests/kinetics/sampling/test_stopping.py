@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 
 from kinetics import Network
+from kinetics.kernels.compiled import compiled
 from kinetics.kernels.stopping import holds
 from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import Direct
 from kinetics.sampling.stopping import stop_at
+
+
+@compiled
+def does_hold(stop, table, counts):
+    return holds(stop, table, counts)
+
 
 PAIRS = Network.from_text("A + B <-> AB, 0.01, 0.1\n2 AB -> C, 0.001")
 SUMS = {"all A": {"A": 1, "AB": 1, "C": 2}, "half": {"A": 0.5}}
@@ -39,9 +46,12 @@ def test_tables_and_programs_hold_where_the_condition_does(text):
     # As numbers are written, not as doubles round them.
     written = {"0.1 * A <= 0.3": "A <= 3", "0.1 * A + 0.2 * B == 0.7": "A + 2 * B == 7"}.get(text, text)
     expected = Condition(written, SUMS).holds(PAIRS, states)
-    assert [holds(stop, np.append(state, 1)) for state in states] == expected.tolist()
+    assert [does_hold(stop, stop.table, np.append(state, 1)) for state in states] == expected.tolist()
     assert is_there == condition.holds(PAIRS, states[:1])[0]
-    assert stop.low.size == TABLES[text]
+    comparisons, place = 0, 0
+    while place < stop.table.size:
+        comparisons, place = comparisons + 1, place + 5 + 2 * int(stop.table[place + 4])
+    assert comparisons == TABLES[text]
     assert (stop.codes.size > 0) == (TABLES[text] == 0)
 
 
