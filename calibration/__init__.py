@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
     from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
-    from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
-    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
+    from calibration.estimating.exposure import Exposure, count, pooled
+    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull
     from calibration.estimating.net_path import net_path
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
@@ -37,8 +37,8 @@ _HOMES = {
     "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
     "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
-    "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
-    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
+    "calibration.estimating.exposure": ("Exposure", "count", "pooled"),
+    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull"),
     "calibration.estimating.net_path": ("net_path",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
@@ -74,8 +74,6 @@ __all__ = [
     "ShapeParameter",
     "Text",
     "Weibull",
-    "by_age",
-    "by_initial",
     "compare_first_times",
     "compare_fits",
     "count",
@@ -87,7 +85,6 @@ __all__ = [
     "fit_rates",
     "net_path",
     "pooled",
-    "rate_model",
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

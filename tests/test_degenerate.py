@@ -1,6 +1,7 @@
 """What cannot be known is left out, a dash or a word in every output: no cell holds nan, inf or None."""
 
 import re
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import pytest
@@ -90,7 +91,9 @@ def test_no_output_of_a_degenerate_command_holds_nan(command, tmp_path):
 
 def one_run_results():
     """Results of one run, of nothing that happens, and of what never ends."""
-    pair = Network.from_text("bind: A + B -> AB, 0.01\nsplit: AB -> A + B, 0.1").with_conserved({"cubes": [1, 1, 2]})
+    pair = replace(
+        Network.from_text("bind: A + B -> AB, 0.01\nsplit: AB -> A + B, 0.1"), conserved={"cubes": [1, 1, 2]}
+    )
     start, end = {"A": 20, "B": 20}, 20.0
     yield simulated(pair, "ssa", start, [0.0, end], runs=1, seed=1)
     yield simulate_statistics(pair, "ssa", start, [0.0, end], runs=1, seed=1)

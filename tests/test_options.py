@@ -64,8 +64,9 @@ def test_what_pip_is_to_install_is_what_the_extras_ask_for():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     asked = {line.split(";")[0].strip() for extra in extras.values() for line in extra}
     assert set(EXTRAS.values()) <= asked
-    for package, line in EXTRAS.items():  # a package is imported by another name than it is installed by
-        for distribution in packages_distributions().get(package, ()):
+    distributions = packages_distributions()  # a package is imported by another name than it is installed by
+    for package, line in EXTRAS.items():
+        for distribution in distributions.get(package, ()):
             assert line.lower().startswith(distribution.lower().replace("_", "-")) or package == "bionetgen"
 
 

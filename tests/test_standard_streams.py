@@ -79,12 +79,13 @@ def descriptor(state):
     return os.open("/dev/full" if state == "full" else os.devnull, os.O_WRONLY)
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("words", [["--help"], ["derive", "nowhere.net"]])
+@pytest.mark.parametrize(
+    ("words", "unbuffered"), [(["--help"], ""), (["--help"], "1"), (["derive", "nowhere.net"], "")]
+)
 def test_processes_of_their_own_end_so_too(tmp_path, words, unbuffered):
     """What the table takes for granted: Python's start and end, with and without PYTHONUNBUFFERED."""
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
-    for state in STATES.values():
+    for state in map(STATES.get, ("output full", "output closed", "error closed", "both unread")):
         opened = [descriptor(each) for each in state]
         closed = [number for number, each in enumerate(state, 1) if each == "closed"]
         done = subprocess.run(

@@ -9,9 +9,9 @@ import click
 from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
+from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import table_of
 from kinetics.support.tables import figure, inverse, of_unit, text_table
-from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
@@ -201,4 +201,4 @@ def leave(problems: list[str]) -> None:
     for problem in problems:
         click.echo(f"left out: {problem}", err=True)
     if problems:
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)

@@ -6,6 +6,7 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
     ModelOptions,
@@ -16,7 +17,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 TIMES = 101  # at which distributions are compared

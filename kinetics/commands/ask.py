@@ -11,6 +11,7 @@ import numpy as np
 from kinetics.commands.models import applied, described, instead_of_many_states
 from kinetics.support.cli.options import (
     ModelOptions,
+    budget_option,
     echo_json,
     in_a_folder,
     json_option,
@@ -65,6 +66,7 @@ INSTEAD = (
     is_flag=True,
     help="Say what each rate constant of a network does to each answer.",
 )
+@budget_option
 @json_option
 def ask(
     asked: ModelOptions,
@@ -74,6 +76,7 @@ def ask(
     max_states: int,
     out_file: str | None,
     with_sensitivity: bool,
+    budget: float,
     as_json: bool,
 ) -> None:
     """Answer exact questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
@@ -116,7 +119,7 @@ def ask(
         chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
     found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
-    with instead_of_many_states(INSTEAD), progress_line() as progress:
+    with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("listing states")
         for chain, places in chains:
             if out_file:

@@ -8,6 +8,7 @@ import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, network_of_book
 from kinetics.network import Model
+from kinetics.network.network import channel_rows
 from kinetics.rates.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.support.cli.options import (
     ModelOptions,
@@ -96,7 +97,7 @@ def derive(
             "book": asked.source,
             "breaks": breaks,
             "species": network.species,
-            "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],
+            "channels": [dict(zip(titles, row[:3], strict=True)) for row in channel_rows(network)],
             "reactants": network.reactants,
             "stoichiometry": network.stoichiometry,
             "ways": network.ways,

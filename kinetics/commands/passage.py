@@ -14,6 +14,7 @@ from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.options import (
     ModelOptions,
+    budget_option,
     echo_json,
     json_option,
     model_options,
@@ -90,6 +91,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
 )
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def passage(
@@ -103,6 +105,7 @@ def passage(
     within: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -128,7 +131,7 @@ def passage(
         _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
     slopes = None
-    with instead_of_many_states(INSTEAD), progress_line() as progress:
+    with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
         if within is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
@@ -224,7 +227,7 @@ class Sensitivities(NamedTuple):
             (name, *(figure(each.elasticity[p], ".6g") for each in self.others.values()))
             for p, name in enumerate(self.of_mean.parameters)
         ]
-        widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
+        widths = [max((each.elasticity_bounds[1] - each.elasticity_bounds[0]) / 2) for each in self.others.values()]
         rows.append(("+- at most", *(figure(wide, ".1e") for wide in widths)))
         kind = kind_of(all(each.is_bound for each in self.others.values()))
         seconds = sum(each.cpu_seconds for each in self.others.values())

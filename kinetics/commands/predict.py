@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     ModelOptions,
     NumbersCommand,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
@@ -24,11 +27,9 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
-from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
-
-FEWER_TIMES = 4  # exit code: a run was truncated
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
@@ -62,7 +63,7 @@ INSTEAD = (
 @click.option(
     "--accuracy",
     metavar="SIZE",
-    help="Instead of both: the cheapest way to this error of all figures shown, as in 1%, or 0.5 copies.",
+    help="Choose method and number of runs so that every value shown is within SIZE: 1%, or 0.5 copies.",
 )
 @click.option(
     "--accuracy-of",
@@ -71,13 +72,7 @@ INSTEAD = (
     show_default=True,
     help="What --accuracy is the error of.",
 )
-@click.option(
-    "--budget",
-    metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
-    help="CPU time allowed; work that is forecast to take more is refused before it starts.  "
-    f"[default: {BUDGET:g}; with --accuracy 20]",
-)
+@budget_option
 @click.option(
     "--max-events",
     metavar="N",
@@ -124,7 +119,7 @@ def predict(
     runs: int | None,
     accuracy: str | None,
     accuracy_of: str,
-    budget: float | None,
+    budget: float,
     max_events: int,
     threads: int | None,
     draws: int,
@@ -145,8 +140,9 @@ def predict(
     reports those made so far.
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
-    they are enough. 1% is relative to each species' largest mean over the times, or to one copy where that is more. The
-    report says what was chosen, what each way was foretold to cost, the error reached, and what a tenth would cost.
+    they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
+    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
+    to cost, the error reached, and what a tenth would cost.
 
     A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
     given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
@@ -160,12 +156,12 @@ def predict(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
     grid, sums = time_grid(duration, times), shown_of(model, shown)
-    most = BUDGET if budget is None else budget
-    chosen = None if method is None else within_budget(method, 60 * most)
-    with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
+    chosen = None if method is None else within_budget(method, 60 * budget)
+    is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
+    with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
             model, rates, None, grid, chosen, runs, seed, draws, threads, progress,
-            sums, tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
+            sums, tank, asked_for, None if is_default or not asked_for else 60 * budget, max_events,
         )  # fmt: skip
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
@@ -220,7 +216,7 @@ def predict(
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
-        raise SystemExit(FEWER_TIMES)
+        raise SystemExit(STOPPED)
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
-from kinetics.support.cli.failures import keep
+from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     ModelOptions,
     budget_option,
@@ -18,10 +18,8 @@ from kinetics.support.cli.options import (
     table_of,
     within_option,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
-
-UNANSWERED = 1  # exit code
 
 
 @click.command()
@@ -194,4 +192,4 @@ def scan(
         )
         raise SystemExit(INTERRUPTED)
     if made.unanswered:
-        raise SystemExit(UNANSWERED)
+        raise SystemExit(CHECKED)

@@ -96,7 +96,7 @@ class _NetReader:
         shape = (len(lines), len(counted))
         kept = is_counted[needs[1]]
         needed = needs[0][kept], moved[needs[1][kept]]
-        network = Network.from_sparse(
+        network = Network(
             counted,
             channels,
             SparseTable.of_entries(shape, *needed, np.ones(needed[0].size, dtype=np.int64)),

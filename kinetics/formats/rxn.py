@@ -15,6 +15,7 @@ from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Graph
 from kinetics.network.laws.reading import node_of
 from kinetics.network.laws.writing import quoted
+from kinetics.network.network import network_of
 from kinetics.network.parameters import number_of
 from kinetics.network.reaction_text import MOST_COPIES, SETTINGS, read_reactions
 from kinetics.network.reactions import sides_of
@@ -38,7 +39,7 @@ class ReactionLines(Format):
             read = read_reactions(text)
             check_count(path, "species", len(read.species), MOST_SPECIES)
             check_names(path, read.species)
-            network = Network.of_text(read)
+            network = network_of(read)
             sums = {name: _weights(name, formula, network.species) for name, formula in read.observables.items()}
             given = network.given
             amounts = {

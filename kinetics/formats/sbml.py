@@ -6,7 +6,7 @@ reversible reaction becomes two channels. What has no counterpart here is refuse
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -79,7 +79,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> Model:
             else:
                 sums[name] = weights
     open_to_change = {name: value for name, value in names.values.items() if name not in names.settled}
-    network = network.with_given(Parameters(open_to_change, channels.formulas))
+    network = replace(network, given=Parameters(open_to_change, channels.formulas))
     return model_of(names.path, network, amounts, copies_per_unit, sums, notes, _formulas(names))
 
 

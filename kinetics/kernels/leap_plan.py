@@ -10,6 +10,7 @@ from kinetics.kernels.compiled import compiled
 from kinetics.kernels.ensemble_work import BEFORE
 from kinetics.kernels.leap_limits import LARGEST_COUNT, MOST_EVENTS, TRIALS, WIDE
 
+STRETCH = 1024  # events of the direct method, after which a leap is considered again
 DEEPEST = 160  # halvings; two given events are not parted by 2**-160 of a leap
 CELL, STRETCHES = 4, 5  # in `LeapWork.notes`, after those of `direct`
 NO_CELL = -1  # between leaps
@@ -46,6 +47,7 @@ class LeapWork(NamedTuple):
     sure, open (D, R) int64 : events of each cell; low, high (D, R) : between which the marks of the open ones lie
     begins, ends (D,) : of each cell, tu after the leap's start; keys (D, 4) : of its random words
     means (R,) : events of a leap that are expected
+    stream (4,) uint64, state (S + 1,) int64, step_times, fired (STRETCH,) : for a cell, and for events drawn singly
     leap (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
     of_run, of_leap (4,) uint64 : keys of their random words
     clock, notes : of `EnsembleWork`; notes (6,) then say at which cell the leap at hand is, -1 between leaps, and how
@@ -65,6 +67,10 @@ class LeapWork(NamedTuple):
     ends: np.ndarray
     keys: np.ndarray
     means: np.ndarray
+    stream: np.ndarray
+    state: np.ndarray
+    step_times: np.ndarray
+    fired: np.ndarray
     leap: np.ndarray
     of_run: np.ndarray
     of_leap: np.ndarray
@@ -89,6 +95,10 @@ def work_for(n_channels, n_species):
         np.zeros(DEEPEST),
         np.zeros((DEEPEST, 4), dtype=np.uint64),
         np.zeros(n_channels),
+        np.zeros(4, dtype=np.uint64),
+        np.ones(n_species + 1, dtype=np.int64),
+        np.zeros(STRETCH),
+        np.zeros(STRETCH, dtype=np.int64),
         np.zeros(3),
         np.zeros(4, dtype=np.uint64),
         np.zeros(4, dtype=np.uint64),

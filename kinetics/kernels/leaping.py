@@ -27,7 +27,6 @@ from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFI
 from kinetics.kernels.streams import start_stream
 from kinetics.kernels.variates import binomial, draw_uniform, halved, poisson
 
-STRETCH = 1024  # events of the direct method, after which a leap is considered again
 OWN, LEFT, RIGHT = 0, 1, 2  # what is drawn for a cell, and its halves
 
 
@@ -125,17 +124,16 @@ def is_outside(work):
 @compiled
 def begin_leap(work, length):
     """Draw the numbers of events of the leap that `plan_leap` has left in `work`."""
-    start, notes = work.clock[0], work.notes
+    start, stream = work.clock[0], work.stream
     later = start + length
     work.leap[0], work.leap[1] = start, later - start if later > start else length
-    stream = np.empty(4, dtype=np.uint64)
     start_stream(work.of_leap, OWN, stream)
     for r in range(work.means.size):
         work.sure[0, r] = poisson(work.low[0, r] * work.leap[1], stream)
         work.open[0, r] = poisson((work.high[0, r] - work.low[0, r]) * work.leap[1], stream)
     work.begins[0], work.ends[0] = 0.0, work.leap[1]
     start_stream(work.of_leap, LEFT, work.keys[0])
-    notes[CELL] = 0
+    work.notes[CELL] = 0
 
 
 @compiled
@@ -147,23 +145,18 @@ def end_leap(work, time):
 
 
 @compiled
-def leap(model, work, grid, out, events, keeps, most):
+def leap(model, work, grid, out, times, fired, number, most):
     """Go on with the leap at hand until its end, or until so many of its cells were looked at.
 
-    grid, out : see `clock.record`
-    events : (times, channels, number) so far; where `keeps`, all events are told
-
-    Returns the outcome and `events`.
+    Arguments as of `go_on`; number : of events that were kept before. Returns the outcome and their new number.
     """
-    times, channels, number = events
-    n_species = work.counts.size - 1
-    start, length, notes = work.leap[0], work.leap[1], work.notes
-    stream = np.empty(4, dtype=np.uint64)
+    counts, stream, notes, keeps = work.counts, work.stream, work.notes, times.size > 0
+    start, length = work.leap[0], work.leap[1]
     top, seen, cells, outcome, over = notes[CELL], notes[PASSED], 0, UNFINISHED, start + length
     while top >= 0 and cells < most:
         cells += 1
         begin, end = work.begins[top], work.ends[top]
-        seen = record(work.counts[:n_species], start + begin, grid, seen, out)
+        seen = record(counts, start + begin, grid, seen, out)
         if seen == grid.size:
             outcome = REACHED_END
             break
@@ -181,20 +174,19 @@ def leap(model, work, grid, out, events, keeps, most):
             top -= 1
         elif n_events == 1 and n_open == 0:
             time = start + min(begin + draw_uniform(stream) * (end - begin), end)
-            seen = record(work.counts[:n_species], time, grid, seen, out)
+            seen = record(counts, time, grid, seen, out)
             if seen == grid.size:
                 outcome = REACHED_END
                 break
             channel = apply(model, work, top)
             leaves = can_leave and is_outside(work)
-            if leaves and work.counts.min() < 0:  # it came around
+            if leaves and counts.min() < 0:  # it came around
                 for i in range(model.starts[channel], model.starts[channel + 1]):
-                    work.counts[model.species[i]] -= model.gains[i]
+                    counts[model.species[i]] -= model.gains[i]
                 work.clock[0], outcome = time, OVERFLOW
                 break
             if keeps:
-                times, channels = with_room(times, channels, number, 1)
-                times[number], channels[number] = time, channel
+                times[number], fired[number] = time, channel
                 number += 1
             if leaves:
                 top, over = NO_CELL, time
@@ -210,18 +202,7 @@ def leap(model, work, grid, out, events, keeps, most):
     notes[EVENTS] += cells
     if top == NO_CELL and outcome == UNFINISHED:
         outcome = end_leap(work, over)
-    return outcome, (times, channels, number)
-
-
-@compiled
-def with_room(times, channels, number, more):
-    """Both (n,) or longer copies of them, with room for some more events."""
-    if number + more <= times.size:
-        return times, channels
-    longer = np.empty(2 * (number + more))
-    named = np.empty(longer.size, dtype=np.int64)
-    longer[:number], named[:number] = times[:number], channels[:number]
-    return longer, named
+    return outcome, number
 
 
 @compiled
@@ -236,23 +217,24 @@ def begin_run(work, initial, key, run, look):
 
 
 @compiled
-def go_on(model, work, grid, out, keeps, most):
+def go_on(model, work, grid, out, times, fired, most):
     """Go on with the run at hand until about so many events and cells were drawn, or to its next look between leaps.
 
-    Returns the outcome, and times, channels and number of all events of this call where `keeps`.
+    grid, out : see `clock.record`
+    times, fired : receive all events of this call; (most + STRETCH + 1,), or (0,) where nobody asks for them
+
+    Returns the outcome, and how many events were kept.
     """
-    n_species = work.counts.size - 1
-    counts, clock, notes = work.counts, work.clock, work.notes
-    stream = np.empty(4, np.uint64)
-    state, naming = np.ones(n_species + 1, np.int64), np.empty(4, np.uint64)
-    step_times, fired = np.empty(STRETCH), np.empty(STRETCH, np.int64)
-    events = (np.empty(0), np.empty(0, np.int64), 0)
+    counts, clock, stream, notes, keeps = work.counts, work.clock, work.stream, work.notes, times.size > 0
+    state, step_times, stepped = work.state, work.step_times, work.fired
+    n_species, number = counts.size - 1, 0
     last, outcome = notes[EVENTS] + most, UNFINISHED
     if notes[PASSED] >= grid.size:
-        return REACHED_END, events
+        return REACHED_END, number
     while outcome == UNFINISHED:
         if notes[CELL] != NO_CELL:
-            outcome, events = leap(model, work, grid, out, events, keeps, max(last - notes[EVENTS], 1))
+            room = max(last - notes[EVENTS], 1)
+            outcome, number = leap(model, work, grid, out, times, fired, number, room)
         if notes[EVENTS] >= (last if notes[CELL] != NO_CELL else min(last, notes[LOOK])):
             break
         if outcome != UNFINISHED or notes[CELL] != NO_CELL:
@@ -267,37 +249,36 @@ def go_on(model, work, grid, out, keeps, most):
             continue
         start_stream(work.of_leap, OWN, stream)
         state[:] = counts
-        outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, fired)
+        outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, stepped)
         notes[EVENTS] += n_events + 1
-        begun = state[:n_species].copy()
-        for event in range(n_events):
-            notes[PASSED] = record(begun, step_times[event], grid, notes[PASSED], out)
-            for s in range(n_species):
-                begun[s] += model.changes[fired[event], s]
         if keeps:
-            start_stream(work.of_leap, LEFT, naming)
-            name_events(model.members, model.changes, state, fired[:n_events], naming)
-            times, channels = with_room(events[0], events[1], events[2], n_events)
-            times[events[2] : events[2] + n_events] = step_times[:n_events]
-            channels[events[2] : events[2] + n_events] = fired[:n_events]
-            events = (times, channels, events[2] + n_events)
+            times[number : number + n_events] = step_times[:n_events]
+            fired[number : number + n_events] = stepped[:n_events]
+            start_stream(work.of_leap, LEFT, stream)
+            name_events(model.members, model.changes, state.copy(), fired[number : number + n_events], stream)
+            number += n_events
+        for event in range(n_events):
+            notes[PASSED] = record(state, step_times[event], grid, notes[PASSED], out)
+            for s in range(n_species):
+                state[s] += model.changes[stepped[event], s]
     if outcome == REACHED_END:
         for i in range(notes[PASSED], grid.size):
-            out[i] = counts[:n_species]
-    return outcome, events
+            for s in range(n_species):
+                out[i, s] = counts[s]
+    return outcome, number
 
 
 @compiled
 def ensemble(model, work, initial, grid, key, first_run, limits, out, most):
     """Counts of many runs on a grid of times: arguments and result as of `direct.ensemble`."""
-    notes = work.notes
+    notes, nowhere, nothing = work.notes, np.empty(0), np.empty(0, np.int64)
     while notes[RUN] < out.shape[0]:
         i = notes[RUN]
         if notes[EVENTS] == BEFORE:
             begin_run(work, initial, key, first_run + i, limits[3])
         drawn = notes[EVENTS]
         n_times = limits[0] if i < limits[2] else limits[1]
-        outcome, _ = go_on(model, work, grid[:n_times], out[i], False, most)
+        outcome, _ = go_on(model, work, grid[:n_times], out[i], nowhere, nothing, most)
         if outcome != REACHED_END:
             return outcome
         most -= notes[EVENTS] - drawn + 1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.markov.transient import Transitions
-from kinetics.network.predicates import StateNames
+from kinetics.network.predicates import DEADLOCK, INIT, StateNames
 from kinetics.support.arrays import Floats, integers, read_only, real_number, reals, whole_number
 
 if TYPE_CHECKING:
@@ -18,15 +18,14 @@ if TYPE_CHECKING:
 
 ROUNDED = 1e-9  # relative to the exit rate: by which a row of a generator may miss 0
 LARGEST = 1e300  # exit rate, 1/tu: sums of more are beyond what numbers hold
-LEAST_REWARD = 1e-200  # so that what is earned in a short time does not fall below what numbers hold
+LEAST_REWARD = 1e-200  # so that a reward in a short time does not fall below what numbers hold
 NORMED = 1e-9  # by which a distribution may miss 1; it is then scaled
-INIT, DEADLOCK = "init", "deadlock"  # as PRISM calls them
 Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Reward:
-    """What a chain earns: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
+    """A reward: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
 
     None is negative; either may be None, for nothing.
 

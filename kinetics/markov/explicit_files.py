@@ -2,7 +2,7 @@
 
 https://www.prismmodelchecker.org/manual/Appendices/ExplicitModelFiles. Of several rewards each has files of its own,
 `model1.srew`, `model2.srew`, ..., and their first line gives the name. A `.tra` file may also begin as Storm's do,
-with the word `ctmc` in the place of the sizes. A jump from a state to itself changes nothing but what it earns, which
+with the word `ctmc` in the place of the sizes. A jump from a state to itself changes nothing but a reward, which
 becomes a reward a time unit of that state.
 """
 
@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.checks import DEADLOCK, INIT, Reward
+from kinetics.markov.checks import Reward
 from kinetics.markov.prism_model import prism_names
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
+from kinetics.network.predicates import DEADLOCK, INIT
 from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
@@ -142,8 +143,8 @@ def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> No
         "labels": len(masks) != len(again.labels) or not all(map(np.array_equal, masks, again.labels.values())),
         "rewards": len(chain.rewards) != len(again.rewards),
     }
-    earned: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
-    for (name, reward), other in earned:
+    rewards: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
+    for (name, reward), other in rewards:
         is_other = not np.array_equal(reward.rates, other.rates) or _differ(reward.impulses, other.impulses)
         wrong[f"reward {name!r}"] = is_other
     if any(wrong.values()):
@@ -170,10 +171,10 @@ def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
         each: Any = reward
         stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
         heading = f'# Reward structure "{spelled[name]}"'
-        earned = np.flatnonzero(each.rates)
-        values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
+        places = np.flatnonzero(each.rates)
+        values = zip(places.tolist(), np.asarray(each.rates)[places].tolist(), strict=True)
         state_lines = [f"{i} {value!r}" for i, value in values]
-        yield Path(f"{stem}.srew"), _text([heading, "# State rewards", f"{len(chain)} {earned.size}", *state_lines])
+        yield Path(f"{stem}.srew"), _text([heading, "# State rewards", f"{len(chain)} {places.size}", *state_lines])
         if each.impulses is not None:
             jumps = each.impulses.tocoo()
             rows = zip(jumps.row.tolist(), jumps.col.tolist(), jumps.data.tolist(), strict=True)

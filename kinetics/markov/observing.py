@@ -31,8 +31,8 @@ def observing(chain: Chain, model: Model) -> Chain:
     return replace(chain, variables=(*chain.variables, *sums), counts=counts, rewards=rewards)
 
 
-def earned_in(model: Model, name: str | None, counts: Ints) -> Floats:
-    """The rates (N,) at which states (N, S) earn the reward of a name, as the chain of `observing` has it."""
+def reward_rates(model: Model, name: str | None, counts: Ints) -> Floats:
+    """The rates (N,) of the reward of a name in states (N, S), as the chain of `observing` has it."""
     sums = whole_sums(model, counts)
     rewards = {each: Reward(values) for each, values in _rewards(model, counts).items()}
     columns = np.column_stack([counts, *sums.values()])

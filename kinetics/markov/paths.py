@@ -38,13 +38,26 @@ class ChainPath:
 
 
 def chain_path(chain: Chain, end: float, seed: int = 0, run: int = 0) -> ChainPath:
-    """One run of a chain until `end`, tu; (seed, run) name it."""
+    """One run of a chain until `end`, tu; (seed, run) name it.
+
+    >>> from kinetics import Chain
+    >>> chain_path(Chain([[0.0, 1.0], [0.0, 0.0]], initial=0), end=1e3, seed=1).states.tolist()
+    [0, 1]
+    """
     chain.check_complete("a run")
     return _drawn(chain.transitions, chain.initial, one_time("end", end), seed, run)
 
 
 def chain_path_to(chain: Chain, target: Target, seed: int = 0, run: int = 0) -> ChainPath:
-    """One run of a chain until the target, drawn from the runs that reach it, however few (Doob's h-transform)."""
+    """One run of a chain until the target, drawn from the runs that reach it, however few (Doob's h-transform).
+
+    ValueError: the target is never reached
+
+    >>> from kinetics import Chain
+    >>> rare = Chain([[0.0, 1.0, 1e-9], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]], initial=0)
+    >>> chain_path_to(rare, [False, False, True], seed=1).states.tolist()
+    [0, 2]
+    """
     chain.check_complete("a run")
     found = chain.committor({"target": target})
     chances = found.committors[0]

@@ -18,6 +18,7 @@ from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
 from kinetics.network.laws.reading import LONGEST, shortened
+from kinetics.network.network import check_homogeneous
 from kinetics.support.arrays import Ints
 
 # Words of the language, which nothing may have for a name, and the label that it gives.
@@ -66,7 +67,7 @@ def prism_text(model: Model, most: Ints) -> str:
     ["[] n_A >= 1 -> 2.0 * 1.0 * n_A : (n_A' = n_A - 1) & (B' = B + 1);"]
     """
     network, initial = model.network, model.initial
-    network.check_homogeneous()
+    check_homogeneous(network)
     names = prism_names(network.species)
     tops = np.maximum(most, initial).tolist()
     # a variable needs two values
@@ -92,14 +93,14 @@ def _check_identifiers(text: str) -> None:
     """A ValueError where the lines of a model hold other names than those they declare, or none that PRISM takes."""
     lines = [line for line in text.splitlines() if not line.startswith("  //")]
     declared = [found[1] for line in lines if (found := VARIABLE.fullmatch(line))]
-    earned = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
+    rewarded = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
     known = {*declared, *CALLED.values(), "true"}
     used = [word for line in lines if line.startswith(("  []", "  true")) for word in WORD.findall(line)]
     others = [
         line for line in lines if not line.startswith("  ") and line not in FRAME and not line.startswith("rewards")
     ]
-    wrong = [name for name in (*declared, *earned) if not WORD.fullmatch(name) or name in TAKEN]
-    doubled = [name for names in (declared, earned) for name, count in Counter(names).items() if count > 1]
+    wrong = [name for name in (*declared, *rewarded) if not WORD.fullmatch(name) or name in TAKEN]
+    doubled = [name for names in (declared, rewarded) for name, count in Counter(names).items() if count > 1]
     unknown = [word for word in used if word not in known]
     for name in (*wrong, *doubled, *unknown, *others):
         raise ValueError(f"the model would hold {name[:80]!r}, which PRISM would misread; rename what is written so")

@@ -1,4 +1,4 @@
-"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with limits."""
+"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with bounds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from kinetics.network import Model, Network
 from kinetics.network.sums import Counted
 from kinetics.support.answer import Answer, kind_of, weakest
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
-from kinetics.support.cli.progress import forecast
+from kinetics.support.cli.progress import allowed, forecast, limit_in_words
 from kinetics.support.tables import rough
 
 ADJOINT, SQUARING = "adjoint uniformisation", "squaring, with its derivative"
@@ -210,17 +210,18 @@ class Sensitivity:
             )
         return self._answer(lambda: gradient_steady(self._entries, self._start, rewards, impulses), EQUATIONS)
 
-    def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
+    def means(self, values: Floats, at: float, max_seconds: float | None = None) -> list[Derivatives]:
         """Derivatives of the means of F functions (F, N) of the state, none negative, at a time, tu.
 
         Cost: one pass forwards for all, and one backwards for each.
 
-        max_seconds : work roughly estimated to take longer is refused before it starts
+        max_seconds : work roughly estimated to take longer is refused before it starts  [default: 7200, or the budget
+            of the command at work]
         """
         return self._at(values, at, max_seconds)
 
     def _at(
-        self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
+        self, values: Floats, at: float, max_seconds: float | None = None, stops: Mask | None = None
     ) -> list[Derivatives]:
         """Of means at a time, of the chain that is stopped."""
         end, entries, space = one_time("time", at), self._entries, self._chain.space
@@ -231,10 +232,12 @@ class Sensitivity:
         if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
             return self._answers(lambda: gradient_by_squaring(entries, self._start, values, end, space), SQUARING)
         seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
-        if seconds > max_seconds:
+        most = allowed(MAX_SECONDS) if max_seconds is None else max_seconds
+        if seconds > most:
             raise ValueError(
                 f"derivatives of {len(values)} means would take {steps:.3g} steps until {end:g} tu, up to "
-                f"{seconds:.3g} s; at most {max_seconds:g} s: ask for an earlier time, or start from fewer copies"
+                f"{seconds:.3g} s; {limit_in_words(most)}; raise it, ask for an earlier time, or start from fewer "
+                f"copies"
             )
         forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self._chain)} states")
         return self._answers(lambda: gradient_at(entries, self._start, values, end), ADJOINT)
@@ -249,7 +252,7 @@ class Sensitivity:
         return [self._derivatives(each, method, seconds) for each in found]
 
     def _derivatives(self, found: Gradient, method: str, seconds: float) -> Derivatives:
-        """By parameters, with the limits of each."""
+        """By parameters, with the bounds of each."""
         answer, value, wide, is_bound = found
         low, high = value - wide, value + wide
         return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)

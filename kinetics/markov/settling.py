@@ -1,6 +1,6 @@
 """Chains that answer questions, followed no further than to where the answer is settled.
 
-Whether a target is reached through given states is settled in the target, and outside these states; what is earned
+Whether a target is reached through given states is settled in the target, and outside these states; a reward
 until a target, in the target. A chain that stops there has the same answer and fewer states, perhaps finitely many
 where the network has no end.
 """
@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.checks import DEADLOCK, INIT
 from kinetics.markov.observing import observing
 from kinetics.markov.queries import Query, Settled
 from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Model
-from kinetics.network.predicates import state_names
+from kinetics.network.predicates import DEADLOCK, INIT, state_names
 from kinetics.support.arrays import Ints
 
 

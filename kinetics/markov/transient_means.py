@@ -15,6 +15,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.uniformisation import MAX_STEPS
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, real_number, rising_times
+from kinetics.support.cli.progress import allowed
 from kinetics.support.tables import counted
 
 BACKWARD = "uniformisation, backwards"
@@ -45,7 +46,7 @@ def mean_at(
     space: StateSpace | None = None,
     method: ListingMethod | None = None,
 ) -> Answer:
-    """Mean of `values` (N,), none negative, at a time, tu, with limits.
+    """Mean of `values` (N,), none negative, at a time, tu, with bounds.
 
     method : a solving method for the pass, forwards, whose error is absolute; by default it is backwards, with a
         relative one, or by `Transient` where that would take too many steps
@@ -55,7 +56,7 @@ def mean_at(
     if method is None and steps_to(transitions, start, values, end, most) <= most:
         found = expected_at(transitions, start, values, end)
         return replace(found, method=BACKWARD, cpu_seconds=time.process_time() - began, why=size)
-    chosen = method or Transient()
+    chosen = method or Transient(max_seconds=allowed(Transient.max_seconds))
     rows, error, is_bound = chosen.probabilities(transitions, start, np.array([end]), space)
     value = float(rows[0] @ values)
     slack = 1.001 * (error + ROUNDOFF * transitions.size) * float(values.max())

@@ -322,21 +322,25 @@ def absorb(
         markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
-def retreat(
-    begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats, starts: Ints,
-    chances: Floats, now: Floats, before: Floats, means: Floats,
-) -> None:  # fmt: skip
-    """Steps backwards, with a mean before each: `markov.retreat`."""
-    moves = filled(ChainMoves, begins, targets, shares, stays, stays.size) if is_built() else None
+def backward_moves(begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats) -> Any:
+    """Moves out of each state and what stays, as `retreat` takes them; made once for many calls."""
+    moves = begins, targets, shares, stays
+    return filled(ChainMoves, *moves, stays.size) if is_built() else moves
+
+
+def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floats, means: Floats) -> None:
+    """Steps backwards, with a mean before each: `markov.retreat`; moves : of `backward_moves`."""
     first, weights = given(starts, np.int64), given(chances, float)
-    for part in pieces(means.size, 2.0 * (shares.size + stays.size)):
+    is_native = isinstance(moves, ChainMoves)
+    n_moves = (moves.kept if is_native else moves)[2].size
+    for part in pieces(means.size, 2.0 * (n_moves + now.size)):
         out = means[part]
-        if moves is not None:
+        if is_native:
             call("retreat", moves, first, weights, first.size, now, before, out, out.size)
             continue
         from kinetics.kernels import markov
 
-        markov.retreat(begins, targets, shares, stays, first, weights, now, before, out)
+        markov.retreat(*moves, first, weights, now, before, out)
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:

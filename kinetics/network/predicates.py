@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetics.network.checks import some_names
 from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.graph import TRUTHS, Code, Graph
+from kinetics.network.laws.graph import TRUTHS, Code, Graph, Node
 from kinetics.network.laws.program import evaluate, steps_of
 from kinetics.network.laws.reading import OURS, Dialect, node_of, shortened
 from kinetics.network.laws.writing import text_of
@@ -26,6 +26,8 @@ PRISM = Dialect(
 )
 
 
+INIT, DEADLOCK = "init", "deadlock"  # labels of every chain, as PRISM calls them
+BLOCK = 10**6  # propensities at a time
 LOST = 1e-6  # relative error of a formula beyond which it is refused
 
 
@@ -131,7 +133,36 @@ def state_names(model: Model, counts: Ints) -> StateNames:
     """What conditions may name in states (N, S); observables are named where they are whole sums."""
     sums = whole_sums(model, counts)
     columns = np.column_stack([counts, *sums.values()])
-    return StateNames(len(counts), (*model.network.species, *sums), columns, {})
+    variables = (*model.network.species, *sums)
+    return StateNames(len(counts), variables, columns, BuiltInLabels(model, counts, variables))
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltInLabels(Mapping[str, NDArray[np.bool_]]):
+    """The labels of every chain in states (N, S), each computed when it is asked for; not those whose name is taken."""
+
+    model: Model
+    counts: Ints
+    taken: Sequence[str]
+
+    def __getitem__(self, name: str) -> NDArray[np.bool_]:
+        if name not in self:
+            raise KeyError(name)
+        if name == INIT:
+            return np.asarray((self.counts == self.model.initial).all(axis=1))
+        network = self.model.network
+        leads_on = network.stoichiometry.any(axis=1)
+        blocks = np.array_split(self.counts, 1 + self.counts.shape[0] * len(network.channels) // BLOCK)
+        return np.concatenate([~(network.propensities(block)[:, leads_on] > 0).any(axis=1) for block in blocks])
+
+    def __contains__(self, name: object) -> bool:
+        return name in (INIT, DEADLOCK) and name not in self.taken
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in (INIT, DEADLOCK) if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
 
 def whole_sums(model: Model, counts: Ints) -> dict[str, Ints]:
@@ -152,30 +183,57 @@ def weights_of(model: Model) -> list[tuple[str, Floats]]:
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition on the counts of a network, as text that also may name sums of counts.
+    """A condition on the counts of a model, as text that may also name its observables and the labels of every chain.
 
     text : comparisons of counts joined by & | ! and brackets, as in "AB >= 8 & !(A == 0)"
-    observables : name -> weight of each species in the sum; those with other than whole weights are left out
 
     >>> import numpy as np
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.network.predicates import Condition
-    >>> dimers = Network.from_text("2 A <-> D, 1, 1")
-    >>> Condition("bodies <= 4", {"bodies": {"A": 1, "D": 1}}).holds(dimers, np.array([[6, 0], [2, 2]])).tolist()
+    >>> dimers = Model(Network.from_text("2 A <-> D, 1, 1"), {"A": 6}, {"bodies": {"A": 1, "D": 1}})
+    >>> Condition("bodies <= 4", dimers).holds(np.array([[6, 0], [2, 2]])).tolist()
     [False, True]
     """
 
     text: str
-    observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    model: Model
 
-    def holds(self, network: Network, counts: Ints) -> NDArray[np.bool_]:
-        """In which of the counts (N, S) it holds; a ValueError where the text is no condition on this network."""
-        return state_names(Model(network, observables=self.observables), counts).holds(self.text)
+    def holds(self, counts: Ints) -> NDArray[np.bool_]:
+        """In which of the counts (N, S) it holds; a ValueError where the text is no condition on this model."""
+        return state_names(self.model, counts).holds(self.text)
 
-    def weights(self, network: Network) -> dict[str, dict[int, int]]:
+    def weights(self) -> dict[str, dict[int, int]]:
         """The sum that each name stands for: whole weights by the number of the species."""
-        found = {name: {s: 1} for s, name in enumerate(network.species)}
-        for name, weights in weights_of(Model(network, observables=self.observables)):
+        found = {name: {s: 1} for s, name in enumerate(self.model.network.species)}
+        for name, weights in weights_of(self.model):
             if np.array_equal(weights, np.rint(weights)):
                 found[name] = {int(s): int(weights[s]) for s in np.flatnonzero(weights)}
         return found
+
+    def formula(self) -> tuple[Node, ...]:
+        """The condition with conditions on counts in the place of labels."""
+        graph, network = Graph(), self.model.network
+        read = read_condition(self.text)
+        places = {}
+        if INIT in read.species and INIT not in self.weights():
+            start = zip(network.species, self.model.initial.tolist(), strict=True)
+            alike = [graph.add(Code.EQUAL, (graph.name(name), graph.number(count))) for name, count in start]
+            places[INIT] = graph.all_of(Code.AND, alike)
+        if DEADLOCK in read.species and DEADLOCK not in self.weights():
+            leads_on = np.flatnonzero(network.stoichiometry.any(axis=1)).tolist()
+            stuck = [graph.add(Code.NOT, (_can_fire(network, r, graph),)) for r in leads_on]
+            places[DEADLOCK] = graph.all_of(Code.AND, stuck or [_truth(graph, 1.0)])
+        return graph.formula(graph.copied(read.formula, places)[-1])
+
+
+def _can_fire(network: Network, channel: int, graph: Graph) -> int:
+    """The node of whether a channel's propensity is above 0."""
+    name = network.channels[channel]
+    if name in network.laws:
+        law = graph.copied(network.laws[name].with_numbers().formula)[-1]
+        return graph.add(Code.LESS, (graph.number(0.0), law))
+    if not network.known_rates[channel] * network.ways[channel]:
+        return _truth(graph, 0.0)
+    needed = zip(*(part.tolist() for part in network.sparse_reactants.row(channel)), strict=True)
+    there = [graph.add(Code.LESS_EQUAL, (graph.number(n), graph.name(network.species[s]))) for s, n in needed]
+    return graph.all_of(Code.AND, there or [_truth(graph, 1.0)])

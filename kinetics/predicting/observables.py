@@ -44,7 +44,7 @@ class Observables:
     def network(self) -> Network:
         """A network without reactions whose species are the observables: results refer to it."""
         none = SparseTable.of_entries((0, len(self.names)), [], [], [])
-        return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0), time_unit=self.time_unit)
+        return Network(self.names, (), none, none, np.ones(0), np.ones(0), time_unit=self.time_unit)
 
     def sampling(self, method: SamplingMethod, model: Network) -> ObservedSampling:
         """A method that samples `model` and returns the observables."""

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from kinetics.kernels import leap_plan
 
 MARGIN = 1.5  # times the events of the direct method that cost as much as a leap, a leap should hold
+BUFFER = 2**14  # events that a call of the kernel keeps for a path
 MANY = 10.0  # events for each that was drawn, with which a run is not one of single events
 CAUTION = 2.0  # counts may fall after the start, by which `auto` chooses
 
@@ -123,15 +124,17 @@ class LeapingSampler:
         work = leap_plan.work_for(len(self.model.coefficients), initial.size)
         leaping.begin_run(work, self._checked(initial), key, run, watch.first_look)
         grid, out, pieces = np.array([end]), np.empty((1, initial.size), dtype=np.int64), []
+        times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
 
         def go_on(_: Ints, most: int) -> int:
-            outcome, (times, channels, number) = leaping.go_on(self.model, work, grid, out, True, most)
+            room = min(most, BUFFER - leap_plan.STRETCH - 1)
+            outcome, number = leaping.go_on(self.model, work, grid, out, times, channels, room)
             pieces.append((times[:number].copy(), channels[:number].copy()))
             return REACHED_END if work.notes[RUN] else int(outcome)
 
         in_turn(watch, run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
-        times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
-        return times, channels
+        all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+        return all_times, all_channels
 
     def _checked(self, initial: Ints) -> Ints:
         most = initial.max(initial=0)

@@ -88,7 +88,7 @@ def simulate(
     """
     given, made = Model.of(model, initial), sampling_method(method)
     if until is not None:
-        condition = Condition(until, given.observables)
+        condition = Condition(until, given)
         return made.simulate(
             given.network, given.initial, times, runs, seed, threads, max_events=max_events, until=condition
         )
@@ -119,7 +119,7 @@ def sample_path(
     [5, 4, 3, 2, 1, 0]
     """
     given = Model.of(model, initial)
-    method, condition = path_method(given.network), None if until is None else Condition(until, given.observables)
+    method, condition = path_method(given.network), None if until is None else Condition(until, given)
     return method.sample_path(given.network, given.initial, end, seed, run, max_events, condition)
 
 

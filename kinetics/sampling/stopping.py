@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.kernels.ensemble_work import FAILS, HOLDS, Stop
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph, Node
 from kinetics.network.laws.program import steps_of
-from kinetics.network.predicates import Condition, read_condition
+from kinetics.network.predicates import Condition
 from kinetics.support.arrays import Ints
 
 Sum = dict[str, Fraction]  # weights by name; that of "" stands alone
@@ -24,8 +24,8 @@ LARGEST, LARGEST_LIMIT = 2**31, 2**53  # whole weight, and number that a sum is 
 
 def stop_at(until: str | Condition, network: Network, start: Ints) -> tuple[Stop, bool]:
     """A condition as the kernels read it, and whether it holds at the start; a ValueError where it is none."""
-    condition = until if isinstance(until, Condition) else Condition(until)
-    is_there = bool(condition.holds(network, start[None])[0])
+    condition = until if isinstance(until, Condition) else Condition(until, Model(network, start))
+    is_there = bool(condition.holds(start[None])[0])
     return _table(condition, network), is_there
 
 
@@ -35,7 +35,7 @@ def _table(condition: Condition, network: Network) -> Stop:
     Comparisons of sums of counts, joined by and, or and not, become the table; any other condition becomes a program,
     which takes some 0.1 us where the table takes a few ns. A weight counts as the decimal number that it is written as.
     """
-    formula, names = read_condition(condition.text).formula, condition.weights(network)
+    formula, names = condition.formula(), condition.weights()
     rows = _compared(formula, names)
     if rows is None:
         return _with_program(condition, network)
@@ -151,7 +151,7 @@ def _added(one: Sum, other: Sum, sign: int) -> Sum:
 def _with_program(condition: Condition, network: Network) -> Stop:
     """A condition on other things than sums of counts, as a program; sums with names are written out in it."""
     graph = Graph()
-    names = condition.weights(network)
+    names = condition.weights()
     terms = {
         name: graph.all_of(
             Code.ADD,
@@ -164,7 +164,7 @@ def _with_program(condition: Condition, network: Network) -> Stop:
         for name, weights in names.items()
         if name not in network.species_places
     }
-    whole = graph.copied(read_condition(condition.text).formula, terms)[-1]
+    whole = graph.copied(condition.formula(), terms)[-1]
     expression = Expression.of(graph.formula(whole))
     steps = steps_of(expression, network.species_places)
     species = np.array([network.index(name) for name in expression.species], dtype=np.int64)

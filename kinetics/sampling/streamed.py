@@ -51,10 +51,27 @@ def simulate_statistics(
     >>> np.array_equal(statistics.mean(), simulate(decay, "auto", {"A": 100}, [10.0], runs=500, seed=1).mean())
     True
     """
-    grid, given = some_times(times), Model.of(model, initial)
-    network, start = given.network, given.initial
+    given, sampler = Model.of(model, initial), sampling_method(method)
+    rest = (runs, seed, threads, first_run, covariances, progress, max_events)
+    return streamed(given.network, sampler, given.initial, times, *rest)
+
+
+def streamed(
+    network: Network,
+    sampler: SamplingMethod,
+    start: Counts,
+    times: ArrayLike,
+    runs: int,
+    seed: int,
+    threads: int | None,
+    first_run: int = 0,
+    covariances: bool | None = None,
+    progress: Callable[[int], None] | None = None,
+    max_events: int = MAX_EVENTS,
+) -> EnsembleStatistics:
+    """Statistics of a sampler's runs from `start`; `network` names what it counts, which may be sums."""
+    grid, n_species = some_times(times), len(network.species)
     check_numbers(runs, threads, first_run)
-    n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
     source = sampler.source(network, start, seed, max_events)
     watch = source.watch(grid, first_run)

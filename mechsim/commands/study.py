@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import echo_json, json_option, seed_option
-from mechsim.commands.options import PARTIAL, run_options
+from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from mechsim.commands.options import ShardWork
@@ -114,4 +115,4 @@ def study(
         if stopped or given_up:
             click.echo(f"{stopped} runs stopped by the guard, {given_up} given up: none of them is counted above")
     if stopped or given_up:
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)

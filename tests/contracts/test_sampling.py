@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.stats import binom, poisson
 
 from kinetics import Transient, first_passage
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws import Event, hill
 from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
@@ -177,9 +177,9 @@ def test_a_run_is_the_same_however_it_is_asked_for(method, net):
     assert np.any(method.simulate(net, initial, times, runs=40, seed=28).counts != whole)
 
 
-def first_held(net, condition, path):
+def first_held(condition, path):
     """When a condition first holds on a path; nan where it does not."""
-    held = np.append(0.0, path.times)[condition.holds(net, path.states)]
+    held = np.append(0.0, path.times)[condition.holds(path.states)]
     return held[0] if held.size else np.nan
 
 
@@ -201,19 +201,19 @@ def test_a_run_ends_where_a_condition_first_holds(method, case):
     net, end, text = CONDITIONS[case]
     initial = np.zeros(len(net.species), dtype=int)
     initial[0] = 3 if net is DOSED else 40
-    condition = Condition(text, SUMS if net is QUICK_LINE else {"tetra": {net.species[-1]: 1}})
+    condition = Condition(text, Model(net, initial, SUMS if net is QUICK_LINE else {"tetra": {net.species[-1]: 1}}))
     if refused(method, net) or not method.takes_until:
         return
     found = method.simulate(net, initial, end, runs=40, seed=27, until=condition)
     again = method.simulate(net, initial, end, runs=12, seed=27, threads=1, first_run=9, until=condition)
     assert_array_equal(again.times, found.times[9:21])
     assert (found.observed[~found.is_reached] == end).all()
-    assert_array_equal(condition.holds(net, found.counts), found.is_reached)
+    assert_array_equal(condition.holds(found.counts), found.is_reached)
     if net.events:
         assert_array_equal(found.times, 1.0)
         return
     paths = [method.sample_path(net, initial, end, seed=27, run=run) for run in range(40)]
-    assert_array_equal(found.times, [first_held(net, condition, path) for path in paths])
+    assert_array_equal(found.times, [first_held(condition, path) for path in paths])
     assert found.is_reached.any()
     for run in (0, 39):
         ended = method.sample_path(net, initial, end, seed=27, run=run, until=condition)

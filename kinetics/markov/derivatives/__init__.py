@@ -1,4 +1,4 @@
-"""Derivatives of answers of a chain by all its rates, adjoint: one solution more for all of them, with limits."""
+"""Derivatives of answers of a chain by all its rates, adjoint: one solution more for all of them, with bounds."""
 
 from kinetics.markov.derivatives.at_a_time import gradient_at, gradient_up_to
 from kinetics.markov.derivatives.derivatives import Derivatives

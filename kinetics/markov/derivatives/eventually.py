@@ -186,7 +186,7 @@ def everywhere(transient: Mask, solution: BoundedSolution) -> BoundedSolution:
 def _beyond_the_mean(
     entries: ChannelEntries, rest: Stationary, members: Ints, values: Floats, mean: float, rounded: float
 ) -> BoundedSolution:
-    """What is earned from each state of a closed class, less the mean, until the chain is at its likeliest state."""
+    """The reward from each state of a closed class, less the mean, until the chain is at its likeliest state."""
     chain = entries.transitions
     back = members[np.argmax(rest.probabilities[members])]
     is_back = np.arange(chain.size) == back
@@ -216,7 +216,7 @@ def flow_sums(entries: ChannelEntries, times: BoundedSolution, values: BoundedSo
 
 
 def _direct(entries: ChannelEntries, times: BoundedSolution, impulses: Floats) -> tuple[Floats, Floats]:
-    """What the jumps of each channel earn, all of which is in proportion to its rates."""
+    """The impulse rewards at the jumps of each channel, all of which are in proportion to its rates."""
     rows, _, rates, *_ = entries.transitions
     value, wide = (entries.by_channel(each[rows] * rates * impulses) for each in times)
     return value, wide + ROUNDOFF * (entries.transitions.roundings + entries.most + 4.0) * value

@@ -6,7 +6,7 @@ entries of the channel, of k! o_m rate (y_there - y_here), y being y_(k + 1 - m)
 errors; what is subtracted is what bounds are made of.
 
 Of F(t) = q the derivative of t is -(dF / d ln k) / f, with the density f, the mean of the rates h into the target. The
-quantile is known between two limits, and both are bounded in between. The mean of h |M|, M being the score of a path
+quantile is known between two bounds, and both are bounded in between. The mean of h |M|, M being the score of a path
 (see `at_a_time`), is at most sqrt(mean h**2 * mean M**2), so |df / d ln k| is at most f + sqrt(max(h) f exits t).
 And |df / dt| is at most the mean of exits h + Q h, which itself grows by 4 max(h) exits**2 a time unit at most.
 """
@@ -86,7 +86,7 @@ def gradient_sd(entries: ChannelEntries, start: Floats, target: Mask, sd: Answer
 class Density(NamedTuple):
     """The density of a passage time at its quantile.
 
-    value : 1/tu, with limits
+    value : 1/tu, with bounds
     steepest : how fast it changes there at most, 1/tu**2
     most : the largest rate into the target, 1/tu; exits : out of any state before
 
@@ -149,7 +149,7 @@ def _iterated(solved: Solved, order: int) -> tuple[list[BoundedSolution], list[B
 
 
 def _again(equation: Equations, weights: BoundedSolution, is_occupation: bool) -> BoundedSolution:
-    """A solution for weights that are themselves known with limits."""
+    """A solution for weights that are themselves known with bounds."""
     values, errors = (equation.occupied if is_occupation else equation.solved)(weights.values)
     more = equation.at_most(weights.errors, values, is_occupation)
     return BoundedSolution(values, 1.001 * (errors + (1.0 + equation.rates_error) * more))

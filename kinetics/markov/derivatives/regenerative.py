@@ -8,7 +8,7 @@ E = C + R E_b, where R is the probability of being at b first. Cycles are short 
 
     dE = dC + E_b dR + R E_b (dC_b / C_b - dp / p)
 
-comes with limits relative to E, unless the chain also moves for long elsewhere. Four eliminations.
+comes with bounds relative to E, unless the chain also moves for long elsewhere. Four eliminations.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The distribution of the time at which a chain enters its last state: values with limits, and quantiles."""
+"""The distribution of the time at which a chain enters its last state: values with bounds, and quantiles."""
 
 from __future__ import annotations
 

@@ -16,10 +16,12 @@ import numpy as np
 
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.markov.transient.transitions import Transitions
-from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
 from kinetics.native import twins
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
@@ -100,20 +102,18 @@ class BackwardPass:
         wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, time)
 
-    def second_moments(self, time: float) -> tuple[float, float]:
-        """Means of the integrals of 2 t and 2 (time - t) times the values, for t from 0 to a time, tu; no bounds."""
+    def second_moment(self, time: float, left: bool = False) -> float:
+        """Mean of the integral of 2 t times the values, or of 2 (time - t), for t from 0 to a time, tu; no bounds."""
         if not self._chain.rates.any():
-            return self._at_once.value * time**2, self._at_once.value * time**2
+            return self._at_once.value * time**2
         first, weights = self._window(time)
         tails = np.ones(first + weights.size)
         tails[first:] = sums_after(weights)
         # 2 t Poisson(n; q t) has the integral 2 (n + 1) P(N > n + 1) / q**2, the other that of all later tails
-        growing = np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
-        found = []
-        for shares in (growing, sums_after(tails)):
-            means, *_ = self._known(2.0 / self._rate**2 * shares, time)
-            found.append(float(2.0 / self._rate**2 * (shares[: means.size] @ means)))
-        return found[0], found[1]
+        shares = sums_after(tails) if left else np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
+        shares *= 2.0 / self._rate**2
+        means, *_ = self._known(shares, time)
+        return float(shares[: means.size] @ means)
 
     def _window(self, time: float) -> tuple[int, Floats]:
         steps = steps_until(self._chain, time)
@@ -122,6 +122,9 @@ class BackwardPass:
                 f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
                 f"{MAX_STEPS}; ask for an earlier time"
             )
+        left = 0.0 if self._is_settled else steps - (self._ends[-1] if self._ends else 0)
+        n, listed = self._now.size, self._chain.rates.size
+        forecast(max(left, 0.0) * STEP_SECONDS * (n + listed), f"up to {rough(left)} steps back over {n} states")
         return poisson_window(self._rate * time, LEFT_OUT)
 
     def _within(self, value: float, wrong: float, unit: float) -> Answer:
@@ -145,7 +148,7 @@ class BackwardPass:
             if rest <= end * ROUNDOFF * known:  # less than the steps round
                 n_steps = end
         means = np.concatenate(self._blocks[:k])[:n_steps]
-        steps, roundings = np.arange(n_steps), self._arrays[1]
+        steps, roundings = np.arange(n_steps), self._moves[1]
         drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
         if end < n_steps:
             means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
@@ -158,19 +161,20 @@ class BackwardPass:
     def _step_back(self) -> None:
         """One more block of steps, longer the more there are."""
         done = self._ends[-1] if self._ends else 0
-        arrays, roundings = self._arrays
+        moves, roundings = self._moves
         means = np.empty(LOOK + done // 64)
-        twins.retreat(*arrays, self._begins, self._chances, self._now, self._before, means)
+        twins.retreat(moves, self._begins, self._chances, self._now, self._before, means)
         self._blocks.append(means)
         self._ends.append(done + means.size)
         self._tops.append(float(self._now.max()))
         self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
 
     @cached_property
-    def _arrays(self) -> tuple[tuple[Any, Any, Any, Any], float]:
+    def _moves(self) -> tuple[Any, float]:
         """P as `twins.retreat` reads it, and how many roundings of a result a step with it adds at most."""
         moves, stays, roundings = one_step(self._chain)
-        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
+        places = moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32)
+        return twins.backward_moves(*places, moves.data, stays), roundings
 
 
 def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:

@@ -124,6 +124,13 @@ class Committor(Shown):
         return ", ".join([*(f"{name}: {chance:.4g}" for name, chance in reached), f"none: {self.never:.4g}"])
 
 
+def check_targets(targets: object) -> None:
+    """A ValueError where targets are no mapping, or none."""
+    if not (targets and isinstance(targets, Mapping)):
+        came = f"targets are {targets!r}" if targets else "no targets"
+        raise ValueError(f"{came}; give at least one, as in {{'extinct': 'A == 0'}}")
+
+
 def committor_of(
     transitions: Transitions,
     start: Floats,
@@ -159,7 +166,7 @@ def committor_of(
             error = max(error, chances.relative)
             if chance > 0:
                 probabilities[k] = min(probabilities[k] + chance, 1.0)
-                # E[time; this end] solves the same equations with the chance of this end as what is earned.
+                # E[time; this end] solves the equations with the chance of this end as the reward rate.
                 time, more = chain.solved(chances.values).mean(first)
                 times[k] = time / probabilities[k]
                 error = max(error, more + chances.relative + wrong)

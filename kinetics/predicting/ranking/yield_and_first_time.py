@@ -122,10 +122,11 @@ def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, 
     """
     outside, inside = (BackwardPass(chain.transitions, chain.initial, held.astype(float)) for held in (~goal, goal))
     first, reached = outside.integral(horizon), inside.at(horizon).clipped()
-    square, left_square = outside.second_moments(horizon)[0], inside.second_moments(horizon)[1]
-    left = inside.integral(horizon).value
-    # from the moments of the time, or of what it leaves of the horizon, whichever loses less by the difference
-    variance = min((square, square - first.value**2), (left_square, left_square - left**2))[1]
+    # from the moments of the time, or of what it leaves of the horizon, whichever is smaller: the difference loses less
+    if first.value <= 0.5 * horizon:
+        variance = outside.second_moment(horizon) - first.value**2
+    else:
+        variance = inside.second_moment(horizon, left=True) - inside.integral(horizon).value ** 2
     first = replace(first, value=min(first.value, horizon), high=min(first.high, horizon))
     return first, reached, max(variance, 0.0) ** 0.5
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import earned_in, observing
+from kinetics.markov.observing import observing, reward_rates
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Model
+from kinetics.network.network import is_homogeneous
 from kinetics.network.predicates import state_names
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
 from kinetics.support.answer import Answer
@@ -73,7 +74,7 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
             case AlwaysQuery(states) | StationaryQuery(states):
                 conditions = [states]
             case RewardQuery(name, until=until):
-                earned_in(model, name, counts)
+                reward_rates(model, name, counts)
                 conditions = [until]
         for condition in conditions:
             if condition is not None:
@@ -84,7 +85,7 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
 
 def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
     """The answers of the chain; None where it has too many states, or none because rates depend on time."""
-    if not asked.max_states or not model.network.is_homogeneous:
+    if not asked.max_states or not is_homogeneous(model.network):
         return None
     began = time.process_time()
     try:

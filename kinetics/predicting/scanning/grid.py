@@ -57,7 +57,7 @@ def scan(
     folder : keeps the points as they come; what is there already is not made again
     tell, progress : called with a sentence on the cost, once the first points are done, and with how far it is
 
-    Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
+    Exact answers have proven bounds unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
     the number of workers matters. A question without an answer at a point, such as a mean until what may never happen,
     is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:

@@ -1,4 +1,4 @@
-"""Pictures of a scan: lines with limits over one name, heat maps over two, a heat map for each value of further names.
+"""Pictures of a scan: lines with bounds over one name, heat maps over two, a heat map for each value of further names.
 
 Contours have no numbers of their own, which would overlap where they are close: their levels are marks of the bar.
 """
@@ -93,7 +93,7 @@ def _levels(limits: tuple[float, float]) -> list[float]:
 
 
 def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
-    """Values over one name, with limits; what is sampled is hollow."""
+    """Values over one name, with bounds; what is sampled is hollow."""
     ((name, x),) = scan.over.items()
     order = np.argsort(x)
     value, low, high = (scan.numbers(what)[order, q] for what in ("value", "low", "high"))

@@ -118,7 +118,7 @@ class Scan(Shown, Tabular):
         return f"{points}{of_all} {of_points} of {grid}, {asked}: {told}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
-        """The rows, at most `MOST_ROWS` of them, and what their limits mean."""
+        """The rows, at most `MOST_ROWS` of them, and what their bounds mean."""
         rows = [
             [*(f"{value:.6g}" for value in point.values()), question, *_cells(answer), f"{answer.cpu_seconds:.2g}"]
             for point, question, answer in self._answered
@@ -151,7 +151,7 @@ class Scan(Shown, Tabular):
         return found
 
     def plot(self, figure: Any = None) -> Any:
-        """Draw every question: lines with limits over one name, a heat map over two, one for each value of more.
+        """Draw every question: lines with bounds over one name, a heat map over two, one for each value of more.
 
         figure : Matplotlib's, to be drawn into; a new one where none is given. Returns it.
         """

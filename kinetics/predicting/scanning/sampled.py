@@ -1,4 +1,4 @@
-"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial limits."""
+"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial bounds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from kinetics.markov.observing import earned_in
+from kinetics.markov.observing import reward_rates
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.network import Model
 from kinetics.network.predicates import Condition
@@ -88,21 +88,21 @@ def _at_times(model: Model, queries: Sequence[RewardQuery], runs: int, seed: int
         raise TruncatedRunsError(made.truncated)
     counts = made.counts
     rows = np.searchsorted(times, [float(query.at or 0.0) for query in queries])
-    return [earned_in(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
+    return [reward_rates(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
 
 
 def _decided(model: Model, query: UntilQuery | AlwaysQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
     """Whether each run fulfils a question (runs,), 1 or 0: it ends where that is decided."""
-    method, observables = path_method(model.network), model.observables
+    method = path_method(model.network)
     target, through = (query.target, query.through) if isinstance(query, UntilQuery) else (None, query.states)
     parts = [f"({target})"] * (target is not None) + [f"!({through})"] * (through is not None)
-    until = Condition(" | ".join(parts), observables)
+    until = Condition(" | ".join(parts), model)
     found = method.simulate(model.network, model.initial, query.by or 0.0, runs, seed, threads=1, until=until)
     if found.truncated is not None:
         raise TruncatedRunsError(found.truncated)
     if target is None:
         return [(~found.is_reached).astype(float)], method.name
-    fulfils = found.is_reached & Condition(target, observables).holds(model.network, found.counts)
+    fulfils = found.is_reached & Condition(target, model).holds(found.counts)
     return [fulfils.astype(float)], method.name
 
 
@@ -111,14 +111,14 @@ def _earned(model: Model, query: RewardQuery, runs: int, seed: int) -> tuple[lis
     method, network, last = path_method(model.network), model.network, float(query.up_to or 0.0)
     until = None
     if query.until is not None:
-        until, last = Condition(query.until, model.observables), float(np.finfo(float).max)
+        until, last = Condition(query.until, model), float(np.finfo(float).max)
     paths = method.sample_paths(network, model.initial, last, seed, max_events=MOST_EVENTS, until=until)
     totals = np.empty(runs)
     for i, path in enumerate(islice(paths, runs)):
         if until is not None and path.end == last:
             raise ValueError(f"run {i} ends where {query.until} can never hold: the mean is infinite")
         held = np.diff(np.concatenate([[0.0], path.times, [path.end]]))
-        totals[i] = np.cumsum(held * earned_in(model, query.name, path.states))[-1]
+        totals[i] = np.cumsum(held * reward_rates(model, query.name, path.states))[-1]
     return [totals], method.name
 
 
@@ -132,7 +132,7 @@ def _end(query: Query) -> float | None:
 
 
 def _answer(query: Query, values: Floats, method: str, seconds: float) -> Answer:
-    """Value, standard error and limits of a sample (runs,)."""
+    """Value, standard error and bounds of a sample (runs,)."""
     runs, mean = len(values), float(values.mean())
     error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
     if isinstance(query, RewardQuery):

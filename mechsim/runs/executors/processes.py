@@ -18,6 +18,7 @@ import click
 
 from kinetics.support.workers import GUARD
 from mechsim.runs.executors.base import LOOK_EVERY, Execute, Executor, RunAttempt, Session, check_timeout
+from mechsim.runs.executors.worker import work
 
 if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
@@ -120,8 +121,6 @@ class ProcessSession(Session):
         raise ChildProcessError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
-        from mechsim.runs.executors.worker import work
-
         reports, sender = self.context.Pipe(duplex=False)
         arguments = (self.execute, spec, self.store, sender, self.folder)
         process = self.context.Process(target=work, args=arguments, name=spec.title, daemon=True)
@@ -218,7 +217,7 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 def _ending(code: int | None) -> str:
-    """How a process ended, in words."""
+    """How a process ended, for a message."""
     if code is not None and code < 0:
         return f"killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code} and left no record"

@@ -101,21 +101,20 @@ def test_held_out_runs_within_a_budget():
     assert chosen_runs(tests[:2], costs, 1e3) == {20: 30, 40: 10}, "and no further than is asked for"
 
 
-def test_rules_are_as_coarse_as_the_shift():
+def test_rules_are_as_coarse_as_the_shift(planned):
     """By default those of a plan that states none; rates off by twice the shift are beyond any of them."""
     assert rules_for(0.2) == VerdictRules()
     wide = rules_for(0.6)
     assert (wide.ratio, wide.pooled_ratio, wide.from_events) == ((0.55, 1.45), (0.7, 1.3), 16.7)
-    planned = make_plan(request(), pilot(), seconds)
     assert planned.plan.verdict == wide
 
 
-def test_another_tank():
+def test_another_tank(planned):
     double = make_plan(request(tank=(2.0, 2.0, 6.0)), pilot(), seconds)
     (first,) = double.plan.calibration.tanks[:1]
     assert double.plan.scene_of(first).tank.size == first.tank == (2.0, 2.0, 6.0)
     of_joins = [tank.events[:4].sum() for tank in double.tanks if tank.composition == {"monomer": 40}]
-    whole = [tank.events[:4].sum() for tank in make_plan(request(), pilot(), seconds).tanks]
+    whole = [tank.events[:4].sum() for tank in planned.tanks]
     assert of_joins[0] < 0.8 * max(whole)  # they meet half as often
     with pytest.raises(ValueError, match="do not state their tank"):
         make_plan(request(tank=(2.0, 2.0, 6.0)), pilot().replace(tank=None), seconds)

@@ -19,12 +19,28 @@ from kinetics.formats import read, write
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.rates.breaks import Expansion, break_model
-from kinetics.runs.event_tables import event_tables, table_run
+from kinetics.runs.event_tables import TableRun, event_tables
 from kinetics.sampling import sample_path
 
 STUDIES, ALL = 100, 2000  # by default, and with --validate
 FALSE_ALARM = 1e-6
 TANK = Tank((2.0, 2.0, 3.0))
+
+
+def table_run(name, path):
+    """A jump path, ready for `event_tables`."""
+    return TableRun(
+        name,
+        path.network.species,
+        path.network.channels,
+        path.initial,
+        path.times,
+        path.channels,
+        path.end,
+        path.open_channels,
+        None if path.tank is None else path.tank.size,
+        path.resolution,
+    )
 
 
 def paths_of_all_kinds():
@@ -116,6 +132,7 @@ def covered(studies):
     return ((limits[..., 0] <= known) & (known <= limits[..., 1])).sum(axis=0)
 
 
+@pytest.mark.validate
 def test_intervals_of_simulated_studies_cover_the_truth(tmp_path, request):
     """No channel is covered less often than a coverage of 95 % allows with a chance of 1e-6 for all channels together.
 

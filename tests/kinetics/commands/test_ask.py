@@ -59,7 +59,7 @@ def test_what_the_rates_do_to_the_answers(tmp_path):
     assert max(found["elasticity"]) > 0.1
     (plain,) = json.loads(run(*LINE, WITHIN, "--json"))["answers"]
     assert plain["sensitivity"] is None
-    assert "limits proven; adjoint uniformisation" in run(*LINE, WITHIN, "--sensitivity")
+    assert "bounds proven; adjoint uniformisation" in run(*LINE, WITHIN, "--sensitivity")
     run(*LINE, "--out", tmp_path / "line.tra")
     assert "comes from no network" in run("ask", tmp_path / "line.tra", WITHIN, "--sensitivity", code=2)
 

@@ -84,7 +84,14 @@ SLOW = [
 ]
 
 
-@pytest.mark.parametrize(("workers", "number"), [(1, signal.SIGINT), (2, signal.SIGINT), (2, signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("workers", "number"),
+    [
+        pytest.param(1, signal.SIGINT, marks=pytest.mark.validate),
+        (2, signal.SIGINT),
+        pytest.param(2, signal.SIGTERM, marks=pytest.mark.validate),
+    ],
+)
 def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers, number):
     """The signal comes once three points are on disk; a scan that is done by then would be no test, and fails it."""
     (place / "model.rxn").write_text(MODEL.replace("B = 10", "B = 200"), encoding="utf-8")
@@ -114,7 +121,7 @@ def lines(place):
     return sum(path.read_bytes().count(b"\n") for path in (place / "scans").glob("*.jsonl"))
 
 
-@pytest.mark.parametrize("piece", [1 << 30, 100])
+@pytest.mark.parametrize("piece", [1 << 30, pytest.param(100, marks=pytest.mark.validate)])
 def test_a_disk_that_fails_at_the_nth_call_loses_no_point_and_no_table(place, monkeypatch, piece):
     command = ["scan", "model.rxn", "--over", "k1=1e-3,1e-2,1e-1", *ASK, "--max-states", 0, "--runs", 5]
     command += ["--csv", "a.csv"]

@@ -36,7 +36,7 @@ class Sheet(Format):
             data = json.loads(path.read_text(encoding="utf-8"))
             shape = len(data["channels"]), len(data["species"])
             tables = [SparseTable.of_entries(shape, *data[name]) for name in ("needs", "change")]
-            network = Network.from_sparse(
+            network = Network(
                 data["species"], data["channels"], *tables, data["ways"], data["rates"], data["combinations"]
             )
             return Model(network, data["initial"], data["observables"])

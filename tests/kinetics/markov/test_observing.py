@@ -49,7 +49,7 @@ def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
         found, expected = (
             said("passage", path, "--species", name, "--copies", n, *more) for name, n in (("total", 60), ("AB", 10))
         )
-        assert found["mean"] == expected["mean"]
+        assert found["mean"]["value"] == expected["mean"]["value"]
     wrong = CliRunner().invoke(main, ["passage", str(path), "--species", "totl"])
     assert wrong.exit_code == 2
     assert "'totl' is neither a species nor an observable; did you mean total?" in wrong.output

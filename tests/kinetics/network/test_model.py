@@ -1,5 +1,7 @@
 """A model: which counts it has, what its names stand for, and that every function takes it as it takes a network."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ TEXT = "bind: 2 A -> D, k\npart: D -> 2 A, 0.5\nA = 2 * n\nn = 3"
 
 
 def dimers():
-    return Network.from_text(TEXT, k=0.1).with_conserved({"atoms": [1, 2]})
+    return replace(Network.from_text(TEXT, k=0.1), conserved={"atoms": [1, 2]})
 
 
 def test_counts_that_are_given_go_before_those_that_are_stated():

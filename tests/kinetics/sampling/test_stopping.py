@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinetics import Network
+from kinetics import Model, Network
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.stopping import holds
 from kinetics.network.predicates import Condition
@@ -18,7 +18,7 @@ def does_hold(stop, table, counts):
 
 
 PAIRS = Network.from_text("A + B <-> AB, 0.01, 0.1\n2 AB -> C, 0.001")
-SUMS = {"all A": {"A": 1, "AB": 1, "C": 2}, "half": {"A": 0.5}}
+MODEL = Model(PAIRS, {"A": 2, "B": 1}, {"all A": {"A": 1, "AB": 1, "C": 2}, "half": {"A": 0.5}})
 TABLES = {  # text -> comparisons
     "AB >= 3": 1,
     "AB > 2 & A <= 4 | !(B == 0 | C != 1)": 4,
@@ -30,6 +30,7 @@ TABLES = {  # text -> comparisons
     "true & A >= 1 | false": 3,
     "not (not (A >= 2 and (B >= 1 or C >= 1)))": 3,
     "'all A' >= 5 & 'all A' - 2 * C != 4": 2,
+    "init | 'deadlock' & A == 0": 4 + 4 + 1,
     "A * B >= 6": 0,
     "max(A, B) >= 4 & 'all A' > 3": 0,
     "(A >= 1) + (B >= 1) == 1": 0,
@@ -40,14 +41,14 @@ TABLES = {  # text -> comparisons
 
 @pytest.mark.parametrize("text", TABLES)
 def test_tables_and_programs_hold_where_the_condition_does(text):
-    condition = Condition(text, SUMS)
+    condition = Condition(text, MODEL)
     states = np.random.default_rng(0).integers(0, 6, (300, 4))
     stop, is_there = stop_at(condition, PAIRS, states[0])
     # As numbers are written, not as doubles round them.
     written = {"0.1 * A <= 0.3": "A <= 3", "0.1 * A + 0.2 * B == 0.7": "A + 2 * B == 7"}.get(text, text)
-    expected = Condition(written, SUMS).holds(PAIRS, states)
+    expected = Condition(written, MODEL).holds(states)
     assert [does_hold(stop, stop.table, np.append(state, 1)) for state in states] == expected.tolist()
-    assert is_there == condition.holds(PAIRS, states[:1])[0]
+    assert is_there == condition.holds(states[:1])[0]
     comparisons, place = 0, 0
     while place < stop.table.size:
         comparisons, place = comparisons + 1, place + 5 + 2 * int(stop.table[place + 4])
@@ -59,7 +60,7 @@ def test_only_channels_that_change_what_it_reads_are_watched():
     assert stop_at("C >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [False, False, True]
     assert stop_at("A * B >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [True, True, False]
     with pytest.raises(ValueError, match="unknown name 'half'"):  # no whole sum
-        stop_at(Condition("half >= 1", SUMS), PAIRS, np.zeros(4, int))
+        stop_at(Condition("half >= 1", MODEL), PAIRS, np.zeros(4, int))
 
 
 def test_a_truncated_run_is_censored_where_it_was_and_others_go_on():

@@ -10,8 +10,12 @@ from kinetics.sampling import SAMPLING_METHODS
 from kinetics.trust.hardcases import CASES, Attempt, Case, chains
 from kinetics.trust.hardcases.case import attempt, refusal, relative
 
+SLOW = ("reversible binding", "stiff and large", "slow leak")  # two to five seconds each
 
-@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, id=c.name, marks=[pytest.mark.validate] * (c.name in SLOW)) for c in CASES]
+)
 def test_hard_case(case: Case):
     attempts = list(case.attempts())
     assert attempts

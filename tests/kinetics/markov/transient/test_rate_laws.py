@@ -1,5 +1,7 @@
 """Bounds under rate laws: they hold where digits cancel, are near those of mass action elsewhere, or are no bounds."""
 
+from dataclasses import replace
+
 import mpmath
 import numpy as np
 import pytest
@@ -81,7 +83,7 @@ def test_a_network_of_laws_by_projection():
     found = FiniteStateProjection(1e-10).solve(loop(), [0, 0], [1.0, 30.0])
     assert found.is_bound
     assert found.error < 2e-10
-    lost = loop().with_laws({**loop().laws, "turn": "floor(A / 3 * 3)"})
+    lost = replace(loop(), laws={**loop().laws, "turn": "floor(A / 3 * 3)"})
     assert not FiniteStateProjection(1e-10).solve(lost, [0, 0], [1.0]).is_bound
 
 

@@ -89,6 +89,20 @@ def test_samples_agree_with_exact_answers_and_another_rate_does_not():
     assert wrong / of < least  # the control: another rate of breaking is seen
 
 
+def test_labels_of_every_chain_are_asked_alike_both_ways():
+    """A chain of three steps: its end is the one deadlock; at the start only while nothing has happened."""
+    network = Network.from_text("A -> B, k\nB -> C, 1\nC -> C + D, 0\nA = 1", k=1.0)
+    asked = ["P=? [ F<=2 deadlock ]", "P=? [ G<=1 init ]", "P=? [ init U<=1 B = 1 ]"]
+    exact = scan(network, {"k": [1.0, 3.0]}, asked)
+    sampled = scan(network, {"k": [1.0, 3.0]}, asked, max_states=0, runs=2000, seed=2)
+    np.testing.assert_allclose(exact.numbers("value")[:, 1], np.exp([-1.0, -3.0]), rtol=1e-9)
+    assert ((sampled.numbers("value") > 0) & (sampled.numbers("value") < 1)).all()
+    assert abs(sampled.numbers("value") - exact.numbers("value")).max() < 5.3 * 0.5 / np.sqrt(2000)
+    named = Network.from_text("init -> deadlock, k\ninit = 1", k=1.0)  # of species with these names, their counts
+    both = [scan(named, {"k": [1.0]}, "P=? [ F<=1 deadlock >= 1 ]", max_states=n, runs=500) for n in (9, 0)]
+    assert abs(both[0].numbers("value") - both[1].numbers("value")).max() < 5.3 * 0.5 / np.sqrt(500)
+
+
 def test_observables_are_asked_alike_both_ways(tmp_path):
     file = tmp_path / "model.rxn"
     file.write_text(BINDING + "\nk = 1e-2\n", encoding="utf-8")
