@@ -51,9 +51,9 @@ class FirstTimes(Shown, Tabular):
     >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
     >>> found = simulate(binding, "ssa", {"A": 20, "B": 10}, 50.0, runs=400, seed=1, until="AB >= 6")
     >>> found
-    <FirstTimes: AB >= 6 first held at 7.74 on average, in 400 of 400 runs>
+    <FirstTimes: AB >= 6 first held at 6.728 on average, in 400 of 400 runs>
     >>> print(found.reached_by(5.0))
-    0.3625 [0.315331, 0.411686] (95 % confidence; ssa; 400 runs)
+    0.37 [0.322552, 0.419387] (95 % confidence; ssa; 400 runs)
     """
 
     network: Network

@@ -84,7 +84,7 @@ def simulate(
     True
     >>> first = simulate(binding, "auto", {"A": 20, "B": 10}, runs=400, seed=1, until="AB >= 6")
     >>> print(first.answer("mean"))
-    7.73928 [7.26889, 8.20967] (95 % confidence; auto (lockstep); 400 runs)
+    6.72804 [6.3452, 7.11089] (95 % confidence; auto (lockstep); 400 runs)
     """
     given, made = Model.of(model, initial), sampling_method(method)
     if until is not None:

@@ -43,7 +43,6 @@ CALLS = (
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--within", "A <= 20"],
     ["passage", "pair.rxn", "--species", "AB", "--copies", 8, "--method", "ssa", "--runs", 20],
-    ["passage", "growth.rxn", "--species", "A", "--copies", 10**7, "--method", "ssa", "--runs", 2, "--horizon", 1],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],
     ["derive", "pair.rxn"],
     ["accuracy", "kinetics", "pair.rxn", "--budget", 0.01],
