@@ -120,7 +120,8 @@ def first_times_of_draws(
     >>> from kinetics import Network
     >>> from kinetics.sampling import first_times_of_draws
     >>> decay = Network.from_text("A -> 0, 1")
-    >>> [bool(times.max() < 0.5) for times in first_times_of_draws(decay, [[0.0], [100.0]], {"A": 3}, "A == 0", 9.0, runs=2)]
+    >>> made = first_times_of_draws(decay, [[0.0], [100.0]], {"A": 3}, "A == 0", end=9.0, runs=2)
+    >>> [bool(times.max() < 0.5) for times in made]
     [False, True]
     """
     table, start = _checked(network, constants, initial, runs, first_run)

@@ -32,7 +32,7 @@ class StepwiseSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
-        draws = np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)
+        draws = [np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)]
         for i in range(len(out)):
             self._run(initial, grid, key, first_run + i, out[i], watch, draws, None)
             watch.complete[first_run] = i + 1
@@ -41,7 +41,7 @@ class StepwiseSampler:
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
         out, pieces = np.empty((1, initial.size), dtype=np.int64), list[tuple[Floats, Ints]]()
-        self._run(initial, np.array([end]), key, run, out, watch, (np.empty(0), np.empty(0)), pieces)
+        self._run(initial, np.array([end]), key, run, out, watch, [np.empty(0), np.empty(0)], pieces)
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return times, self.order[channels]
 
@@ -53,10 +53,10 @@ class StepwiseSampler:
         run: int,
         out: Ints,
         watch: Watch,
-        draws: tuple[Floats, Floats],
+        draws: list[Floats],
         pieces: list[tuple[Floats, Ints]] | None,
     ) -> None:
-        """Make a run; draws : buffers of random numbers for its first call; pieces : receives its events."""
+        """Make a run; draws : buffers of random numbers, which grow; pieces : receives its events."""
         from kinetics.kernels import streams
 
         stream = np.empty(4, dtype=np.uint64)
@@ -66,12 +66,12 @@ class StepwiseSampler:
         workspace = self.begin(counts)
         stop, reached = watch.stop_of(run, 1, self.order)
         n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
-        waits, uniforms = draws
         times, channels = NO_TIMES, NO_CHANNELS
         while seen[0] < (needed := watch.needed(run)):
             n = min(n_draws, look - drawn)
-            if waits.size != n:
-                waits, uniforms = np.empty(n), np.empty(n)
+            if draws[0].size < n:
+                draws[:] = np.empty(n), np.empty(n)
+            waits, uniforms = draws[0][:n], draws[1][:n]
             if pieces is not None:
                 times, channels = np.empty(n), np.empty(n, dtype=np.int64)
             streams.draw(stream, waits, uniforms)

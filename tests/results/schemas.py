@@ -29,7 +29,7 @@ TESTS = (
     *("kinetics/assembly/checking/test_certificate.py", "kinetics/assembly/checking/test_checker.py"),
     *("kinetics/assembly/compiler/test_compiling.py", "kinetics/assembly/drawing/test_diagrams.py"),
     *("kinetics/formats", "mechsim/accuracy/test_accuracy_mechanics.py", "mechsim/inspection"),
-    *("mechsim/runs/test_shards.py", "mechsim/studies/test_study_command.py", "calibration/watched"),
+    *("mechsim/runs/test_shards.py", "mechsim/studies/test_study_command.py", "calibration/observed"),
     "calibration/pipeline",
 )
 PAIR = "bind: A + B <-> AB, k1, k2\nk1 = 0.01\nk2 = 0.1\nA = 20\nB = 10\n"
