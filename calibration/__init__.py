@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
     from calibration.estimating.exposure import Exposure, count, pooled
     from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull
+    from calibration.estimating.net_path import net_path
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
@@ -38,6 +39,7 @@ _HOMES = {
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
     "calibration.estimating.exposure": ("Exposure", "count", "pooled"),
     "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull"),
+    "calibration.estimating.net_path": ("net_path",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
     "kinetics.rates.breaks": ("ShapeParameter",),
@@ -81,6 +83,7 @@ __all__ = [
     "exact_limits",
     "fit_breaks",
     "fit_rates",
+    "net_path",
     "pooled",
 ]
 

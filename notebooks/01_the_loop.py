@@ -230,7 +230,7 @@ for ax, (n, found) in zip(axes, passages.items(), strict=True):
 
 pd.DataFrame(
     {
-        f"{n} cubes": {"mean (tu)": found.mean, "mean, low": found.low, "mean, high": found.high}
+        f"{n} cubes": {"mean (tu)": found.mean.value, "mean, low": found.mean.low, "mean, high": found.mean.high}
         | {"sd (tu)": found.passage.sd}
         | {f"quantile {q:g}": found.passage.quantile(q) for q in (0.025, 0.5, 0.975)}
         for n, found in passages.items()

@@ -127,10 +127,10 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
     ],
 )
 def test_every_error_has_a_message_and_a_code(monkeypatch, tmp_path, error, code, said):
-    def fail(**_):
+    def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("kinetics.commands.predict.start", fail)
+    monkeypatch.setattr("kinetics.commands.predict.described", fail)
     done = run_here(*PREDICT, cwd=tmp_path, faults=True)
     assert said in failed(done, code)
     assert judged(error)[0] == code
@@ -159,7 +159,7 @@ def test_a_full_disk_under_the_store_of_runs(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("mechsim.runs.turns.os.fsync", full)
+        patch.setattr("mechsim.runs.file_locks.os.fsync", full)
         done = run_here(*SIMULATE, cwd=tmp_path)
     assert "No space left on device; could not write" in failed(done, OUTSIDE)
     assert not list(tmp_path.glob("runs/.*"))
@@ -181,7 +181,7 @@ RUNS = "Interrupted: finished runs are kept in {}, and the same command makes on
 @pytest.mark.parametrize(
     ("command", "where", "said"),
     [
-        (PREDICT, "kinetics.commands.predict.start", NOTHING),
+        (PREDICT, "kinetics.commands.predict.described", NOTHING),
         (["rules", "derive", "line4"], "kinetics.assembly.deriving.derive.explore", NOTHING),
         (SIMULATE, "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
         ([*SIMULATE, "--runs-folder", "mine"], "mechsim.runs.ensemble.run_all", RUNS.format("mine")),
@@ -209,7 +209,7 @@ def test_an_error_that_a_library_makes_of_ctrl_c_is_an_interrupt(tmp_path, monke
     def compile_it(*_, **__):
         raise RuntimeError("failed in nopython mode") from cause
 
-    monkeypatch.setattr("kinetics.commands.predict.start", compile_it)
+    monkeypatch.setattr("kinetics.commands.predict.described", compile_it)
     done = run_here(*PREDICT, cwd=tmp_path, faults=True)
     assert done.code == (INTERRUPTED if cause else FAULT)
     assert (done.err == NOTHING) is bool(cause)

@@ -32,10 +32,10 @@ class RateModel(ABC):
     3. where rates depend on the age, give `speed` and its integral, `elapsed`;
     4. import it in `calibration.estimating.models`: tests/contracts/test_estimators.py then tests it.
 
-    >>> from calibration import RATE_MODELS, rate_model
+    >>> from calibration import RATE_MODELS, Weibull
     >>> {model.name: (model.terms, list(model.shape_values)) for model in RATE_MODELS}
     {'mass-action': (('k',), []), 'weibull': (('k',), ['kappa']), 'crowded': (('k', 'c'), [])}
-    >>> rate_model("weibull").with_shape({"kappa": 2.0}).elapsed(begin=1.0, end=3.0, origin=0.0).item()  # 3^2 - 1^2
+    >>> Weibull(kappa=2.0).elapsed(begin=1.0, end=3.0, origin=0.0).item()  # 3^2 - 1^2
     8.0
     """
 

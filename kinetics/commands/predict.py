@@ -63,7 +63,7 @@ INSTEAD = (
 @click.option(
     "--accuracy",
     metavar="SIZE",
-    help="Instead of both: the cheapest way to this error of all figures shown, as in 1%, or 0.5 copies.",
+    help="Choose method and number of runs so that every value shown is within SIZE: 1%, or 0.5 copies.",
 )
 @click.option(
     "--accuracy-of",
@@ -141,7 +141,7 @@ def predict(
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
     they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
-    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was foretold
+    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
     to cost, the error reached, and what a tenth would cost.
 
     A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are

@@ -8,7 +8,7 @@ from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFI
 MOST_STILL = 1000.0  # events in a row that do not move the clock: it has stalled
 
 
-@compiled
+@compiled(inline="always")
 def stands_still(clock, t):
     """An event has left the clock at t: the outcome.
 

@@ -194,6 +194,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
     t = clock[0]
     passed, n_events = seen[0], 0
+    is_over, chosen = False, 0
     outcome = REACHED_END  # here: nothing went wrong so far
     if work.notes[0] == 0:
         work.notes[0] = 1
@@ -245,14 +246,11 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             continue
         chosen = channel_at(results, sums, upto, target, total)
 
-        is_over = False
         for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
             s = model.changed[k]
             counts[s] += model.copies[k]
             is_over |= counts[s] < 0
         if is_over:
-            for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
-                counts[model.changed[k]] -= model.copies[k]
             outcome = OVERFLOW
             break
         if times.size > 0:
@@ -277,6 +275,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = settle(model, work, counts, t)
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
+    if is_over:  # the event has not been
+        for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
+            counts[model.changed[k]] -= model.copies[k]
     seen[0], seen[1] = passed, n_events
     clock[0] = t
     return UNFINISHED if outcome == REACHED_END and passed < n_times else outcome

@@ -84,6 +84,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
+    is_over, chosen = False, 0
     for draw in range(waits.size):
         total = 0.0
         for i in range(np.uint64(n_blocks)):
@@ -94,15 +95,12 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             break
         chosen = channel_at(propensities, sums, upto, uniforms[draw] * total, total)
 
-        is_over = False
         first, last = channels[6 * chosen + 4], channels[6 * chosen + 5]
         for k in range(first, last):
             s = changes[2 * k]
             counts[s] += changes[2 * k + 1]
             is_over |= counts[s] < 0
         if is_over:
-            for k in range(first, last):
-                counts[changes[2 * k]] -= changes[2 * k + 1]
             outcome = OVERFLOW
             break
         for k in range(first, last):
@@ -126,6 +124,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+    if is_over:  # the event has not been
+        for k in range(channels[6 * chosen + 4], channels[6 * chosen + 5]):
+            counts[changes[2 * k]] -= changes[2 * k + 1]
     seen[0], seen[1] = passed, n_events
     clock[0] = t
     return outcome

@@ -135,7 +135,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
-    is_frozen = False
+    is_frozen = is_over = False
+    chosen = np.uint64(0)
     outcome = UNFINISHED
     for draw in range(waits.size):
         if age == REFRESH:
@@ -187,7 +188,6 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             age = 0
             continue
 
-        is_over = False
         for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
             s = np.uint64(change_owners[k])
             count = counts[np.uint64(species[s])] + change_copies[k]
@@ -212,14 +212,15 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             for i in range(first // side, last // side + one):
                 spans[i] = eight(blocks, i * side)
         if is_over:
-            for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
-                counts[np.uint64(species[np.uint64(change_owners[k])])] -= change_copies[k]
             outcome = OVERFLOW
             break
         if times.size > 0:
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+    if is_over:  # the event has not been
+        for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
+            counts[np.uint64(species[np.uint64(change_owners[k])])] -= change_copies[k]
     seen[0], seen[1] = passed, n_events
     clock[0], work.age[0] = t, age
     return outcome

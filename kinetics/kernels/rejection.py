@@ -200,6 +200,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
     target, picked, chosen, is_stale = 0.0, np.int64(NO_GROUP), np.uint64(0), True
+    is_over, event = False, np.uint64(0)
     for draw in range(np.uint64(waits.size)):
         t, passed, outcome = move_on(t, waits[draw], total, clock, counts, grid, passed, out)
         if outcome != UNFINISHED:
@@ -242,7 +243,6 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             highest, target, picked, chosen = pick(
                 uniforms[draw + one] * total, lowest, highest, sizes, uppers, inverses, masses, members, groups
             )
-        is_over = False
         first = event + two
         begin = first + three * np.uint64(words[event])
         for k in range(first, begin, three):
@@ -252,9 +252,6 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             counts[s] = count
             is_over |= count < 0
         if is_over:
-            for k in range(first, begin, three):
-                gain = (np.uint64(words[k + two]) << np.uint64(32)) | np.uint64(words[k + one])
-                counts[words[k]] -= np.int64(gain)
             outcome = OVERFLOW
             break
         is_beyond = False
@@ -323,6 +320,10 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
+    if is_over:  # the event has not been; undone out here, it costs the others nothing
+        for k in range(event + two, event + two + three * np.uint64(words[event]), three):
+            gain = (np.uint64(words[k + two]) << np.uint64(32)) | np.uint64(words[k + one])
+            counts[words[k]] -= np.int64(gain)
     work.bins[1], work.bins[2], work.total[0] = lowest, highest, total
     seen[0], seen[1] = passed, n_events
     clock[0] = t

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from kinetics.markov.chain_distribution import ChainDistribution
 from kinetics.markov.checks import Reward, built_in, checked_parts, states_of
 from kinetics.markov.passage.backward import expected_integral
-from kinetics.markov.passage.committor import Committor, committor_of
-from kinetics.markov.passage.first_passage import Passage, passage_to
+from kinetics.markov.passage.committor import Committor, check_targets, committor_of
+from kinetics.markov.passage.first_passage import Passage
+from kinetics.markov.passage.moments import passage_to
 from kinetics.markov.passage.stationary import Stationary, stationary_of, steady_mean
 from kinetics.markov.passage.until import Mask, accumulated_until, always, rate_reward, until
 from kinetics.markov.predicates import StateNames
@@ -244,9 +245,8 @@ class Chain:
         >>> chain.committor({"extinct": "A == 0", "full": "A == 3"}).probabilities.round(9).tolist()
         [0.75, 0.25]
         """
+        check_targets(targets)
         masks = {name: self.states(given, f"target {name!r}") for name, given in targets.items()}
-        if not masks:
-            raise ValueError("no targets; give at least one, as in {'extinct': 'A == 0'}")
         twice = np.sum(list(masks.values()), axis=0)
         if twice.max() > 1:
             row = int(np.argmax(twice))

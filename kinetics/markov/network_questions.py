@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.passage.committor import Committor
+from kinetics.markov.passage.committor import Committor, check_targets
 from kinetics.markov.passage.first_passage import Passage
 from kinetics.markov.passage.stationary import Stationary
 from kinetics.markov.passage.until import Mask
@@ -93,6 +93,7 @@ def committor(
     >>> found.probabilities.round(9).tolist(), found.error < 1e-12
     ([0.75, 0.25], True)
     """
+    check_targets(targets)
     given = Model.of(model, initial)
     chain = Chain.of(given, stop=lambda states: _any(targets, given.network, states), max_states=max_states)
     return chain.committor({name: held(target, given.network, chain.counts) for name, target in targets.items()})
@@ -122,4 +123,4 @@ def stationary(model: Model | Network, initial: Counts | None = None, max_states
 def _any(targets: Mapping[str, Condition], network: Network, states: Ints) -> Mask:
     """Whether states (n, S) belong to some target (n,)."""
     found = [held(target, network, states) for target in targets.values()]
-    return np.logical_or.reduce(found) if found else np.zeros(len(states), dtype=bool)
+    return np.asarray(np.logical_or.reduce(found))

@@ -14,6 +14,7 @@ from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
+NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # where nobody asks for events
 
 
 class StepwiseSampler:
@@ -31,15 +32,16 @@ class StepwiseSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
+        draws = [np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)]
         for i in range(len(out)):
-            self._run(initial, grid, key, first_run + i, out[i], watch, keep_events=False)
+            self._run(initial, grid, key, first_run + i, out[i], watch, draws, None)
             watch.complete[first_run] = i + 1
             watch.hear()
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
-        out = np.empty((1, initial.size), dtype=np.int64)
-        pieces = self._run(initial, np.array([end]), key, run, out, watch, keep_events=True)
+        out, pieces = np.empty((1, initial.size), dtype=np.int64), list[tuple[Floats, Ints]]()
+        self._run(initial, np.array([end]), key, run, out, watch, [np.empty(0), np.empty(0)], pieces)
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return times, self.order[channels]
 
@@ -51,8 +53,10 @@ class StepwiseSampler:
         run: int,
         out: Ints,
         watch: Watch,
-        keep_events: bool,
-    ) -> list[tuple[Floats, Ints]]:
+        draws: list[Floats],
+        pieces: list[tuple[Floats, Ints]] | None,
+    ) -> None:
+        """Make a run; draws : buffers of random numbers, which grow; pieces : receives its events."""
         from kinetics.kernels import streams
 
         stream = np.empty(4, dtype=np.uint64)
@@ -60,21 +64,22 @@ class StepwiseSampler:
         counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
-        pieces = []
         n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
-        waits = uniforms = np.empty(0)
+        times, channels = NO_TIMES, NO_CHANNELS
         while seen[0] < (needed := watch.needed(run)):
             n = min(n_draws, look - drawn)
-            if waits.size != n:
-                waits, uniforms = np.empty(n), np.empty(n)
-            n_kept = n if keep_events else 0
-            times, channels = np.empty(n_kept), np.empty(n_kept, dtype=np.int64)
+            if draws[0].size < n:
+                draws[:] = np.empty(n), np.empty(n)
+            waits, uniforms = draws[0][:n], draws[1][:n]
+            if pieces is not None:
+                times, channels = np.empty(n), np.empty(n, dtype=np.int64)
             streams.draw(stream, waits, uniforms)
             began = perf_counter()
             if needed < grid.size:
                 grid, out = grid[:needed], out[:needed]
             outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
-            pieces.append((times[: seen[1]], channels[: seen[1]]))
+            if pieces is not None:
+                pieces.append((times[: seen[1]], channels[: seen[1]]))
             drawn += n
             if outcome == outcomes.REACHED_END:
                 break
@@ -87,4 +92,3 @@ class StepwiseSampler:
                 if not look:
                     break
             n_draws = min(4 * n_draws, MOST_DRAWS, watch.most_events)
-        return pieces

@@ -9,6 +9,7 @@ more: the figures of times before are the same.
 from __future__ import annotations
 
 import threading
+from bisect import bisect_left
 from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
@@ -103,7 +104,7 @@ class Watch:
         began : when the last call did, by `perf_counter`; the next one is to take a fraction of a second
         """
         ratio = CALL_SECONDS / max(perf_counter() - began, 1e-9)
-        self.most_events = min(max(1, int(self.most_events * min(max(ratio, 0.1), 4.0))), MOST_CALL)
+        self.most_events = min(max(1, int(self.most_events * min(max(ratio, 0.1), 10.0))), MOST_CALL)
         self.hear()
 
     def hear(self) -> None:
@@ -112,41 +113,27 @@ class Watch:
             raise KeyboardInterrupt
 
     def look(self, run: int, events: int, time: float, counts: Ints, forecasts: bool = True) -> int:
-        """Events of a run at which to look again; 0 where it is truncated."""
-        one = np.array([run]), np.array([events]), np.array([time]), counts[None]
-        return int(self.looks(*one, forecasts)[0])
-
-    def looks(self, runs: Ints, events: Ints, times: Floats, counts: Ints, forecasts: bool = True) -> Ints:
-        """Events at which to look again at each of n runs with counts (n, S); 0 for a truncated run.
+        """Events of a run with counts (S,) at which to look again; 0 where it is truncated.
 
         forecasts : whether rate equations may be integrated
         """
         end = float(self.grid[-1])
-        again = np.minimum(2 * events, self.max_events)
+        if bisect_left(self.grid, time) >= self.needed(run):  # about to be over, without another event
+            return 2 * events
+        if events >= self.max_events:
+            self.stop(run, outcomes.MOST_EVENTS, time, counts, events)
+            return 0
+        again: float = 2 * events
         if forecasts and self.outlook is not None:
-            totals = np.array(
-                [self.outlook.rates(x[None].astype(float), t).sum() for x, t in zip(counts, times, strict=True)]
-            )
-            grows = (totals * times > MARGIN * events) | ~(totals < np.inf)
-            is_worrying = grows | (events + totals * (end - times) > self.max_events)
-        else:
-            is_worrying = np.zeros(runs.size, dtype=bool)
-        for i in np.argsort(runs):
-            run, n, t = int(runs[i]), int(events[i]), float(times[i])
-            if np.searchsorted(self.grid, t) >= self.needed(run):  # about to be over, without another event
-                again[i] = 2 * n
-                continue
-            if n >= self.max_events:
-                self.stop(run, outcomes.MOST_EVENTS, t, counts[i], n)
-                again[i] = 0
-            elif is_worrying[i] and self.outlook is not None:
-                foreseen = n + self.outlook.events(counts[i], t, end, self.max_events)
+            total = self.outlook.total(counts, time)
+            grows = total * time > MARGIN * events or not total < np.inf
+            if grows or events + total * (end - time) > self.max_events:
+                foreseen = events + self.outlook.events(counts, time, end, self.max_events)
                 if foreseen > MARGIN * self.max_events:
-                    self.stop(run, outcomes.ENDLESS_RUN, t, counts[i], foreseen)
-                    again[i] = 0
-                elif foreseen > n:
-                    again[i] = min(2 * foreseen, self.max_events)
-        return again
+                    self.stop(run, outcomes.ENDLESS_RUN, time, counts, foreseen)
+                    return 0
+                again = 2 * foreseen if foreseen > events else again
+        return int(min(again, self.max_events))
 
     def stop(self, run: int, outcome: int, time: float, counts: Ints, events: float = 0.0) -> None:
         """A run is truncated; other runs need not go further than it has come."""

@@ -63,7 +63,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class AccuracyPlan:
-    """What is compared with what: `numerical` with the reference, `model` with the scene as it is (`base`)."""
+    """The comparisons: `numerical` settings with the reference, `model` settings with the scene as it is (`base`)."""
 
     reference: Setting
     base: Setting

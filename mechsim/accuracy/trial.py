@@ -47,14 +47,14 @@ class AccuracyTrial(RunSpec):
 
     @property
     def measured(self) -> tuple[Quantity, ...]:
-        """What such a tank shows."""
+        """The quantities that such a tank shows."""
         return tuple(q for q in QUANTITIES if q.of_structures == self.has_structures and q.is_of(self.scene))
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """What moves and what is looked for. What becomes of bonds is no part of it, and with single cubes neither are
-        the rules: scenes that differ in these alone share their trials, and a trial is named apart from a run of the
-        same scene.
+        """The inputs that decide a trial: motion and what is measured. Bonds are no part of it, and with single cubes
+        neither are the rules: scenes that differ in these alone share their trials. A trial's name differs from that of
+        a run of the same scene.
         """
         inputs = super().inputs | {
             "scene": self.in_tank.as_dict(without={"name", "rules"}),
@@ -71,7 +71,7 @@ class AccuracyTrial(RunSpec):
 
 
 def compositions(scene: Scene, cubes: int) -> tuple[dict[str, int], ...]:
-    """What the tanks of trials hold: single cubes, and where bonds break a mixture with structures."""
+    """Compositions of the tanks of trials: single cubes, and if bonds break also a mixture of all structures."""
     derivation = book_of(scene.rules)[1]
     found = [single_cubes(derivation, cubes)]
     if any(quantity.of_structures and quantity.is_of(scene) for quantity in QUANTITIES):

@@ -92,7 +92,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
 @dataclass(frozen=True)
 class ShardWork:
-    """What a command does instead of its whole work: make one shard of its runs, or list what is missing of it."""
+    """The work of a command with --shard or --missing: make one shard of its runs, or list those missing of it."""
 
     shard: Shard
     only_list: bool
@@ -100,7 +100,7 @@ class ShardWork:
     def make(
         self, specs: Sequence[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool
     ) -> None:
-        """Do so, say what came of it, and leave with exit code 4 where a run is missing, stopped or given up."""
+        """Do so, report the result, and leave with exit code 4 if a run is missing, stopped or given up."""
         mine = self.shard.of(specs)
         is_whole = (
             self._list(mine, folder, as_json) if self.only_list else self._run(mine, folder, workers, progress, as_json)

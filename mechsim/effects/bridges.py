@@ -22,7 +22,7 @@ class Bridges:
 
     @classmethod
     def of(cls, structure: Structure) -> Bridges:
-        """Of a structure; bonds in a loop are none."""
+        """The bridges of a structure; a bond in a loop is none."""
         bonds, sides = [], []
         for i, j in structure.bonds:
             parts = structure.sides(i, j)

@@ -95,7 +95,7 @@ class CompatibleFaces(FacesWithinReach):
         return self.kinds[signature]
 
     def _may_pair(self, kind: np.ndarray) -> np.ndarray:
-        """Of each cube: has it a face of a kind that may pair with any known one?"""
+        """Whether each cube has a face of a kind that may pair with any known one."""
         pairs = np.append(self.allowed.any(axis=1), False)  # the last: -1, a covered face
         may: np.ndarray = pairs[kind].any(axis=1)
         return may

@@ -28,7 +28,7 @@ class ViewOfNumerics(Protocol):
 
     @property
     def step(self) -> float:
-        """Of the engine, tu."""
+        """Step of the engine, tu."""
 
 
 class ViewOfScene(Protocol):
@@ -55,11 +55,11 @@ class ViewOfBodies(Protocol):
 
     @property
     def edge(self) -> float:
-        """Of a cube, length."""
+        """Edge of a cube, length."""
 
     @property
     def cube_mass(self) -> float:
-        """Of a cube."""
+        """Mass of a cube."""
 
     @property
     def position(self) -> np.ndarray:

@@ -45,7 +45,7 @@ def attract(
 
     pairs (K, 4) : cube, face, cube, face
     """
-    arm = np.empty((2, 3))
+    arm = np.empty((2, 3))  # from each body's centre to its face's
     for q in range(pairs.shape[0]):
         gap = np.zeros(3)
         for side in range(2):
@@ -58,6 +58,7 @@ def attract(
         d = math.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
         if d == 0.0 or d > reach:
             continue
+        # Along n an impulse J changes the closing speed by J * give, give = sum of 1 / m + (r x n) . I^-1 (r x n).
         nx, ny, nz = gap[0] / d, gap[1] / d, gap[2] / d
         give = closing = 0.0  # change of the closing speed by a unit of impulse; closing speed
         turn = np.empty((2, 3))
@@ -73,6 +74,7 @@ def attract(
             give += 1.0 / mass[slot] + tx * dx + ty * dy + tz * dz
             along = velocity[slot, 0] * nx + velocity[slot, 1] * ny + velocity[slot, 2] * nz
             closing += sign * (along + spin[slot, 0] * tx + spin[slot, 1] * ty + spin[slot, 2] * tz)
+        # Force * step, or less: the impulse after which the points would meet at the end of the step.
         impulse = min(strength / (1.0 + d / decay) ** 4 * step, (d / step - closing) / give)
         if impulse <= 0.0:
             continue
@@ -117,6 +119,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
         x, y, z, w = orientation[slot]
         mx, my, mz = spin[slot]
         lx, ly, lz = weighted(x, y, z, w, i0, i1, i2, mx, my, mz)
+        # Implicit midpoint: w = R(h) I^-1 R(h)' L at the orientation h half a step on, which is turned by w itself.
         for _ in range(50):
             hx, hy, hz, hw = turned_by(mx, my, mz, 0.5 * step, x, y, z, w)
             nx, ny, nz = weighted(hx, hy, hz, hw, 1.0 / i0, 1.0 / i1, 1.0 / i2, lx, ly, lz)
@@ -124,6 +127,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
             mx, my, mz = nx, ny, nz
             if change <= 1e-15 * (abs(mx) + abs(my) + abs(mz)):
                 break
+        # The spin that the engine's explicit gyroscopic term turns into w.
         m0, m1, m2 = rotated(-x, -y, -z, w, mx, my, mz)
         u0, u1, u2 = spin_before(m0, m1, m2, i0, i1, i2, step)
         momentum[slot, 0], momentum[slot, 1], momentum[slot, 2] = lx, ly, lz
@@ -142,6 +146,7 @@ def end_spin(live, before, orientation, spin, inertia, momentum, middle):
         if i0 == i1 and i1 == i2:
             continue
         dx, dy, dz = spin[slot, 0] - middle[slot, 0], spin[slot, 1] - middle[slot, 1], spin[slot, 2] - middle[slot, 2]
+        # Angular impulses of collisions, I dw at the orientation before; added to L, and back to a spin at today's.
         x, y, z, w = before[slot]
         kx, ky, kz = weighted(x, y, z, w, i0, i1, i2, dx, dy, dz)
         x, y, z, w = orientation[slot]

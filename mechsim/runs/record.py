@@ -311,7 +311,7 @@ class _Watch:
         self.log.add(self.step, self.time, hit)
 
     def break_channel(self, structure: Structure, bond: tuple[int, int]) -> int:
-        """Of the break of this bond (two indices of cubes)."""
+        """The channel of the break of this bond (two indices of cubes)."""
         species = self.derivation.species_of
         parts = self.derivation.book.break_bond(structure, *bond)
         return self.derivation.channel([species(structure)], [species(part) for _, part in parts])
@@ -401,5 +401,5 @@ def open_channels(scene: Scene, derivation: Derivation) -> np.ndarray:
 
 
 def kinds(derivation: Derivation) -> list[EventKind]:
-    """What each channel is."""
+    """The kind of each channel."""
     return ["join" if len(event.before) > 1 else "break" for event in derivation.events]

@@ -131,7 +131,7 @@ def exponents(times: Sequence[Floats], levels: Floats, cap: float) -> tuple[Esti
 
 @dataclass(frozen=True)
 class Share:
-    """What leaving out some factors' effect costs the fit.
+    """Loss of fit when the effect of some factors is left out.
 
     f, freedom, rest : variance ratio, its degrees of freedom and those of the scatter
     spread : standard deviation of a factor's effect over the points, in log time; nan for an interaction

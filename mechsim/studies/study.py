@@ -29,7 +29,7 @@ NUMBER = "number"  # the one setting that is not the scene's: cubes in the tank
 
 
 class Factor(Settings):
-    """What is varied, and the levels it takes.
+    """A setting that is varied, and the levels it takes.
 
     name : short, for tables and for `--points`; label : with its unit, for axes
     setting : `number`, or where it stands in the scene: `cubes.edge`, `agitation.sigma` (an effect's); left out: the

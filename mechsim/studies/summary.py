@@ -50,7 +50,7 @@ class PointResult:
 
     @property
     def mean(self) -> Estimate:
-        """Of min(time, cap), tu."""
+        """Mean of min(time, cap), tu."""
         return mean(self.times, self.cap)
 
     @property
@@ -262,7 +262,7 @@ def _exponents(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ..
 
 
 def _values(study: Study, i: int, found: Sequence[PointResult]) -> Floats:
-    """What a factor is fitted against: its level, or the mean speed measured at that level."""
+    """Values that a factor is fitted against: its levels, or the mean speeds measured at those levels."""
     levels = np.array([each.point.levels[i] for each in found])
     if not study.factors[i].is_speed:
         return levels

@@ -10,7 +10,7 @@ import pytest
 
 from kinetics.assembly import RuleBook, derive
 from kinetics.support.extras import EXTRAS
-from mechsim.inspection.bill import _damping
+from mechsim.inspection.cost_profile import _damping
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.record import RunSpec, execute
 from mechsim.runs.store import RunStore, digest_of

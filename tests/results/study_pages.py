@@ -149,7 +149,7 @@ def reason(study: Study) -> str:
     return paragraph(text)
 
 
-def gauge(study: Study) -> str:
+def logged_hits(study: Study) -> str:
     """Breaks counted beside those that logged hits promise."""
     found = study.stored("loads.json")
     rows = [
@@ -378,7 +378,7 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "partners": who_broke,
     "models": model_table,
     "reason": reason,
-    "gauge": gauge,
+    "logged_hits": logged_hits,
     "exponents": exponents,
     "pairs": pairs,
     "diagnostics": diagnostics,

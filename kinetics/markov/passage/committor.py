@@ -124,6 +124,13 @@ class Committor(Shown):
         return ", ".join([*(f"{name}: {chance:.4g}" for name, chance in reached), f"none: {self.never:.4g}"])
 
 
+def check_targets(targets: object) -> None:
+    """A ValueError where targets are no mapping, or none."""
+    if not (targets and isinstance(targets, Mapping)):
+        came = f"targets are {targets!r}" if targets else "no targets"
+        raise ValueError(f"{came}; give at least one, as in {{'extinct': 'A == 0'}}")
+
+
 def committor_of(
     transitions: Transitions,
     start: Floats,

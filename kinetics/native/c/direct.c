@@ -69,7 +69,7 @@ INLINE int64_t chosen_channel(const Room *room, double target, double total)
 }
 
 /* An event has left the clock at t: clock.stands_still. */
-static int stands_still(double *clock, double t)
+static RARE int stands_still(double *clock, double t)
 {
     clock[1] = clock[2] == t ? clock[1] + 1.0 : 1.0;
     clock[2] = t;
@@ -86,7 +86,7 @@ INLINE int next_time(double t, double total, uint64_t *s, double *later, double 
     return *later == t ? stands_still(clock, t) : UNFINISHED;
 }
 
-/* Change the counts by a channel; whether they are all within 63 bits, without which nothing is changed. */
+/* Change the counts by a channel; whether they are all within 63 bits. */
 INLINE int fire(const Model *model, const Room *room, int64_t channel)
 {
     const int64_t *change = model->changes + model->n_species * channel;
@@ -96,9 +96,15 @@ INLINE int fire(const Model *model, const Room *room, int64_t channel)
         room->copies[i] = (double)room->counts[i];
         is_right &= room->counts[i] >= 0;
     }
-    for (int64_t i = 0; !is_right && i < model->n_species; i++)
-        room->counts[i] = (int64_t)((uint64_t)room->counts[i] - (uint64_t)change[i]);
     return is_right;
+}
+
+/* Take back what a channel changed, where a count went beyond 63 bits. */
+static RARE int overflowed(const Model *model, const Room *room, int64_t channel)
+{
+    for (int64_t i = 0; i < model->n_species; i++)
+        room->counts[i] = (int64_t)((uint64_t)room->counts[i] - (uint64_t)model->changes[model->n_species * channel + i]);
+    return OVERFLOW_;
 }
 
 static void begin(const Model *model, const int64_t *counts, const Room *room)
@@ -118,11 +124,12 @@ typedef struct {
 } Standing;
 
 /* Go on with a run until it has passed so many times of the grid, or has had so many events. */
-static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
+INLINE int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
                  int64_t *out)
 {
     const int64_t n_species = model->n_species;
-    uint64_t *s = at->stream;
+    uint64_t s[4]; /* copies, which the compiler keeps in registers */
+    memcpy(s, at->stream, sizeof s);
     double t = at->clock[0];
     int64_t passed = at->passed, n_events = at->n_events;
     int outcome = passed < n_times ? UNFINISHED : REACHED_END;
@@ -140,11 +147,14 @@ static int go_on(const Model *model, const Room *room, const double *grid, int64
         }
         t = later;
         const double share = uniform(next_word(s, s + 1, s + 2, s + 3));
-        if (!fire(model, room, chosen_channel(room, share * total, total)))
-            outcome = OVERFLOW_;
-        else
-            n_events++;
+        const int64_t chosen = chosen_channel(room, share * total, total);
+        if (!fire(model, room, chosen)) {
+            outcome = overflowed(model, room, chosen);
+            break;
+        }
+        n_events++;
     }
+    memcpy(at->stream, s, sizeof s);
     at->clock[0] = t, at->passed = passed, at->n_events = n_events;
     return outcome;
 }
@@ -229,7 +239,7 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
         const double share = uniform(next_word(stream, stream + 1, stream + 2, stream + 3));
         const int64_t channel = chosen_channel(&room, share * total, total);
         if (!fire(model, &room, channel)) {
-            outcome = OVERFLOW_;
+            outcome = overflowed(model, &room, channel);
             break;
         }
         times[*n_events] = t;

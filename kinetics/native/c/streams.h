@@ -12,8 +12,10 @@ enum { REACHED_END, UNFINISHED, STALLED_CLOCK, OVERFLOW_ }; /* as in outcomes.py
 
 #if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline))
+#define RARE __attribute__((noinline, cold)) /* kept away from the code of ordinary events */
 #else
 #define INLINE static inline
+#define RARE
 #endif
 
 /* The same code also for processors with wider vectors, chosen as it is loaded. No clone may fuse a multiplication

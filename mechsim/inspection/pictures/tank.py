@@ -46,7 +46,7 @@ def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size"
 
 
 def draw_frame(poses: Poses, ax: Any, frame: int, paint: Paint = "size", legend: bool = True) -> Any:
-    """The same from poses that have been checked."""
+    """Draw one recorded moment of poses that have been checked; returns `ax`."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     eye = EYE * poses.tank.mean() / 2
@@ -135,7 +135,7 @@ def growth(record: RunRecord, frames: int = 9) -> Drawing:
 
 
 def _colour(size: int) -> str:
-    """That of the curve of n-mers, where a network has one structure of each size, as lines have."""
+    """Colour of structures of n cubes: that of the n-mer's curve, if a network has one structure of each size."""
     return colour(min(size, LARGEST) - 1)
 
 

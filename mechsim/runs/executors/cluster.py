@@ -103,7 +103,7 @@ class Dask(Executor):
 
 
 async def _identity(address: str) -> str:
-    """What answers at this address. The client itself would wait without end for one that does not."""
+    """Kind of the Dask server at this address. The client itself would wait for ever for one that does not answer."""
     import asyncio
 
     from distributed import Security, rpc

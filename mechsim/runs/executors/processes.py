@@ -217,7 +217,7 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 def _ending(code: int | None) -> str:
-    """How a process ended, in words."""
+    """How a process ended, for a message."""
     if code is not None and code < 0:
         return f"killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code} and left no record"

@@ -58,7 +58,7 @@ def test_passage_in_another_tank(file):
     for tank, mean in (((), 1250.0), (("--tank", 2, 2, 6), 2500.0)):
         command = ["passage", "line4", "--rates", file, "--cubes", 2, "--species", "dimer", *tank]
         found = json.loads(run(*command, "--json"))
-        assert found["mean"] == pytest.approx(mean, rel=1e-9)
+        assert found["mean"]["value"] == pytest.approx(mean, rel=1e-9)
         assert found["tank"] == [2, 2, 6 if tank else 3]
         assert f"tank 2 x 2 x {6 if tank else 3}" in run(*command)
 

@@ -15,7 +15,7 @@ from kinetics.markov.transient import reachable
 from kinetics.predicting.ranking import rank, ranking
 from kinetics.predicting.ranking.ranked_book import pathway
 from kinetics.rates import ClassRates
-from kinetics.rates.by_class import ClassRate
+from kinetics.rates.class_entries import ClassRate
 
 
 def figures(made):
