@@ -130,8 +130,8 @@ def calibrate(
     far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. Books
     that grow from a seed have no others: see docs/class_rates.md.
 
-    A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself. A FOLDER,
-    as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
+    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the tanks, the runs and the seed itself. A
+    FOLDER, as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
 
     With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
     those of runs that others observed. A row of their table holds run, time and channel, or run, time and the copies of

@@ -1,4 +1,4 @@
-"""The command `wellmixed export`: stored runs as tables."""
+"""The command `wellmixed runs export`: stored runs as tables."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _store():
 
 
 def _use_run(path):
-    """Its tables, as `wellmixed export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
+    """Its tables, as `wellmixed runs export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
     from mechsim.inspection.poses import record_at
 
     store = _store()

@@ -128,10 +128,10 @@ def test_passage_that_never_happens():
 
 
 def test_derive():
-    data = json.loads(run("derive", "line4", "--json"))
+    data = json.loads(run("rules", "derive", "line4", "--json"))
     assert len(data["species"]) == 4
     assert data["ways"] == [4, 4, 4, 4, 1, 2, 2, 1]
-    assert "8 channels" in run("derive", "line4")
+    assert "8 channels" in run("rules", "derive", "line4")
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_bad_species():
 
 
 def test_unknown_book():
-    assert "line5" in run("derive", "line5", code=2)
+    assert "line5" in run("rules", "derive", "line5", code=2)
 
 
 @pytest.mark.parametrize(
